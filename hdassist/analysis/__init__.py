@@ -1,0 +1,1 @@
+"""Questions that a user asks of a drive, one a file."""

@@ -1,0 +1,97 @@
+"""The design check of a drive: F'_ior, self error and verdict at each of its torques."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
+from hdassist.analysis.self_error import GRID, SelfError, self_error
+from hdassist.analysis.verdict import Verdict, worst
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import Certificate
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """What a drive does at one torque M_g [N*m], and the limit [arcsec] it is held against, if any."""
+
+    M_g: float
+    error: KinematicError
+    self_error: SelfError
+    limit_arcsec: float | None
+
+    @property
+    def F_ior_upper_arcsec(self) -> float:
+        """F'_ior with the self error on top [arcsec]: the value held against the limit."""
+        return self.error.F_ior_arcsec + self.self_error.range_arcsec
+
+    @property
+    def verdict(self) -> Verdict:
+        """PASS where the upper value is within the limit, else FAIL; NO_LIMIT without one."""
+        if self.limit_arcsec is None:
+            return Verdict.NO_LIMIT
+        return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
+
+
+@dataclass(frozen=True)
+class Check:
+    """Design check of a drive: one operating point per torque, in the order of the preset."""
+
+    drive: Drive
+    points: tuple[OperatingPoint, ...]
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Ratio and cycle of the drive."""
+        return Kinematics.of(self.drive)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Worst verdict of the operating points."""
+        return worst(point.verdict for point in self.points)
+
+    @property
+    def certificate(self) -> Certificate:
+        """Worst residuals over all states of all torques, those of the self error included."""
+        return reduce(add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader should know beside the numbers."""
+        rated = self.drive.operation.rated
+        over = [p.M_g for p in self.points if rated is not None and abs(p.M_g) > rated]
+        return self.drive.origin.warnings + tuple(
+            f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over
+        )
+
+
+def work(drive: Drive) -> int:
+    """Number of states that a check solves, for a progress bar."""
+    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + GRID * GRID)
+
+
+def check(
+    drive: Drive,
+    *,
+    solver: str | None = None,
+    cross_check: str = "CLARABEL",
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> Check:
+    """Check a drive at the torques of its preset; arguments and errors as in kinematic_error."""
+    torques = drive.operation.M_g
+    errors = [
+        kinematic_error(drive, M_g, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
+        for M_g in torques
+    ]
+    own = self_error(drive, torques, progress=progress)
+    return Check(
+        drive,
+        tuple(
+            OperatingPoint(M_g, e, s, drive.limit(M_g)) for M_g, e, s in zip(torques, errors, own, strict=True)
+        ),
+    )

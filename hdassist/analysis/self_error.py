@@ -1,0 +1,71 @@
+"""The error that a drive without deviations has: rotation over tooth phase and ball phase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdassist.model.contacts import assemble
+from hdassist.model.geometry import Array, Geometry, flank_candidates
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+
+GRID = 20  # tooth phases, and ball phases
+N_MM = 1e3  # N*mm in a N*m
+
+
+@dataclass(frozen=True)
+class SelfError:
+    """Self error of a drive at a torque M_g [N*m].
+
+    rotation_arcsec, shape (tooth phases, ball phases): twist of the flexspline at tau = i/phases, beta likewise.
+    """
+
+    M_g: float
+    rotation_arcsec: Array
+    certificate: Certificate
+
+    @property
+    def range_arcsec(self) -> float:
+        """Greatest minus least rotation over both phases [arcsec]."""
+        return float(np.ptp(self.rotation_arcsec))
+
+    @property
+    def tooth_phase_arcsec(self) -> float:
+        """Range over the tooth phase alone [arcsec], the ball phase as in the first column."""
+        return float(np.ptp(self.rotation_arcsec[:, 0]))
+
+    @property
+    def ball_phase_arcsec(self) -> float:
+        """Range over the ball phase alone [arcsec], the tooth phase 0."""
+        return float(np.ptp(self.rotation_arcsec[0]))
+
+
+def self_error(
+    drive: Drive, torques: Sequence[float], *, grid: int = GRID, progress: Progress | None = None
+) -> list[SelfError]:
+    """Self error of a drive at torques M_g [N*m], on a grid of tooth phases and as many ball phases.
+
+    Progress is told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    """
+    geometry, window = Geometry.of(drive), float(np.radians(drive.numerics.window))
+    rotation = np.empty((len(torques), grid, grid))
+    certificates = [EMPTY] * len(torques)
+    for i in range(grid):
+        flanks = flank_candidates(geometry, window, i / grid)
+        for k in range(grid):
+            system = assemble(drive, flanks, k / grid)
+            formulation = formulate(system)
+            for t, M_g in enumerate(torques):
+                place = f"tau = {i / grid:g}, beta = {k / grid:g}, M_g = {M_g:g} N*m, without deviations"
+                torque = M_g * N_MM
+                answers = solve_states(
+                    system, Engine(formulation, torque), torque, system.delta_p[None], lambda _, at=place: at, progress
+                )
+                rotation[t, i, k] = answers.rotation[0] * ARCSEC
+                certificates[t] += answers.certificate
+    return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]

@@ -1,0 +1,55 @@
+"""The error against the cam angle, as a rig would record it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
+from hdassist.analysis.orders import Order, orders
+from hdassist.errors import UsageError
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import Progress
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Error over whole cam revolutions from phi_h = 0; start_deg, the moving wheel's angle there."""
+
+    error: KinematicError
+    start_deg: float
+    revolutions: int
+    orders: tuple[Order, ...]
+
+
+def trace(
+    drive: Drive,
+    M_g: float,
+    *,
+    start_deg: float = 0.0,
+    revolutions: int = 1,
+    solver: str | None = None,
+    cross_check: str | None = "CLARABEL",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Trace:
+    """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
+
+    Arguments: start_deg, angle of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg];
+    the others as in kinematic_error. Raises UsageError for less than one revolution or more than a cycle.
+    """
+    kinematics = Kinematics.of(drive)
+    if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:
+        raise UsageError(
+            f"revolutions must be 1 to {kinematics.cycle_cam_revolutions}, not {revolutions}",
+            "after the full cycle the error repeats itself",
+        )
+    states = pitch_locked_states(
+        kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
+    )
+    error = kinematic_error(
+        drive, M_g, states=states, solver=solver, cross_check=cross_check, seed=seed, progress=progress
+    )
+    return Trace(error, start_deg, revolutions, tuple(orders(kinematics, error.error_arcsec, revolutions)))

@@ -1,0 +1,34 @@
+"""Verdicts and the exit codes that they end a command with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """What a check decides, in words that scripts read."""
+
+    PASS = "PASS"
+    FAIL = "FAIL"
+    INCONCLUSIVE = "INCONCLUSIVE"
+    NO_LIMIT = "NO_LIMIT"
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of a command that ends with this verdict."""
+        return {Verdict.FAIL: 3, Verdict.INCONCLUSIVE: 6}.get(self, 0)
+
+
+SEVERITY = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.NO_LIMIT)
+EXIT_SEVERITY = (1, 5, 4, 3, 6, 0)  # the worst of several drives, first
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """The most severe of some verdicts; NO_LIMIT where there is none."""
+    return min(verdicts, key=SEVERITY.index, default=Verdict.NO_LIMIT)
+
+
+def worst_exit_code(codes: Iterable[int]) -> int:
+    """The most severe of some exit codes; 0 where there is none."""
+    return min(codes, key=lambda code: EXIT_SEVERITY.index(code) if code in EXIT_SEVERITY else -1, default=0)

@@ -1,0 +1,176 @@
+"""The contact system of a drive: compliance D, geometry of motion G, supports C, gaps without force.
+
+Candidates stand in the order flanks, bore nodes, balls. A force opens its own gap:
+delta = delta_p + D F + G a. Freedoms a: rigid wheel x, y; flexspline x, y, rotation; outer ring x, y;
+cam x, y. Equilibrium is the transpose, as virtual work demands: G' F - C a + b = 0. Units mm, N, rad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates, nominal_shape
+from hdassist.model.rings import flexspline_ring, outer_ring
+from hdassist.preset.drive import Drive
+
+FREEDOMS = (
+    "rigid wheel x",
+    "rigid wheel y",
+    "flexspline x",
+    "flexspline y",
+    "flexspline rotation",
+    "outer ring x",
+    "outer ring y",
+    "cam x",
+    "cam y",
+)
+RIGID, FLEX, ROTATION, RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
+TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: theta_x1 = theta + pi/2
+
+
+@dataclass(frozen=True)
+class ContactSystem:
+    """System (1) of a drive at one tooth phase and one ball phase: M candidates, 9 freedoms.
+
+    D [mm/N], shape (M, M); G, shape (M, 9), its rotation column in mm; C [N/mm], shape (9,), 0 where a
+    freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations;
+    deviation_map, shape (M, 4), the gaps' change by a unit of each deviation
+    scalar (deviations.py); c_t [mm/N], the compliance of a tooth pair, which sets the scale of forces.
+    """
+
+    geometry: Geometry
+    flanks: Flanks
+    bore_theta: Array
+    ball_theta: Array
+    D: Array
+    G: Array
+    C: Array
+    delta_p: Array
+    deviation_map: Array
+    c_t: float
+
+    @property
+    def n_flanks(self) -> int:
+        """Number of flank candidates, which come first."""
+        return len(self.flanks.theta)
+
+    @property
+    def balls(self) -> slice:
+        """Rows of the balls, which come last."""
+        return slice(len(self.delta_p) - len(self.ball_theta), len(self.delta_p))
+
+    @property
+    def supported(self) -> NDArray[np.bool_]:
+        """Which of the freedoms have a support, shape (9,)."""
+        return self.C > 0
+
+    @property
+    def free_rotation(self) -> int:
+        """Place of the flexspline's rotation among the freedoms without support."""
+        return int(np.count_nonzero(~self.supported[:ROTATION]))
+
+    @cached_property
+    def lever(self) -> Array:
+        """Moment [N*mm] that a unit of force at each flank candidate takes off the flexspline."""
+        return -self.G[: self.n_flanks, ROTATION]
+
+    def load(self, torque: float) -> Array:
+        """Load b of a torque [N*mm] on the flexspline, counter-clockwise positive, shape (9,)."""
+        b = np.zeros(len(FREEDOMS))
+        b[ROTATION] = torque
+        return b
+
+
+def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) -> ContactSystem:
+    """Contact system of a drive at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
+
+    Without beta, that of the preset. Raises UntrustedError where no teeth overlap.
+    """
+    window = float(np.radians(drive.numerics.window))
+    flanks = flank_candidates(Geometry.of(drive), window, tau)
+    return assemble(drive, flanks, drive.bearing.beta if beta is None else beta)
+
+
+def assemble(drive: Drive, flanks: Flanks, beta: float) -> ContactSystem:
+    """Contact system of a drive with given flank pairs, at ball phase beta [ball pitches]."""
+    geometry = Geometry.of(drive)
+    bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
+    balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
+    return ContactSystem(
+        geometry=geometry,
+        flanks=flanks,
+        bore_theta=bore,
+        ball_theta=balls,
+        D=_compliance(drive, geometry, flanks, bore, balls),
+        G=_motion(geometry, flanks, bore, balls),
+        C=_supports(drive),
+        delta_p=_gaps(drive, geometry, flanks, bore, balls),
+        deviation_map=_deviation_map(flanks, bore, balls),
+        c_t=drive.contact.c_t,
+    )
+
+
+def _compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
+    flexspline, ring = flexspline_ring(drive, geometry), outer_ring(drive, geometry)
+    push = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)  # outward normal of the tooth
+    at_flank = push[0][:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
+    at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
+    # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
+    loads_flexspline = np.vstack([-at_flank, flexspline.radial(bore), np.zeros((len(balls), at_flank.shape[1]))])
+    rows = np.zeros((len(flanks.theta), len(ring.compliance)))
+    loads_ring = np.vstack([rows, -ring.radial(bore), ring.radial(balls)])
+    local = np.repeat(
+        [drive.contact.c_t, drive.contact.c_bore, drive.contact.c_ball],
+        [len(flanks.theta), len(bore), len(balls)],
+    )
+    D = (loads_flexspline * flexspline.compliance) @ loads_flexspline.T
+    D += (loads_ring * ring.compliance) @ loads_ring.T
+    D[np.diag_indices_from(D)] += local
+    return np.asarray((D + D.T) / 2)
+
+
+def _motion(geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
+    s_cos, sin = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)
+    along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
+    normal = s_cos[:, None] * along + sin[:, None] * _radial(flanks.theta)
+    n1, n2 = len(flanks.theta), len(bore)
+    G = np.zeros((n1 + n2 + len(balls), len(FREEDOMS)))
+    flank, node, ball = G[:n1], G[n1 : n1 + n2], G[n1 + n2 :]
+    flank[:, RIGID], flank[:, FLEX] = normal, -normal
+    # r_m + h_c, not rho: the flexspline slides through a held shape
+    flank[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
+    node[:, FLEX], node[:, RING] = _radial(bore), -_radial(bore)
+    ball[:, RING], ball[:, CAM] = _radial(balls), -_radial(balls)
+    return G
+
+
+def _supports(drive: Drive) -> Array:
+    C = np.zeros(len(FREEDOMS))
+    C[RIGID], C[FLEX], C[CAM] = drive.supports.C_1, drive.supports.C_2, drive.supports.C_3
+    return C
+
+
+def _gaps(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
+    w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
+    # the nominal gap was drawn on the nominal shape, which is a displacement of the elastic rim
+    shape = flanks.side * np.cos(flanks.alpha) * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
+    at_flanks = flanks.gap + geometry.j_n + shape
+    at_balls = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
+    return np.concatenate([at_flanks, np.zeros(len(bore)), at_balls])
+
+
+def _deviation_map(flanks: Flanks, bore: Array, balls: Array) -> Array:
+    s_cos, x1 = flanks.side * np.cos(flanks.alpha), flanks.theta + TO_X1
+    n1, n2 = len(flanks.theta), len(bore)
+    change = np.zeros((n1 + n2 + len(balls), 4))
+    change[:n1, 0], change[:n1, 1] = -s_cos * np.sin(x1), -s_cos * np.cos(x1)
+    change[n1 + n2 :, 2:] = -_radial(balls + TO_X1)
+    return change
+
+
+def _radial(theta: Array) -> Array:
+    return np.stack([np.cos(theta), np.sin(theta)], axis=1)

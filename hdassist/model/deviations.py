@@ -1,0 +1,101 @@
+"""Deviations of the parts as seen in the cam frame: four scalars, or one value per tooth.
+
+Angles count counter-clockwise, seen from the cam side; deviations act along +theta at the contact.
+Teeth: dev_g - dev_b = a sin(theta_x1) + b cos(theta_x1). Cam centre: (e_x, e_y) along x1, y1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.errors import UsageError
+from hdassist.model.contacts import TO_X1, ContactSystem
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import States
+from hdassist.preset.drive import Drive
+
+MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
+
+
+def tooth_phases(drive: Drive) -> tuple[float, float]:
+    """Phases xi_g, xi_b [rad] of the tooth deviations, converted from marks where the preset gives marks."""
+    turn = MARK_TO_PHASE[drive.mounting.mark_kind]
+    return float(np.radians(drive.phases.xi_g + turn)), float(np.radians(drive.phases.xi_b + turn))
+
+
+def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
+    """Scalars (a, b, e_x, e_y) [mm], shape (states, 4), of the preset's first harmonics.
+
+    Arguments: alpha_g = phi_g - phi_h and alpha_b = phi_b - phi_h [rad], how each wheel stands in the
+    cam frame, shape (states,).
+    """
+    tolerances, phases = drive.tolerances, drive.phases
+    xi_g, xi_b = tooth_phases(drive)
+    half_g, half_b = tolerances.F_i1 / 2e3, tolerances.F_i2 / 2e3
+    psi_g, psi_b = xi_g + alpha_g, xi_b + alpha_b
+    offsets = (
+        (tolerances.e_hh, phases.phi_hh, np.zeros_like(alpha_g)),
+        (tolerances.e_hg, phases.phi_hg, alpha_g),
+        (tolerances.e_hb, phases.phi_hb, alpha_b),
+    )
+    e_x = sum(e * 1e-3 * np.cos(np.radians(phi) + turned) for e, phi, turned in offsets)
+    e_y = sum(e * 1e-3 * np.sin(np.radians(phi) + turned) for e, phi, turned in offsets)
+    a = half_g * np.cos(psi_g) - half_b * np.cos(psi_b)
+    b = -half_g * np.sin(psi_g) + half_b * np.sin(psi_b)
+    return np.stack([a, b, e_x, e_y], axis=1)
+
+
+@dataclass(frozen=True)
+class ToothDeviations:
+    """Measured deviations of the teeth along +theta [um], in place of the preset's first harmonics.
+
+    g: one value per flexspline tooth, shape (z_g,); b: per space of the rigid wheel, shape (z_b,); None keeps
+    the first harmonic of that wheel. Tooth and space 0 stand on the major axis when phi_h = phi_g = 0, and
+    numbers grow along +theta.
+    """
+
+    g: Array | None = None
+    b: Array | None = None
+
+
+def gaps(
+    drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None
+) -> Array:
+    """Gaps without force delta_p [mm] of states, shape (states, M).
+
+    Arguments: drive, its deviations; system; states; teeth, measured deviations. Raises UsageError where
+    their number is not that of the wheel's teeth.
+    """
+    if teeth is None or (teeth.g is None and teeth.b is None):
+        return system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
+    measured = {"F_i1": teeth.g, "F_i2": teeth.b}
+    silent = {name: 0.0 for name, values in measured.items() if values is not None}
+    rest = drive.model_copy(update={"tolerances": drive.tolerances.model_copy(update=silent)})
+    result = gaps(rest, system, states)
+    flanks = system.flanks
+    seen = np.zeros((len(states), system.n_flanks))
+    if teeth.g is not None:
+        seen += _at_teeth(teeth.g, flanks.tooth, states.alpha_g, drive.gears.z_g)
+    if teeth.b is not None:
+        # zone 1 lies half a turn on, where tooth i faces space i + 1: z_b = z_g + 2
+        seen -= _at_teeth(teeth.b, flanks.tooth + flanks.zone, states.alpha_b, drive.gears.z_b)
+    result[:, : system.n_flanks] -= flanks.side * np.cos(flanks.alpha) * seen
+    return result
+
+
+def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int) -> Array:
+    if np.shape(deviation) != (z,):
+        raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {np.size(deviation)}")
+    shift = np.rint(-turned * z / (2 * np.pi)).astype(np.int64)
+    return np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3
+
+
+def first_harmonic(F_i: float, xi: float, z: int) -> Array:
+    """Deviation of each tooth along +theta [unit of F_i] of a first harmonic, shape (z,).
+
+    Arguments: F_i, peak to peak; xi, its phase [rad]; z, number of teeth, numbered as in ToothDeviations.
+    """
+    return np.asarray(F_i / 2 * np.sin(2 * np.pi * np.arange(z) / z + TO_X1 - xi))

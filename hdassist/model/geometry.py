@@ -1,0 +1,194 @@
+"""Radii, involute flanks and the nominal gaps between flexspline and rigid wheel.
+
+Lengths in mm, angles in rad. Angles theta are measured from the major axis of the cam, in its frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.errors import UntrustedError
+from hdassist.preset.drive import Drive
+
+Array = NDArray[np.float64]
+
+FLANK_SAMPLES = 401  # heights tried on each flank; 4001 move no gap of the shipped presets by 1e-9 mm
+BISECTIONS = 60  # halvings when looking for a radius: beyond double precision
+ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
+
+
+def involute(alpha: Array | float) -> Array:
+    """Involute function tan(alpha) - alpha [rad] of a pressure angle [rad]."""
+    return np.asarray(np.tan(alpha) - alpha)
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """Involute teeth of one wheel: number, module [mm], reference pressure angle [rad], profile shift."""
+
+    z: int
+    m: float
+    alpha: float
+    x: float
+
+    @cached_property
+    def base_radius(self) -> float:
+        """Radius of the base circle [mm]."""
+        return self.m * self.z * float(np.cos(self.alpha)) / 2
+
+    @cached_property
+    def _half_angle_at_base(self) -> float:
+        shift = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z
+        return float(shift + involute(self.alpha))
+
+    def pressure_angle(self, radius: Array) -> Array:
+        """Pressure angle [rad] of the flank at radii [mm] outside the base circle."""
+        return np.asarray(np.arccos(self.base_radius / radius))
+
+    def half_angle(self, radius: Array) -> Array:
+        """Half angle psi [rad] of an external tooth, and of an internal wheel's space, at radii [mm]."""
+        return self._half_angle_at_base - involute(self.pressure_angle(radius))
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Radii of a drive [mm] and its two wheels; z_b - z_g = 2 and two waves."""
+
+    flexspline: Wheel
+    rigid: Wheel
+    r_f: float  # root of the flexspline
+    r_m: float  # mid-line of its rim
+    r_ag: float  # tip of the flexspline
+    r_ab: float  # tip of the rigid wheel
+    r_ring: float  # mid-line of the outer ring of the bearing
+    r_raceway: float  # its raceway
+    W_0: float
+    j_n: float
+
+    @classmethod
+    def of(cls, drive: Drive) -> Geometry:
+        """Radii of a drive, from its preset."""
+        g = drive.gears
+        alpha = float(np.radians(g.alpha))
+        r_f = g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) / 2
+        r_m = r_f - drive.flexspline.h_1 / 2
+        bore = r_f - drive.flexspline.h_1
+        return cls(
+            flexspline=Wheel(g.z_g, g.m, alpha, g.x_g),
+            rigid=Wheel(g.z_b, g.m, alpha, g.x_b),
+            r_f=r_f,
+            r_m=r_m,
+            r_ag=g.m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
+            r_ab=g.m * (g.z_b + 2 * g.x_b - 2 * g.h_a) / 2,
+            r_ring=bore - drive.bearing.ring_h / 2,
+            r_raceway=bore - drive.bearing.ring_h,
+            W_0=drive.cam.W_0,
+            j_n=drive.gears.j_n * 1e-3,
+        )
+
+
+def nominal_shape(theta: Array, W_0: float, r_m: float) -> tuple[Array, Array, Array]:
+    """Shape that the cam gives the unloaded rim: radial w, tangential v [mm], section rotation chi [rad]."""
+    w = W_0 * np.cos(2 * theta)
+    v = -W_0 / 2 * np.sin(2 * theta)
+    chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
+    return w, v, chi
+
+
+@dataclass(frozen=True)
+class Flanks:
+    """Flank pairs that can touch, one entry per candidate, shape (n,)."""
+
+    tooth: NDArray[np.int64]  # index i of the flexspline tooth
+    zone: NDArray[np.int64]  # 0: zone at theta = 0, 1: zone at theta = pi
+    side: Array  # s = +1 towards +theta, -1 towards -theta
+    theta: Array  # theta_i [rad]
+    gap: Array  # nominal gap without the clearance j_n [mm]
+    alpha: Array  # pressure angle of the contact normal [rad]
+    h_c: Array  # height of the contact above the mid-line [mm]
+    edge: NDArray[np.bool_]  # outermost tooth of its zone's window
+
+
+def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0) -> Flanks:
+    """Every flank pair within the window of a mesh zone, with its least gap over the active height.
+
+    Arguments: geometry; window [rad] on each side of a zone's axis, ends included; tau, the tooth phase in
+    tooth pitches. Pairs whose teeth do not overlap radially cannot touch and are left out.
+    """
+    z_g = geometry.flexspline.z
+    index = np.arange(-z_g, 2 * z_g)
+    angle = 2 * np.pi * (index + tau) / z_g
+    near = [index[np.abs(angle - zone * np.pi) <= window + 1e-9] for zone in (0, 1)]
+    tooth = np.repeat(np.concatenate(near), 2)
+    zone = np.repeat(np.repeat([0, 1], [len(near[0]), len(near[1])]), 2)
+    side = np.tile([1.0, -1.0], len(tooth) // 2)
+    edge = np.concatenate([np.isin(teeth, (teeth.min(), teeth.max())) for teeth in near]).repeat(2)
+    theta = 2 * np.pi * (tooth + tau) / z_g
+
+    lowest, reaches = _lowest_active_radius(geometry, theta, zone, side)
+    if not reaches.any():
+        raise UntrustedError("no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a")
+    tooth, zone, side, theta, lowest, edge = (
+        column[reaches] for column in (tooth, zone, side, theta, lowest, edge)
+    )
+    fraction = np.linspace(0, 1, FLANK_SAMPLES)
+    r_y = lowest[:, None] + (geometry.r_ag - lowest[:, None]) * fraction
+    gap, rho = flank_gap(geometry, r_y, theta[:, None], zone[:, None], side[:, None])
+    rows = np.arange(len(theta))
+    least = np.argmin(gap, axis=1)
+    return Flanks(
+        tooth=tooth,
+        zone=zone,
+        side=side,
+        theta=theta,
+        gap=gap[rows, least],
+        alpha=geometry.rigid.pressure_angle(rho[rows, least]),
+        h_c=r_y[rows, least] - geometry.r_m,
+        edge=edge,
+    )
+
+
+def flank_point(geometry: Geometry, r_y: Array, theta: Array, side: Array) -> tuple[Array, Array]:
+    """Polar place (rho [mm], phi [rad]) of the flank point at tooth radius r_y of the tooth at theta.
+
+    The section's origin lies at radius r_m + w and angle theta + v/r_m.
+    """
+    w, v, chi = nominal_shape(theta, geometry.W_0, geometry.r_m)
+    psi = geometry.flexspline.half_angle(r_y)
+    along, across = side * r_y * np.sin(psi), r_y * np.cos(psi) - geometry.r_m
+    tangential = along * np.cos(chi) + across * np.sin(chi)
+    radial = geometry.r_m + w + across * np.cos(chi) - along * np.sin(chi)
+    rho = np.hypot(radial, tangential)
+    return rho, theta + v / geometry.r_m + np.arctan2(tangential, radial)
+
+
+def flank_gap(
+    geometry: Geometry, r_y: Array, theta: Array, zone: NDArray[np.int64], side: Array
+) -> tuple[Array, Array]:
+    """Gap [mm] of flank points to the facing flank of the rigid wheel, and their radius rho [mm]."""
+    rho, phi = flank_point(geometry, r_y, theta, side)
+    axis = zone * np.pi
+    space = axis + (theta - axis) * geometry.flexspline.z / geometry.rigid.z
+    with np.errstate(invalid="ignore"):
+        gap = (side * (space - phi) + geometry.rigid.half_angle(rho)) * geometry.rigid.base_radius
+    return gap, rho
+
+
+def _lowest_active_radius(
+    geometry: Geometry, theta: Array, zone: NDArray[np.int64], side: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
+    low = np.full_like(theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
+    high = np.full_like(theta, geometry.r_ag)
+    reaches = flank_point(geometry, high, theta, side)[0] >= geometry.r_ab
+    inside = flank_point(geometry, low, theta, side)[0] >= geometry.r_ab
+    below, above = low.copy(), high.copy()
+    for _ in range(BISECTIONS):
+        middle = (below + above) / 2
+        over = flank_point(geometry, middle, theta, side)[0] >= geometry.r_ab
+        above, below = np.where(over, middle, above), np.where(over, below, middle)
+    return np.where(inside, low, above), reaches

@@ -1,0 +1,306 @@
+"""What a preset may say: every field with its unit, range, default and meaning, declared once.
+
+Schema, validation, unit strings, help texts and tests read these declarations.
+Numbers are held in the unit of their field; the model converts them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr
+from pydantic.fields import FieldInfo
+
+SCHEMA = "hdassist.preset/1"
+
+# Fields that a preset may give and no command uses so far: kept, with a warning.
+NOT_YET_USED = ("uncertainty", "mounting.holes", "mounting.first_hole", "mounting.allowed")
+
+Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits"]
+
+
+class Section(BaseModel):
+    """A group of preset fields: immutable, closed, and strict about types."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def field(meaning: str, unit: str = "", default: Any = ..., example: Any = None, **limits: float) -> Any:
+    """Declare a preset field: what it means, its unit, its default (none: required), an example, its range."""
+    examples = None if example is None else [example]
+    return Field(  # type: ignore[call-overload]
+        default, description=meaning, examples=examples, json_schema_extra={"unit": unit}, **limits
+    )
+
+
+def _as_tuple(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value if isinstance(value, tuple) else (value,)
+
+
+def is_torque(key: str) -> bool:
+    """Whether a key of acceptance.F_ior is a torque [N*m] (the other key is "all")."""
+    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
+
+
+def _torque_keys(limits: dict[str, float]) -> dict[str, float]:
+    for key in limits:
+        if key != "all" and not is_torque(key):
+            raise ValueError("each key must be a torque in N*m, or all")
+    return limits
+
+
+class Gears(Section):
+    """Teeth of the two wheels."""
+
+    z_g: int = field("teeth of the flexspline", example=200, ge=20, le=1000)
+    z_b: int = field("teeth of the rigid wheel", example=202, ge=22, le=1002)
+    m: float = field("module", "mm", example=0.8, ge=0.05, le=5)
+    alpha: float = field("pressure angle", "deg", 20.0, ge=14, le=30)
+    x_g: float = field("profile shift of the flexspline", example=3.1, ge=-1, le=12)
+    x_b: float = field("profile shift of the rigid wheel", example=3.3, ge=-1, le=12)
+    h_a: float = field("addendum of both wheels, in modules", default=0.6, ge=0.2, le=1.5)
+    h_f: float = field("dedendum of the flexspline, in modules", default=1.35, ge=0.3, le=2)
+    j_n: float = field("clearance per flank (tooth thinning)", "um", 0.0, ge=0, le=200)
+
+
+class Material(Section):
+    """Elastic constants of the flexspline and of the outer ring."""
+
+    E: float = field("Young's modulus", "MPa", 2.06e5, ge=1e3, le=1e6)
+    nu: float = field("Poisson's ratio", default=0.3, ge=0, le=0.49)
+
+
+class Flexspline(Section):
+    """Rim under the teeth and the shell behind it."""
+
+    h_1: float = field("thickness of the rim under the teeth", "mm", example=1.4, ge=0.05, le=20)
+    h_3: float = field("thickness of the shell", "mm", example=1.4, ge=0.05, le=20)
+    b_w: float = field("width of the tooth ring", "mm", example=32.0, ge=1, le=500)
+    l: float = field("length of the shell with the tooth ring", "mm", example=160.0, ge=2, le=2000)  # noqa: E741 (symbol of the paper)
+    k_t: float = field("stiffening of the rim by its teeth", default=1.4, ge=1, le=5)
+
+
+class Bearing(Section):
+    """Flexible bearing between flexspline and cam."""
+
+    N: int = field("number of balls", example=24, ge=5, le=200)
+    ring_b: float = field("width of the outer ring", "mm", example=24.0, ge=0.5, le=500)
+    ring_h: float = field("thickness of the outer ring", "mm", example=4.0, ge=0.05, le=50)
+    d_ball: float | None = field("ball diameter (needed for rolling balls)", "mm", None, ge=0.2, le=100)
+    g_b: float = field("clearance between outer ring and balls", "um", 0.0, ge=0, le=200)
+    ball_motion: Literal["locked", "rolling"] = field("balls held in the cam frame, or rolling", default="locked")
+    beta: float = field("ball phase, in ball pitches from the major axis", default=0.0, ge=0, le=1)
+
+
+class Cam(Section):
+    """Wave generator."""
+
+    W_0: float = field("radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10)
+
+
+class Supports(Section):
+    """Radial stiffness of what carries the bodies; 0 leaves the body free."""
+
+    C_1: float = field("support of the rigid wheel, radial", "N/mm", example=1300000.0, ge=0, le=1e9)
+    C_2: float = field("support of the flexspline, radial", "N/mm", example=23000.0, ge=0, le=1e9)
+    C_3: float = field("support of the cam, radial", "N/mm", example=8400.0, ge=0, le=1e9)
+
+
+class Contact(Section):
+    """Local compliance of the contacts."""
+
+    c_t: float = field("compliance of a tooth pair along its normal", "mm/N", 2.0e-5, ge=1e-8, le=1e-2)
+    c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
+    c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
+
+
+class Tolerances(Section):
+    """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
+
+    F_i1: float = field("tangential composite deviation F'_i1 of the flexspline", "um", 0.0, ge=0, le=1000)
+    F_i2: float = field("tangential composite deviation F'_i2 of the rigid wheel", "um", 0.0, ge=0, le=1000)
+    e_hb: float = field("cam offset that stands still with the rigid wheel", "um", 0.0, ge=0, le=1000)
+    e_hh: float = field("cam offset that turns with the cam", "um", 0.0, ge=0, le=1000)
+    e_hg: float = field("cam offset that goes with the flexspline", "um", 0.0, ge=0, le=1000)
+
+
+class Phases(Section):
+    """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
+
+    xi_g: float = field("phase (or mark, see mounting.mark_kind) of the flexspline", "deg", 0.0, ge=-3600, le=3600)
+    xi_b: float = field("phase (or mark, see mounting.mark_kind) of the rigid wheel", "deg", 0.0, ge=-3600, le=3600)
+    phi_hb: float = field("direction of e_hb", "deg", 0.0, ge=-3600, le=3600)
+    phi_hh: float = field("direction of e_hh, from the minor axis of the cam", "deg", 0.0, ge=-3600, le=3600)
+    phi_hg: float = field("direction of e_hg", "deg", 0.0, ge=-3600, le=3600)
+
+
+class Mounting(Section):
+    """How the drive is built in."""
+
+    fixed: Literal["rigid", "flexspline"] = field("the wheel that stands still", default="rigid")
+    mark_kind: Literal["xi", "runout", "pitch"] = field(
+        "what phases.xi_g and xi_b are: phases, marks of greatest radial run-out, "
+        "or marks of greatest cumulative pitch deviation",
+        default="xi",
+    )
+    holes: int = field("holes of the seat of the fixed wheel (0: free angle)", default=12, ge=0, le=360)
+    first_hole: float = field("angle of hole 0", "deg", 0.0, ge=-360, le=360)
+    allowed: Annotated[
+        Literal["all"] | tuple[int, ...],
+        BeforeValidator(lambda value: value if value == "all" else _as_tuple(value)),
+    ] = field("usable holes", default="all")
+
+
+class Operation(Section):
+    """Load."""
+
+    M_g: Annotated[tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...], BeforeValidator(_as_tuple)] = field(
+        "torques on the flexspline, counter-clockwise positive", "N*m", example=(80.0, 800.0)
+    )
+    rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
+
+
+class Acceptance(Section):
+    """Limits."""
+
+    F_ior: Annotated[dict[str, Annotated[float, Field(gt=0, le=1e6)]], AfterValidator(_torque_keys)] = field(
+        "limit of F'_ior with the self error, per torque or for all torques", "arcsec", {}
+    )
+
+
+class Numerics(Section):
+    """Resolution of the model."""
+
+    n_max: int = field("highest bending mode of the rings", default=40, ge=4, le=200)
+    n_2: int = field("nodes between bore and outer ring", default=100, ge=12, le=720)
+    window: float = field("flank window on each side of the major axis", "deg", 30.0, ge=5, le=85)
+    n_beta: int = field("ball positions per ball pitch with rolling balls", default=48, ge=4, le=1000)
+
+
+class Source(Section):
+    """Where a value comes from."""
+
+    kind: Literal["given", "assumed", "identified"] = field("how sure the value is")
+    ref: str = field("page, figure, standard or reason", default="")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top."""
+
+    file: str = ""
+    sha256: str = ""
+    overrides: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+class Drive(Section):
+    """A strain wave drive as a preset describes it."""
+
+    name: str = field("name of the drive", min_length=1, max_length=200)
+    description: str = field("what the drive is, and how its numbers were found", default="")
+    gears: Gears
+    material: Material = Material()
+    flexspline: Flexspline
+    bearing: Bearing
+    cam: Cam
+    supports: Supports
+    contact: Contact = Contact()
+    tolerances: Tolerances = Tolerances()
+    phases: Phases = Phases()
+    uncertainty: dict[str, Annotated[float, Field(ge=0)]] = field(
+        "expanded uncertainty (k = 2) of fields, in their unit", default={}
+    )
+    mounting: Mounting = Mounting()
+    operation: Operation
+    acceptance: Acceptance = Acceptance()
+    numerics: Numerics = Numerics()
+    source: dict[str, Source] = field("origin of single values", default={})
+
+    _origin: Origin = PrivateAttr(default=Origin())
+
+    @property
+    def origin(self) -> Origin:
+        """Where the drive was read."""
+        return self._origin
+
+    def limit(self, torque: float) -> float | None:
+        """Limit of F'_ior [arcsec] at a torque [N*m], or None where none is set."""
+        limits = self.acceptance.F_ior
+        for key, value in limits.items():
+            if key != "all" and float(key) == torque:
+                return value
+        return limits.get("all")
+
+
+def sections() -> Iterator[tuple[str, type[Section]]]:
+    """Name and class of each section of a preset, in the order they are written."""
+    for name, info in Drive.model_fields.items():
+        if isinstance(info.annotation, type) and issubclass(info.annotation, Section):
+            yield name, info.annotation
+
+
+def fields() -> Iterator[tuple[str, FieldInfo]]:
+    """Path ("gears.z_g") and declaration of each field that stands in a section."""
+    for section, model in sections():
+        for name, info in model.model_fields.items():
+            yield f"{section}.{name}", info
+
+
+def unit_of(info: FieldInfo) -> str:
+    """Unit of a field as declared, empty for a pure number."""
+    extra = info.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def kind_of(info: FieldInfo) -> Kind:
+    """What a field takes: a number, a count, a text, a choice, several numbers, holes, or limits per torque."""
+    union = get_origin(info.annotation) in (Union, UnionType)
+    parts = get_args(info.annotation) if union else (info.annotation,)
+    if float in parts:
+        return "number"
+    if int in parts:
+        return "count"
+    origins = [get_origin(part) for part in parts]
+    if Literal in origins:
+        return "holes" if tuple in origins else "choice"
+    return "numbers" if tuple in origins else "limits" if dict in origins else "text"
+
+
+def is_optional(info: FieldInfo) -> bool:
+    """Whether a field may be empty."""
+    return type(None) in get_args(info.annotation)
+
+
+def choices_of(info: FieldInfo) -> tuple[str, ...]:
+    """Words that a field of the kind "choice" takes."""
+    return tuple(map(str, get_args(info.annotation)))
+
+
+def range_of(info: FieldInfo) -> str:
+    """Range of a field, or of each item of it, in words; empty where there is none."""
+    found = {name: getattr(limit, name) for limit in _limits(info) for name in ("ge", "gt", "le") if hasattr(limit, name)}
+    low = f"{plain(found['ge'])} to" if "ge" in found else f"above {plain(found['gt'])}, up to" if "gt" in found else ""
+    if "le" not in found:
+        return low.replace(" to", " or more")
+    return f"{low} {plain(found['le'])}"
+
+
+def _limits(info: FieldInfo) -> Iterator[object]:
+    yield from info.metadata
+    waiting: list[object] = [info.annotation]
+    while waiting:
+        annotation = waiting.pop()
+        for extra in getattr(annotation, "__metadata__", ()):
+            yield from extra.metadata if isinstance(extra, FieldInfo) else ()
+        waiting.extend(get_args(annotation))
+
+
+def plain(number: float) -> str:
+    """Number as one would write it in a preset: 20, 0.05, 1e7."""
+    return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")

@@ -1,0 +1,130 @@
+"""Solve many states, prove each answer, and keep what the analyses ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from hdassist.errors import UntrustedError
+from hdassist.model.contacts import ContactSystem
+from hdassist.model.geometry import Array
+from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
+from hdassist.solve.engine import StateSolver
+
+CHUNK = 1000  # states whose forces are held at once
+EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
+ARCSEC = float(np.degrees(3600))  # arcsec in a radian
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Worst residuals over states, each a share of its scale, and how many states stood behind them.
+
+    fallbacks: states that the warm solver gave up and another way solved.
+    """
+
+    states: int
+    negative_force: float
+    negative_gap: float
+    complementarity: float
+    equilibrium: float
+    fallbacks: int
+
+    @property
+    def max_residual(self) -> float:
+        """Greatest of the four residuals."""
+        return max(self.negative_force, self.negative_gap, self.complementarity, self.equilibrium)
+
+    def __add__(self, other: Certificate) -> Certificate:
+        worst = {f.name: max(getattr(self, f.name), getattr(other, f.name)) for f in fields(Residuals)}
+        return Certificate(self.states + other.states, fallbacks=self.fallbacks + other.fallbacks, **worst)
+
+
+EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What is kept of solved states, shape (states,) unless said otherwise.
+
+    rotation: of the flexspline against the rigid wheel [rad]; zone_moment: moment that each mesh zone takes
+    [N*mm], shape (states, 2); tooth_force: greatest force on a flank [N].
+    """
+
+    rotation: Array
+    zone_moment: Array
+    tooth_force: Array
+    certificate: Certificate
+
+
+def solve_states(
+    system: ContactSystem,
+    solver: StateSolver,
+    torque: float,
+    delta_p: Array,
+    place: Callable[[int], str],
+    progress: Progress | None = None,
+) -> Answers:
+    """Solve states of one contact system and prove each answer.
+
+    Arguments: torque [N*mm]; delta_p, gaps without force [mm], shape (states, M); place, words for where
+    state k is, for errors; progress, told how many states were solved since the last call.
+    Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
+    outside the limits of the linear model.
+    """
+    count = len(delta_p)
+    rotation, force = np.empty(count), np.empty(count)
+    moment = np.empty((count, 2))
+    certificate = EMPTY
+    for first in range(0, count, CHUNK):
+        part = slice(first, min(first + CHUNK, count))
+        forces, free, fallbacks = solver.solve(delta_p[part])
+        proof = residuals(system, delta_p[part], torque, forces, free)
+        _require_proof(proof, lambda k, first=first: place(first + k))
+        rotation[part] = free[:, system.free_rotation]
+        flank = forces[:, : system.n_flanks]
+        _require_linear(system, torque, rotation[part], flank, lambda k, first=first: place(first + k))
+        tangential = flank * system.lever
+        moment[part] = np.stack([tangential[:, system.flanks.zone == z].sum(axis=1) for z in (0, 1)], axis=1)
+        force[part] = flank.max(axis=1)
+        worst = {f.name: float(getattr(proof, f.name).max()) for f in fields(Residuals)}
+        certificate += Certificate(len(forces), fallbacks=fallbacks, **worst)
+        if progress:
+            progress(len(forces))
+    return Answers(rotation, moment, force, certificate)
+
+
+def _require_proof(proof: Residuals, place: Callable[[int], str]) -> None:
+    worst = proof.worst
+    k = int(np.argmax(worst))
+    if not worst[k] <= TOLERANCE:
+        raise UntrustedError(
+            f"state not solved at {place(k)}: residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed",
+            "try another solver (--solver clarabel), or a torque and stiffnesses nearer to a real drive",
+        )
+
+
+def _require_linear(
+    system: ContactSystem, torque: float, rotation: Array, flank: Array, place: Callable[[int], str]
+) -> None:
+    quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
+    k = int(np.argmax(np.abs(rotation)))
+    if abs(rotation[k]) > quarter_pitch:
+        raise UntrustedError(
+            f"outside the limits of the linear model at {place(k)}: wind-up of "
+            f"{abs(rotation[k]) * ARCSEC:.0f} arcsec, above a quarter of a tooth pitch "
+            f"({quarter_pitch * ARCSEC:.0f} arcsec)",
+            "the torque is too great for this drive",
+        )
+    at_edge = flank[:, system.flanks.edge].max(axis=1, initial=0.0)
+    k = int(np.argmax(at_edge))
+    if at_edge[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
+        raise UntrustedError(
+            f"outside the limits of the linear model at {place(k)}: {at_edge[k]:.3g} N on the outermost "
+            "tooth of the flank window",
+            "widen numerics.window, or lower the torque",
+        )

@@ -1,0 +1,65 @@
+"""The proof of an answer: residuals of system (1), recomputed from D, G, C and the gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from hdassist.model.contacts import ROTATION, ContactSystem
+from hdassist.model.geometry import Array
+
+TOLERANCE = 1e-8  # of each residual, as a share of its scale
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of system (1) for each state, each as a share of its scale, shape (states,).
+
+    negative_force: of the greatest force; negative_gap: of the greatest gap without force;
+    complementarity: of the product of both; equilibrium: of the sum of the forces' (and moments') sizes.
+    """
+
+    negative_force: Array
+    negative_gap: Array
+    complementarity: Array
+    equilibrium: Array
+
+    @property
+    def worst(self) -> Array:
+        """Greatest of the four residuals of each state; infinite where one is not a number."""
+        rows = np.stack([getattr(self, f.name) for f in fields(self)])
+        return np.nan_to_num(rows, nan=np.inf).max(axis=0)
+
+
+def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
+    """Displacements a [mm, rad], shape (states, 9): those of supports from their forces, the free as given."""
+    a = np.empty((len(forces), len(system.C)))
+    supported = system.supported
+    a[:, supported] = forces @ system.G[:, supported] / system.C[supported]
+    a[:, ~supported] = free
+    return a
+
+
+def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> Residuals:
+    """Residuals of answers to system (1).
+
+    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm];
+    free, displacements of the freedoms without support [mm, rad], shape (states, free).
+    """
+    a = displacements(system, forces, free)
+    gaps = delta_p + forces @ system.D + a @ system.G.T
+    balance = forces @ system.G - a * system.C + system.load(torque)
+    force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
+    gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
+    balance_scale = np.abs(forces) @ np.abs(system.G)
+    balance_scale[:, ROTATION] += abs(torque)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # 0/0: a freedom without any force on it is in balance
+        unbalanced = np.where(balance == 0, 0.0, np.abs(balance) / balance_scale)
+    return Residuals(
+        negative_force=np.maximum(-forces.min(axis=1), 0) / force_scale,
+        negative_gap=np.maximum(-gaps.min(axis=1), 0) / gap_scale,
+        complementarity=np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale),
+        equilibrium=unbalanced.max(axis=1),
+    )

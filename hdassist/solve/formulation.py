@@ -1,0 +1,111 @@
+"""The contact problem of a drive as one convex quadratic programme, stated once, in cvxpy.
+
+System (1) is the optimality condition of
+
+    minimise    1/2 F' (D + G_s C_s^-1 G_s') F + delta_p' F
+    subject to  G_f' F + b_f = 0,   F >= 0
+
+with s the supported freedoms, condensed, and f those without support: the multipliers of their
+equilibrium are their displacements. Everything that solves it starts from this statement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from hdassist.errors import UntrustedError
+from hdassist.model.contacts import ROTATION, ContactSystem
+from hdassist.model.geometry import Array
+
+MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of the scaled programme, chosen so that its numbers are of order one.
+
+    gap [mm]; force [N], which closes a gap unit on a tooth; load, shape (free,): length that scales each
+    equilibrium row (1 for a force, r_m in mm for the moment).
+    """
+
+    gap: float
+    force: float
+    load: Array
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """The programme of one contact system: cvxpy objects, DPP in the parameters gaps and load.
+
+    forces: variable, shape (M,), in units.force; gaps: parameter delta_p, shape (M,), in units.gap;
+    load: parameter b_f, shape (free,), in units.force * units.load; equilibrium: the constraint whose dual
+    is the displacement of the free freedoms in units.gap / units.load.
+    """
+
+    system: ContactSystem
+    units: Units
+    problem: cp.Problem
+    forces: cp.Variable
+    gaps: cp.Parameter
+    load: cp.Parameter
+    equilibrium: cp.Constraint
+
+    def set_load(self, torque: float) -> None:
+        """Set the torque on the flexspline [N*mm]."""
+        free = ~self.system.supported
+        self.load.value = self.system.load(torque)[free] / (self.units.force * self.units.load)
+
+    def set_gaps(self, delta_p: Array) -> None:
+        """Set the gaps without force [mm], shape (M,)."""
+        self.gaps.value = delta_p / self.units.gap
+
+
+def formulate(system: ContactSystem) -> Formulation:
+    """State the programme of a contact system."""
+    supported, free = system.supported, ~system.supported
+    G_s, G_f = system.G[:, supported], system.G[:, free]
+    H = system.D + (G_s / system.C[supported]) @ G_s.T
+    load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
+    units = Units(gap=MICROMETRE, force=MICROMETRE / system.c_t, load=load_units)
+
+    forces = cp.Variable(len(H), name="F", nonneg=True)
+    gaps = cp.Parameter(len(H), name="delta_p")
+    load = cp.Parameter(len(load_units), name="b")
+    energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(H * (units.force / units.gap)))
+    equilibrium = (G_f / load_units).T @ forces + load == 0
+    problem = cp.Problem(cp.Minimize(energy + gaps @ forces), [equilibrium])
+    return Formulation(system, units, problem, forces, gaps, load, equilibrium)
+
+
+# Tolerances at which each solver meets 0.01 arcsec; a name that is not here runs at its defaults.
+TIGHT: dict[str, dict[str, Any]] = {
+    "CLARABEL": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10},
+    "OSQP": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 100_000},
+    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000},
+}
+
+
+def solve_through_cvxpy(
+    formulation: Formulation, delta_p: Array, torque: float, solver: str
+) -> tuple[Array, Array]:
+    """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
+
+    Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
+    Raises UntrustedError where the solver gives no answer.
+    """
+    formulation.set_gaps(delta_p)
+    formulation.set_load(torque)
+    name = solver.upper()
+    try:
+        formulation.problem.solve(solver=name, **TIGHT.get(name, {}))
+    except cp.SolverError as error:
+        raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
+    forces, duals = formulation.forces.value, formulation.equilibrium.dual_value
+    if forces is None or duals is None:
+        raise UntrustedError(f"{name} could not solve a state: {formulation.problem.status}")
+    units = formulation.units
+    return forces * units.force, duals * units.gap / units.load
