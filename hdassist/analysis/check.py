@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import add
 
-from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
+from hdassist.analysis.kinematic_error import CrossCheck, KinematicError, kinematic_error
 from hdassist.analysis.self_error import GRID, SelfError, self_error
 from hdassist.analysis.verdict import Verdict, worst
 from hdassist.model.kinematics import Kinematics
@@ -58,6 +58,11 @@ class Check:
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of the self error included."""
         return reduce(add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate)))
+
+    @property
+    def cross_checks(self) -> tuple[CrossCheck, ...]:
+        """Cross-check of each torque."""
+        return tuple(p.error.cross_check for p in self.points if p.error.cross_check)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -90,6 +90,11 @@ class KinematicError:
         return float(np.mean(self.zone_share.min(axis=1) < ONE_WAVE))
 
     @property
+    def wind_up_arcsec(self) -> float:
+        """Mean twist of the flexspline against the rigid wheel over the states [arcsec]."""
+        return float(self.rotation_arcsec.mean())
+
+    @property
     def max_tooth_force_N(self) -> float:
         """Greatest force on a flank over the states [N]."""
         return float(self.tooth_force_N.max())

@@ -52,4 +52,4 @@ def trace(
     error = kinematic_error(
         drive, M_g, states=states, solver=solver, cross_check=cross_check, seed=seed, progress=progress
     )
-    return Trace(error, start_deg, revolutions, tuple(orders(kinematics, error.error_arcsec, revolutions)))
+    return Trace(error, start_deg, revolutions, tuple(orders(drive, error.error_arcsec, revolutions)))

@@ -1,0 +1,1 @@
+"""Presets: YAML text to a validated, immutable `Drive`, and the library of drives."""

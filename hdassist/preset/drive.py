@@ -31,7 +31,7 @@ class Section(BaseModel):
 
 
 def field(meaning: str, unit: str = "", default: Any = ..., example: Any = None, **limits: float) -> Any:
-    """Declare a preset field: what it means, its unit, its default (none: required), an example, its range."""
+    """Declare a field: what it means, its unit, its default (none: required), an example, its range."""
     examples = None if example is None else [example]
     return Field(  # type: ignore[call-overload]
         default, description=meaning, examples=examples, json_schema_extra={"unit": unit}, **limits
@@ -44,7 +44,9 @@ def _as_tuple(value: object) -> object:
 
 def is_torque(key: str) -> bool:
     """Whether a key of acceptance.F_ior is a torque [N*m] (the other key is "all")."""
-    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
+    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(
+        float(key)
+    )
 
 
 def _torque_keys(limits: dict[str, float]) -> dict[str, float]:
@@ -81,7 +83,7 @@ class Flexspline(Section):
     h_1: float = field("thickness of the rim under the teeth", "mm", example=1.4, ge=0.05, le=20)
     h_3: float = field("thickness of the shell", "mm", example=1.4, ge=0.05, le=20)
     b_w: float = field("width of the tooth ring", "mm", example=32.0, ge=1, le=500)
-    l: float = field("length of the shell with the tooth ring", "mm", example=160.0, ge=2, le=2000)  # noqa: E741 (symbol of the paper)
+    l: float = field("length of the shell with the tooth ring", "mm", example=160.0, ge=2, le=2000)
     k_t: float = field("stiffening of the rim by its teeth", default=1.4, ge=1, le=5)
 
 
@@ -93,14 +95,18 @@ class Bearing(Section):
     ring_h: float = field("thickness of the outer ring", "mm", example=4.0, ge=0.05, le=50)
     d_ball: float | None = field("ball diameter (needed for rolling balls)", "mm", None, ge=0.2, le=100)
     g_b: float = field("clearance between outer ring and balls", "um", 0.0, ge=0, le=200)
-    ball_motion: Literal["locked", "rolling"] = field("balls held in the cam frame, or rolling", default="locked")
+    ball_motion: Literal["locked", "rolling"] = field(
+        "balls held in the cam frame, or rolling", default="locked"
+    )
     beta: float = field("ball phase, in ball pitches from the major axis", default=0.0, ge=0, le=1)
 
 
 class Cam(Section):
     """Wave generator."""
 
-    W_0: float = field("radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10)
+    W_0: float = field(
+        "radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10
+    )
 
 
 class Supports(Section):
@@ -116,24 +122,34 @@ class Contact(Section):
 
     c_t: float = field("compliance of a tooth pair along its normal", "mm/N", 2.0e-5, ge=1e-8, le=1e-2)
     c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
-    c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
+    c_bore: float = field(
+        "compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2
+    )
 
 
 class Tolerances(Section):
     """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
 
-    F_i1: float = field("tangential composite deviation F'_i1 of the flexspline", "um", 0.0, ge=0, le=1000)
-    F_i2: float = field("tangential composite deviation F'_i2 of the rigid wheel", "um", 0.0, ge=0, le=1000)
-    e_hb: float = field("cam offset that stands still with the rigid wheel", "um", 0.0, ge=0, le=1000)
-    e_hh: float = field("cam offset that turns with the cam", "um", 0.0, ge=0, le=1000)
+    F_i1: float = field(
+        "tangential composite deviation F'_i1 of the flexspline", "um", 0.0, 75.0, ge=0, le=1000
+    )
+    F_i2: float = field(
+        "tangential composite deviation F'_i2 of the rigid wheel", "um", 0.0, 75.0, ge=0, le=1000
+    )
+    e_hb: float = field("cam offset that stands still with the rigid wheel", "um", 0.0, 80.0, ge=0, le=1000)
+    e_hh: float = field("cam offset that turns with the cam", "um", 0.0, 30.0, ge=0, le=1000)
     e_hg: float = field("cam offset that goes with the flexspline", "um", 0.0, ge=0, le=1000)
 
 
 class Phases(Section):
     """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
 
-    xi_g: float = field("phase (or mark, see mounting.mark_kind) of the flexspline", "deg", 0.0, ge=-3600, le=3600)
-    xi_b: float = field("phase (or mark, see mounting.mark_kind) of the rigid wheel", "deg", 0.0, ge=-3600, le=3600)
+    xi_g: float = field(
+        "phase (or mark, see mounting.mark_kind) of the flexspline", "deg", 0.0, ge=-3600, le=3600
+    )
+    xi_b: float = field(
+        "phase (or mark, see mounting.mark_kind) of the rigid wheel", "deg", 0.0, ge=-3600, le=3600
+    )
     phi_hb: float = field("direction of e_hb", "deg", 0.0, ge=-3600, le=3600)
     phi_hh: float = field("direction of e_hh, from the minor axis of the cam", "deg", 0.0, ge=-3600, le=3600)
     phi_hg: float = field("direction of e_hg", "deg", 0.0, ge=-3600, le=3600)
@@ -169,7 +185,7 @@ class Acceptance(Section):
     """Limits."""
 
     F_ior: Annotated[dict[str, Annotated[float, Field(gt=0, le=1e6)]], AfterValidator(_torque_keys)] = field(
-        "limit of F'_ior with the self error, per torque or for all torques", "arcsec", {}
+        "limit of F'_ior with the self error, per torque {80: 30} or for all torques", "arcsec", {}
     )
 
 
@@ -259,7 +275,7 @@ def unit_of(info: FieldInfo) -> str:
 
 
 def kind_of(info: FieldInfo) -> Kind:
-    """What a field takes: a number, a count, a text, a choice, several numbers, holes, or limits per torque."""
+    """What a field takes: a number, count, text, choice, several numbers, holes, or limits per torque."""
     union = get_origin(info.annotation) in (Union, UnionType)
     parts = get_args(info.annotation) if union else (info.annotation,)
     if float in parts:
@@ -282,13 +298,16 @@ def choices_of(info: FieldInfo) -> tuple[str, ...]:
     return tuple(map(str, get_args(info.annotation)))
 
 
-def range_of(info: FieldInfo) -> str:
-    """Range of a field, or of each item of it, in words; empty where there is none."""
-    found = {name: getattr(limit, name) for limit in _limits(info) for name in ("ge", "gt", "le") if hasattr(limit, name)}
-    low = f"{plain(found['ge'])} to" if "ge" in found else f"above {plain(found['gt'])}, up to" if "gt" in found else ""
-    if "le" not in found:
-        return low.replace(" to", " or more")
-    return f"{low} {plain(found['le'])}"
+def range_of(info: FieldInfo, unit: str = "") -> str:
+    """Range of a field, or of each item of it, in words and with the unit; empty where there is none."""
+    limits = list(_limits(info))
+    low, above, high = (
+        next((plain(getattr(limit, name)) for limit in limits if hasattr(limit, name)), "")
+        for name in ("ge", "gt", "le")
+    )
+    if not high:
+        return f"{low} {unit}".rstrip() + " or more" if low else ""
+    return f"{f'above {above}, up' if above else low} to {high} {unit}".rstrip()
 
 
 def _limits(info: FieldInfo) -> Iterator[object]:

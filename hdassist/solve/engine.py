@@ -47,10 +47,15 @@ class Compiled:
 
 
 def compile_programme(formulation: Formulation, torque: float) -> Compiled:
-    """Let cvxpy compile the programme for a torque [N*mm]; the gaps stay open, in the formulation's unit."""
+    """Let cvxpy compile the programme for a torque [N*mm]; the gaps stay open, in the formulation's unit.
+
+    Raises UntrustedError where the programme has rows other than equilibrium and bounds.
+    """
     formulation.set_load(torque)
     formulation.gaps.value = np.zeros(formulation.gaps.size)
     data, _, _ = formulation.problem.get_problem_data("DAQP")
+    if data["F"].shape[0]:
+        raise UntrustedError("the programme has inequalities that the engine does not read")
     program = data["param_prob"]
     first = program.param_id_to_col[formulation.gaps.id]
     return Compiled(

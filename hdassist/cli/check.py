@@ -1,0 +1,80 @@
+"""`hdassist check`: the design check of drives."""
+
+from __future__ import annotations
+
+import time
+
+import typer
+
+from hdassist.cli import options as o
+
+
+def command(
+    presets: o.Presets,
+    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    json: o.Json = False,
+    csv: o.Csv = None,
+    output: o.Target = "-",
+    force: o.Force = False,
+    solver: o.Solver = None,
+    cross_check: o.CrossCheck = "clarabel",
+    seed: o.Seed = 0,
+    plot: o.Plot = True,
+    ascii: o.Ascii = False,
+    no_color: o.NoColor = False,
+    quiet: o.Quiet = False,
+    verbose: o.Verbose = False,
+    debug: o.Debug = False,
+) -> None:
+    """Largest kinematic error F'_ior of drives over the full cycle, with verdict and proof.
+
+    \b
+    Examples:
+      hdassist check vzp160
+      hdassist check my-drive.yaml --set tolerances.F_i2=60 --json
+      hdassist check *.yaml --csv figures.csv -q
+
+    Every state of the cycle is solved and proven; the verdict holds F'_ior with the self error against
+    the preset's acceptance limits. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy
+    answer.
+    """
+    from hdassist.analysis.check import Check, check, work
+    from hdassist.analysis.verdict import worst_exit_code
+    from hdassist.cli.output import Output, complain, note, warn
+    from hdassist.errors import HdassistError
+    from hdassist.preset.library import load_preset
+    from hdassist.report import check as report
+    from hdassist.report.envelope import combine, failure, to_json
+
+    out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
+    done: list[Check] = []
+    answers = []
+    pages = []
+    for name in presets:
+        begun = time.monotonic()
+        try:
+            drive = load_preset(name, overrides)
+            with out.progress(drive.name, work(drive)) as progress:
+                result = check(drive, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
+        except HdassistError as error:
+            if debug or len(presets) == 1 and not json:
+                raise
+            complain(error, name if len(presets) > 1 else "")
+            answers.append(failure("check", name, error))
+            continue
+        done.append(result)
+        answers.append(report.answer(result, seed))
+        pages.append(report.brief(result) if quiet else report.render(result, out.look, plots=plot))
+        for text in result.warnings:
+            warn(f"{drive.name}: {text}")
+        if verbose:
+            note(f"{drive.name}: {result.certificate.states} states in {time.monotonic() - begun:.1f} s")
+    if json:
+        out.text(to_json(combine("check", answers)))
+    elif pages:
+        from rich.console import Group
+
+        out.human(Group(*pages))
+    if done:
+        out.figures(report.csv(done))
+    raise typer.Exit(worst_exit_code(answer["exit_code"] for answer in answers))

@@ -1,0 +1,67 @@
+"""The hdassist command: its subcommands, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from hdassist.cli import check, presets, trace
+from hdassist.errors import HdassistError
+from hdassist.version import __version__
+
+INTERRUPTED = 130
+BUG = 1
+
+app = typer.Typer(
+    name="hdassist",
+    help="Kinematic error of harmonic drives, and how to make it less.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("check")(check.command)
+app.command("trace")(trace.command)
+app.add_typer(presets.app, name="presets")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"hdassist {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
+) -> None:
+    """Kinematic error of harmonic drives, and how to make it less."""
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    try:
+        app()
+    except HdassistError as error:
+        if "--debug" in sys.argv:
+            raise
+        from hdassist.cli.output import complain
+
+        complain(error)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        # the reader has gone: nothing more to say, and nothing to complain about at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except Exception as error:
+        if "--debug" in sys.argv:
+            raise
+        print(f"internal error: {type(error).__name__}: {error}", file=sys.stderr)
+        print("  hint: this is a bug in hdassist; --debug shows where", file=sys.stderr)
+        sys.exit(BUG)

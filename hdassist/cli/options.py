@@ -1,0 +1,34 @@
+"""Options that commands share, declared once."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
+Presets = Annotated[list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")]
+Overrides = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Csv = Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")]
+Target = Annotated[
+    str | None, typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+Solver = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
+]
+CrossCheck = Annotated[
+    str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
+Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")]
+Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.")]
+NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or control codes.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the answer.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print residuals and timings on stderr.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors.")]

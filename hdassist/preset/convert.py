@@ -1,0 +1,241 @@
+"""Plain data of a preset to the values that `Drive` takes: units converted, scalars in lists, keys known."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from functools import cache
+from math import isfinite
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from hdassist.preset.drive import Drive, Section, fields, is_optional, is_torque, kind_of, sections, unit_of
+from hdassist.preset.findings import MAX_FINDINGS, Findings, near
+from hdassist.preset.units import UnitError, convert
+from hdassist.preset.yamltext import BROKEN, Path, shown
+
+Values = dict[str, Any]
+
+
+@cache
+def field_table() -> dict[str, FieldInfo]:
+    """Path and declaration of each field that stands in a section."""
+    return dict(fields())
+
+
+class Converter:
+    """Turns the data of one preset into values, noting what cannot be turned."""
+
+    def __init__(self, findings: Findings) -> None:
+        self.findings = findings
+
+    def drive(self, data: dict[str, Any]) -> Values:
+        """Values for `Drive`; what has a finding is left out."""
+        tables = dict(sections())
+        values: Values = {}
+        for key, value in data.items():
+            if key == "schema":
+                continue
+            if key not in Drive.model_fields:
+                self._unknown((key,), value, ["schema", *Drive.model_fields])
+            elif value is BROKEN:
+                self.findings.bad.add((key,))
+            elif key in tables:
+                self._section(values, key, tables[key], value)
+            elif key == "uncertainty":
+                self._uncertainty(values, value)
+            elif key == "source":
+                self._source(values, value)
+            else:
+                values[key] = value
+        return values
+
+    def _section(self, values: Values, name: str, model: type[Section], data: Any) -> None:
+        if (table := self._table((name,), data)) is None:
+            return
+        section: Values = {}
+        values[name] = section
+        for key, value in table.items():
+            path = (name, key)
+            if key not in model.model_fields:
+                self._unknown(path, value, list(model.model_fields))
+            elif value is BROKEN:
+                self.findings.bad.add(path)
+            else:
+                self._field(section, path, model.model_fields[key], value)
+
+    def _field(self, section: Values, path: Path, info: FieldInfo, value: Any) -> None:
+        kind, key = kind_of(info), str(path[-1])
+        if value is None and is_optional(info):
+            section[key] = None
+        elif kind == "number":
+            self._put(section, path, self.number, value, unit_of(info))
+        elif kind == "count":
+            self._put(section, path, self.count, value)
+        elif kind in ("numbers", "holes") and value != "all":
+            self._items(section, path, info, value)
+        elif kind == "limits":
+            self._limits(section, path, unit_of(info), value)
+        else:
+            section[key] = value
+
+    def _put(self, section: Values, path: Path, read: Callable[..., Any], value: Any, *unit: str) -> None:
+        number = read(path, value, *unit)
+        if number is not None:
+            section[str(path[-1])] = number
+
+    def _items(self, section: Values, path: Path, info: FieldInfo, value: Any) -> None:
+        holes = kind_of(info) == "holes"
+        items = value if isinstance(value, list) else [value]
+        if value is None or isinstance(value, dict) or (holes and isinstance(value, str)):
+            self.findings.add(
+                path, "must be all, or a list of hole numbers" if holes else "must be a list of numbers"
+            )
+            return
+        numbers = []
+        for index, item in enumerate(items):
+            at = (*path, index) if isinstance(value, list) else path
+            numbers.append(self.count(at, item) if holes else self.number(at, item, unit_of(info)))
+        section[str(path[-1])] = tuple(numbers)  # an item that is no number has its finding already
+
+    def _limits(self, section: Values, path: Path, unit: str, value: Any) -> None:
+        if not isinstance(value, dict):
+            limit = self.number(path, value, unit)
+            if limit is not None:
+                section[str(path[-1])] = {"all": limit}
+            return
+        limits: dict[str, float] = {}
+        torques: set[float] = set()
+        for key, item in value.items():
+            at = (*path, key)
+            if key != "all" and not is_torque(key):
+                self.findings.add(at, "must be a torque in N*m, or all", got=self._key(key), key=True)
+            elif key != "all" and float(key) in torques:
+                self.findings.add(at, "the same torque twice", got=self._key(key), key=True)
+            elif (limit := self.number(at, item, unit)) is not None:
+                limits[key] = limit
+            if is_torque(key):
+                torques.add(float(key))
+        section[str(path[-1])] = limits
+
+    def _uncertainty(self, values: Values, data: Any) -> None:
+        if (table := self._table(("uncertainty",), data)) is None:
+            return
+        known = {path: info for path, info in field_table().items() if kind_of(info) == "number"}
+        values["uncertainty"] = {}
+        for key, value in table.items():
+            path = ("uncertainty", key)
+            if key not in known:
+                if key in field_table():
+                    self.findings.add(
+                        path, "only single measures have an uncertainty", "", self._key(key), key=True
+                    )
+                else:
+                    self.findings.add(
+                        path, "names no field", self._near_path(key, known), self._key(key), key=True
+                    )
+            else:
+                self._put(values["uncertainty"], path, self.number, value, unit_of(known[key]))
+
+    def _source(self, values: Values, data: Any) -> None:
+        if (table := self._table(("source",), data)) is None:
+            return
+        values["source"] = {}
+        for key, value in table.items():
+            path = ("source", key)
+            if key not in field_table():
+                self.findings.add(
+                    path, "names no field", self._near_path(key, field_table()), self._key(key), key=True
+                )
+            elif value is BROKEN:
+                self.findings.bad.add(path)
+            elif not isinstance(value, dict):
+                self.findings.add(path, "must be a table of keys", "like {kind: given, ref: page 6}")
+            else:
+                entry = {k: v for k, v in value.items() if v is not BROKEN}
+                self.findings.bad.update((*path, k) for k in value if k not in entry)
+                values["source"][key] = entry
+
+    def number(self, path: Path, value: Any, unit: str) -> float | None:
+        """A number in a unit, from a number or a text with a unit; None with a finding if it is none."""
+        if isinstance(value, str):
+            try:
+                return convert(value, unit)
+            except UnitError as error:
+                self.findings.add(path, error.message, error.hint)
+                return None
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            if isfinite(value):
+                return value
+            self.findings.add(path, "must be a finite number")
+        elif value is BROKEN:
+            self.findings.bad.add(path)
+        else:
+            self.findings.add(
+                path, "must be a number", self._instead(path, value) or (f"in {unit}" if unit else "")
+            )
+        return None
+
+    def count(self, path: Path, value: Any) -> int | None:
+        """A whole number; None with a finding if it is none."""
+        if isinstance(value, str):
+            try:
+                convert(value, "")
+            except UnitError as error:
+                message = error.message.replace("a number", "a whole number").replace("a pure", "a whole")
+                self.findings.add(path, message, error.hint)
+                return None
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            if isfinite(value) and value == int(value):
+                return int(value)
+            self.findings.add(path, "must be a whole number")
+        elif value is BROKEN:
+            self.findings.bad.add(path)
+        else:
+            self.findings.add(path, "must be a whole number", self._instead(path, value))
+        return None
+
+    def _instead(self, path: Path, value: Any) -> str:
+        info = field_table().get(".".join(map(str, path)))
+        optional = info is not None and not info.is_required()
+        return (
+            f"leave the key out for its default, {info.default}"
+            if value is None and info and optional
+            else ""
+        )
+
+    def _table(self, path: Path, data: Any) -> dict[str, Any] | None:
+        """The data as a table; an empty key counts as an empty table."""
+        if data is None:
+            return {}
+        if not isinstance(data, dict):
+            self.findings.add(path, "must be a table of keys")
+            return None
+        return data
+
+    def _unknown(self, path: Path, value: Any, options: list[str]) -> None:
+        many = len(self.findings.items) > MAX_FINDINGS
+        hint = "" if many else self._unknown_hint(path, value, options)
+        self.findings.add(path, "unknown key", hint, "", key=True)
+
+    def _unknown_hint(self, path: Path, value: Any, options: list[str]) -> str:
+        key = str(path[-1])
+        if value is None and ":" in key:
+            return "a space is missing behind the colon"
+        if value is None and key.replace(".", "").isdigit():
+            return "a comma in a number? write a decimal point"
+        for section, model in sections():
+            if key in model.model_fields:
+                return f"{key} belongs to {section}"
+        return near(key, options) or f"known: {', '.join(options)}"
+
+    def _near_path(self, key: str, known: dict[str, FieldInfo]) -> str:
+        whole = next((path for path in known if path.split(".")[1] == key.split(".")[-1]), "")
+        if whole:
+            return f"did you mean {whole}?"
+        close = difflib.get_close_matches(key[:60], known, 1, 0.7)
+        return f"did you mean {close[0]}?" if close else "write section.key, like gears.z_g"
+
+    def _key(self, key: str) -> str:
+        return shown(key) or "nothing"

@@ -1,0 +1,83 @@
+"""The preset library: presets by name, from a file, or from standard input."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Sequence
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from hdassist.errors import DataError
+
+if TYPE_CHECKING:
+    from hdassist.preset.drive import Drive
+
+STDIN = "<stdin>"
+READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
+
+
+def preset_names() -> list[str]:
+    """Names of the presets that come with hdassist, in alphabetical order."""
+    return sorted(_library())
+
+
+def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
+    """Load a drive.
+
+    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95".
+    Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
+    UsageError: a bad override.
+    """
+    from hdassist.preset.load import load_text  # costs 0.1 s that a help text should not wait for
+
+    text, file = read_preset(name_or_path)
+    return load_text(text, file, overrides)
+
+
+def read_preset(name_or_path: str) -> tuple[bytes, str]:
+    """Bytes of a preset, and the name that messages give it.
+
+    Raises DataError: no such preset, or a file that cannot be read.
+    """
+    if name_or_path == "-":
+        return sys.stdin.buffer.read(READ_AT_MOST), STDIN
+    library = _library()
+    if name_or_path in library:
+        with library[name_or_path].open("rb") as stream:
+            return stream.read(READ_AT_MOST), name_or_path
+    try:
+        with Path(name_or_path).open("rb") as stream:
+            return _bytes(stream), name_or_path
+    except FileNotFoundError:
+        raise _unknown(name_or_path, list(library)) from None
+    except IsADirectoryError:
+        raise DataError(f"{name_or_path} is a directory, not a preset") from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise DataError(f"cannot read {name_or_path}: {reason}") from None
+
+
+def _bytes(stream: BinaryIO) -> bytes:
+    return stream.read(READ_AT_MOST)
+
+
+def _library() -> dict[str, Traversable]:
+    """Presets by name: from the package, or from the checkout that the package lies in."""
+    places: list[Traversable] = [files("hdassist") / "presets", Path(__file__).parents[2] / "presets"]
+    for place in places:
+        if place.is_dir():
+            found = (item for item in place.iterdir() if item.name.endswith(".yaml"))
+            return {item.name.removesuffix(".yaml"): item for item in found}
+    return {}
+
+
+def _unknown(name: str, names: list[str]) -> DataError:
+    close = difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
+    hint = f"did you mean {' or '.join(close)}? " if close else ""
+    kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
+    return DataError(
+        f"{kind}: {name or 'an empty name'}", f"{hint}in the library: {', '.join(sorted(names))}"
+    )

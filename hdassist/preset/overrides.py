@@ -1,0 +1,104 @@
+"""Overrides "section.key=VALUE" on top of a preset, read by the same YAML reader."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+
+from hdassist.errors import Finding, UsageError
+from hdassist.preset.findings import OVERRIDE
+from hdassist.preset.yamltext import Document, Mark, Path, Place, path_text, read, shown
+
+
+@dataclass(frozen=True)
+class Override:
+    """One override: the path it sets, and its value as a document whose places count within the override."""
+
+    path: Path
+    mark: Mark
+    value: Document
+
+
+def parse(text: str, index: int) -> Override:
+    """Read "section.key=VALUE".
+
+    Arguments: text; index, its number from 1, which findings bear as their line.
+    Raises UsageError: no "=", an empty key, or a value that is no YAML.
+    """
+    key, equals, value = text.partition("=")
+    path = path_of(key)
+    if not equals or not all(path):
+        raise UsageError(
+            f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
+            f"like {OVERRIDE} tolerances.F_i2=60",
+        )
+    document = read(value, OVERRIDE)
+    start = len(key) + 1
+
+    def moved(mark: Mark) -> Mark:
+        return Mark(index, (mark.column if mark.line == 1 else 1) + start)
+
+    document.findings = [
+        replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings
+    ]
+    if document.findings:
+        raise UsageError("\n".join(map(str, document.findings)))
+    places = {
+        (*path, *inner): Place(
+            OVERRIDE, moved(p.key) if inner else Mark(index, 1), moved(p.value), p.text, p.quoted
+        )
+        for inner, p in document.places.items()
+    } or {path: Place(OVERRIDE, Mark(index, 1), Mark(index, start + 1))}
+    return Override(path, Mark(index, 1), replace(document, places=places))
+
+
+def path_of(key: str) -> Path:
+    """Path that the key of an override sets; keys of `uncertainty` and `source` have a dot in them."""
+    parts = [part.strip() for part in key.split(".")]
+    if parts[0] == "uncertainty":
+        return tuple(filter(None, (parts[0], ".".join(parts[1:]))))
+    if parts[0] == "source":
+        return (*tuple(filter(None, (parts[0], ".".join(parts[1:3])))), *parts[3:])
+    return (*parts[:2], ".".join(parts[2:])) if len(parts) > 2 else tuple(parts)
+
+
+def apply(document: Document, overrides: Sequence[Override]) -> Document:
+    """The document with the overrides on top; the first one is applied first."""
+    result = replace(
+        document, data=deepcopy(document.data), places=dict(document.places), findings=list(document.findings)
+    )
+    for override in overrides:
+        if isinstance(result.data, dict):
+            _set(result, override)
+    return result
+
+
+def _set(document: Document, override: Override) -> None:
+    table = document.data
+    for depth, part in enumerate(override.path[:-1], 1):
+        inner = table.get(part)
+        path = override.path[:depth]
+        if inner is None or not isinstance(inner, dict):
+            # One entry of acceptance.F_ior on top of a bare number, which is the limit for all torques.
+            keep = {} if inner is None or path[:2] != ("acceptance", "F_ior") else {"all": inner}
+            if inner is not None and not keep:
+                message = f"{path_text(path)} is no table of keys"
+                document.findings.append(Finding(OVERRIDE, *override.mark, path_text(override.path), message))
+                return
+            if keep:
+                document.places[(*path, "all")] = document.places[path]
+            document.places.setdefault(path, override.value.places[override.path])
+            table[part] = inner = keep
+        table = inner
+    table[override.path[-1]] = override.value.data
+    size = len(override.path)
+    document.places = {p: place for p, place in document.places.items() if p[:size] != override.path}
+    document.places.update(override.value.places)
+
+
+def is_overridden(path: str, overrides: Sequence[str]) -> bool:
+    """Whether overrides set a field ("gears.z_g"), a table around it or an entry of it."""
+    field = tuple(path.split("."))
+    paths = [path_of(text.partition("=")[0]) for text in overrides]
+    return any(p[: len(field)] == field[: len(p)] for p in paths)

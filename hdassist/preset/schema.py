@@ -1,0 +1,108 @@
+"""JSON Schema of presets, for editors that complete and check YAML."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from hdassist.preset.drive import SCHEMA, Drive, Section, fields, is_optional, kind_of, sections, unit_of
+from hdassist.preset.units import pattern_for, units_for
+
+Schema = dict[str, Any]
+TORQUE_KEY = r"^(all|[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?)$"
+
+
+def preset_schema() -> Schema:
+    """JSON Schema (draft 2020-12) of what presets accept, unit strings and single items of lists included.
+
+    It says what one field may be; what fields must satisfy together only the validation of hdassist says.
+    """
+    schema = Drive.model_json_schema()
+    definitions = schema.pop("$defs")
+    tables = dict(sections())
+    properties: Schema = {"schema": {"const": SCHEMA, "description": "form of this file"}}
+    for name, info in Drive.model_fields.items():
+        if name in tables:
+            properties[name] = _section(definitions[tables[name].__name__], tables[name], info)
+        else:
+            properties[name] = {k: v for k, v in schema["properties"][name].items() if k in _KEPT}
+    properties["uncertainty"] |= _uncertainty()
+    properties["source"] |= {
+        "type": ["object", "null"],
+        "propertyNames": {"enum": [path for path, _ in fields()]},
+        "additionalProperties": _bare(definitions["Source"]),
+    }
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "hdassist preset",
+        "description": schema["description"],
+        "type": "object",
+        "required": ["schema", *schema["required"]],
+        "additionalProperties": False,
+        "properties": properties,
+    }
+
+
+_KEPT = ("type", "description", "minLength", "maxLength")
+
+
+def _section(definition: Schema, model: type[Section], info: FieldInfo) -> Schema:
+    table: Schema = {
+        "type": "object" if info.is_required() else ["object", "null"],
+        "description": definition["description"],
+        "additionalProperties": False,
+        "properties": {
+            name: _field(definition["properties"][name], field) for name, field in model.model_fields.items()
+        },
+    }
+    return table | ({"required": definition["required"]} if "required" in definition else {})
+
+
+def _field(declared: Schema, info: FieldInfo) -> Schema:
+    unit, kind = unit_of(info), kind_of(info)
+    about = {"description": f"{info.description} [{unit}]" if unit else info.description}
+    about |= {key: declared[key] for key in ("default", "examples") if key in declared}
+    if kind == "choice":
+        return about | {"enum": declared["enum"]}
+    if kind == "holes":
+        hole = {"type": "integer", "minimum": 0}
+        return about | {"anyOf": [{"const": "all"}, hole, {"type": "array", "items": hole, "minItems": 1}]}
+    if kind == "numbers":
+        one = _quantity(declared["items"], unit)
+        return about | {"anyOf": [*one, {"type": "array", "items": {"anyOf": one}, "minItems": 1}]}
+    if kind == "limits":
+        one = _quantity(declared["additionalProperties"], unit)
+        limits = {
+            "type": "object", "propertyNames": {"pattern": TORQUE_KEY}, "additionalProperties": {"anyOf": one}
+        }  # fmt: skip
+        return about | {"anyOf": [*one, limits]}
+    number = declared.get("anyOf", [declared])[0]
+    choices = _quantity(number, unit) + ([{"type": "null"}] if is_optional(info) else [])
+    return about | (choices[0] if len(choices) == 1 else {"anyOf": choices})
+
+
+def _quantity(number: Schema, unit: str) -> list[Schema]:
+    """A number in its range, or a text with a unit."""
+    limits = ("type", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+    bare = {key: number[key] for key in limits if key in number}
+    text = {"type": "string", "pattern": pattern_for(unit)} if units_for(unit) else None
+    return [bare, text] if text else [bare]
+
+
+def _uncertainty() -> Schema:
+    entries = {
+        path: {"anyOf": _quantity({"type": "number", "minimum": 0}, unit_of(info))}
+        for path, info in fields()
+        if kind_of(info) == "number"
+    }
+    return {"type": ["object", "null"], "additionalProperties": False, "properties": entries}
+
+
+def _bare(definition: Schema) -> Schema:
+    """A definition without the titles that only repeat the names of the fields."""
+    properties = {
+        name: {key: value for key, value in field.items() if key not in ("title", "unit")}
+        for name, field in definition["properties"].items()
+    }
+    return {key: value for key, value in definition.items() if key != "title"} | {"properties": properties}

@@ -1,0 +1,88 @@
+"""Where human output goes: width, colour and character set of a stream."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from typing import TextIO
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+PIPE_WIDTH = 80
+PLAIN = str.maketrans(
+    {"·": "*", "µ": "u", "°": " deg", "×": "x", "−": "-", "±": "+-", "–": "-", "…": "...", "’": "'", "≤": "<="}
+)
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a stream can show: 7-bit text only, control codes, and columns."""
+
+    ascii: bool
+    codes: bool
+    width: int
+
+    @classmethod
+    def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Look:
+        """Look of a stream, from its terminal, the environment and what the user forces."""
+        terminal = stream.isatty()
+        plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
+        width = shutil.get_terminal_size((PIPE_WIDTH, 24)).columns if terminal else PIPE_WIDTH
+        return cls(ascii=ascii or not _shows_unicode(stream), codes=terminal and not plain, width=width)
+
+    def text(self, text: str) -> str:
+        """The text as the stream can show it."""
+        return text.translate(PLAIN).encode("ascii", "replace").decode() if self.ascii else text
+
+
+def _shows_unicode(stream: TextIO) -> bool:
+    """Whether a stream takes more than 7 bits; Python writes UTF-8 under LC_ALL=C, where nobody wants it."""
+    locale = next(filter(None, (os.environ.get(name) for name in ("LC_ALL", "LC_CTYPE", "LANG"))), "")
+    if locale in ("C", "POSIX"):
+        return False
+    try:
+        "─⣿·".encode(stream.encoding or "ascii")
+    except (LookupError, UnicodeEncodeError):
+        return False
+    return True
+
+
+class _QuietConsole(Console):
+    """A console that says nothing more once its reader has gone, and leaves the exit code alone."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def console(stream: TextIO, look: Look) -> Console:
+    """A rich console that writes to a stream with a look."""
+    return _QuietConsole(
+        file=stream,
+        width=look.width,
+        color_system="auto" if look.codes else None,
+        force_terminal=look.codes,
+        no_color=not look.codes,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        legacy_windows=False,
+    )
+
+
+def table(look: Look, title: str = "", *, header: bool = True) -> Table:
+    """An empty table in the house's style."""
+    return Table(
+        title=Text(look.text(title)) if title else None,
+        title_justify="left",
+        title_style="bold",
+        box=box.ASCII2 if look.ascii else box.SIMPLE_HEAD,
+        show_header=header,
+        pad_edge=False,
+        show_edge=look.ascii,
+    )

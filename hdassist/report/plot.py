@@ -1,0 +1,89 @@
+"""Curves drawn with characters: braille dots, or plain ASCII where the stream has none."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.report.console import Look
+
+Array = NDArray[np.float64]
+Dots = NDArray[np.bool_]
+
+DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
+MARGIN = 8  # columns for the numbers of the y axis, with their blank
+
+
+def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = 10) -> str:
+    """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
+
+    x_label and y_label carry the units. Returns lines without a final newline.
+    """
+    columns = min(look.width, 80) - MARGIN - 2
+    wide, tall = (1, 1) if look.ascii else (2, 4)
+    ticks = _ticks(float(y.min()), float(y.max()), max(2, height // 2))
+    bottom, top = ticks[0], ticks[-1]
+    dots = _fill(x, y, columns * wide, height * tall, bottom, top)
+    rows = ["".join(row) for row in (dots_to_ascii(dots) if look.ascii else dots_to_braille(dots))]
+
+    corner, side, floor, mark = ("+", "|", "-", "+") if look.ascii else ("└", "│", "─", "┤")
+    at_row = {round((top - t) / (top - bottom) * (height - 1)): f"{t:g}" for t in ticks}
+    lines = [look.text(y_label)]
+    for k, row in enumerate(rows):
+        lines.append(f"{at_row.get(k, ''):>{MARGIN - 1}} {mark if k in at_row else side}{row}".rstrip())
+    lines.append(" " * MARGIN + corner + floor * columns)
+    lines.append(_x_numbers(float(x[0]), float(x[-1]), columns))
+    lines.append(" " * (MARGIN + 1) + look.text(x_label).center(columns).rstrip())
+    return "\n".join(lines)
+
+
+def dots_to_braille(dots: Dots) -> list[list[str]]:
+    """Characters of a grid of dots, four rows and two columns to a character."""
+    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
+    cells = dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3)
+    return [[chr(0x2800 + int((cell * DOTS).sum())) if cell.any() else " " for cell in row] for row in cells]
+
+
+def dots_to_ascii(dots: Dots) -> list[list[str]]:
+    """Characters of a grid of dots, one to a character."""
+    return [["*" if dot else " " for dot in row] for row in dots]
+
+
+def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float) -> Dots:
+    span = max(float(x[-1] - x[0]), np.finfo(float).tiny)
+    place = np.minimum(((x - x[0]) / span * columns).astype(int), columns - 1)
+    row = np.rint((top - y) / (top - bottom) * (rows - 1)).astype(int)
+    dots = np.zeros((rows, columns), dtype=bool)
+    previous: int | None = None
+    for column in range(columns):
+        here = row[place == column]
+        if not len(here):
+            continue
+        first, last = int(here.min()), int(here.max())
+        if previous is not None:
+            # join to the curve's last point in the column before, so that a steep curve has no holes
+            first, last = min(first, previous), max(last, previous)
+        dots[first : last + 1, column] = True
+        previous = int(here[-1])
+    return dots
+
+
+def _ticks(low: float, high: float, count: int) -> list[float]:
+    """Round numbers that enclose low and high, at most count steps apart."""
+    span = max(high - low, 1e-12)
+    power = 10.0 ** np.floor(np.log10(span / count))
+    step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= count)
+    first, last = int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
+    return [round(k * step, 12) for k in range(first, max(last, first + 1) + 1)]
+
+
+def _x_numbers(low: float, high: float, columns: int) -> str:
+    line = [" "] * (MARGIN + 1 + columns + 8)
+    for tick in _ticks(low, high, 6):
+        place = round((tick - low) / (high - low) * (columns - 1))
+        if 0 <= place < columns:
+            number = f"{tick:g}"
+            middle = MARGIN + 1 + place
+            start = max(0, middle - len(number) // 2)
+            line[start : start + len(number)] = number
+    return "".join(line).rstrip()

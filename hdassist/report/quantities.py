@@ -1,0 +1,46 @@
+"""Reported quantities, declared once: key in JSON and CSV, words in tables, unit, format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Quantity(Generic[T]):
+    """A reported quantity of things T.
+
+    key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits:
+    format of the number there; value: how to get it, full precision, None where there is none.
+    """
+
+    key: str
+    label: str
+    unit: str
+    digits: str
+    value: Callable[[T], Any]
+
+    def text(self, thing: T) -> str:
+        """The quantity as a table shows it."""
+        value = self.value(thing)
+        return "-" if value is None else format(value, self.digits) if self.digits else str(value)
+
+    @property
+    def words(self) -> str:
+        """Label with unit."""
+        return f"{self.label}, {self.unit}" if self.unit else self.label
+
+
+def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
+    """The quantities of a thing as a JSON object, dotted keys nested."""
+    result: dict[str, Any] = {}
+    for quantity in quantities:
+        *parents, last = quantity.key.split(".")
+        place = result
+        for name in parents:
+            place = place.setdefault(name, {})
+        place[last] = quantity.value(thing)
+    return result

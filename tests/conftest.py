@@ -1,0 +1,19 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from hdassist import Drive, load_preset
+
+settings.register_profile("steady", deadline=None, derandomize=True)
+settings.load_profile("steady")
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def reference() -> Drive:
+    """The frozen reference preset: the paper's drive with the values the reference numbers were made with."""
+    return load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))

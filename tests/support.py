@@ -1,0 +1,44 @@
+"""What many tests need: changed drives, and single states solved and proven."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hdassist.model.contacts import ContactSystem, contact_system
+from hdassist.model.geometry import Array
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import ARCSEC
+from hdassist.solve.certificate import TOLERANCE, displacements, residuals
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+
+
+def changed(drive: Drive, **fields: Any) -> Drive:
+    """The drive with some fields changed, named section__field."""
+    parts: dict[str, dict[str, Any]] = {}
+    for path, value in fields.items():
+        section, name = path.split("__")
+        parts.setdefault(section, {})[name] = value
+    update = {section: getattr(drive, section).model_copy(update=names) for section, names in parts.items()}
+    return drive.model_copy(update=update)
+
+
+def solve_state(system: ContactSystem, torque: float, delta_p: Array) -> tuple[Array, Array, float]:
+    """Forces [N], displacements [mm, rad] and rotation [arcsec] of one state; torque in N*mm."""
+    forces, free, _ = Engine(formulate(system), torque).solve(delta_p[None])
+    assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
+    rotation = float(free[0, system.free_rotation]) * ARCSEC
+    return forces[0], displacements(system, forces, free)[0], rotation
+
+
+def rotation(system: ContactSystem, torque: float, scalars: Array | None = None) -> float:
+    """Rotation [arcsec] of one state with deviation scalars (a, b, e_x, e_y) [mm]."""
+    scalars = np.zeros(4) if scalars is None else scalars
+    return solve_state(system, torque, system.delta_p + system.deviation_map @ scalars)[2]
+
+
+def wind_up(drive: Drive, M_g: float = 80.0, tau: float = 0.0, beta: float | None = None) -> float:
+    """Rotation [arcsec] of a drive without deviations at a torque [N*m]."""
+    return rotation(contact_system(drive, tau, beta), M_g * 1e3)

@@ -1,0 +1,115 @@
+"""Deviations: frames, marks, and measured teeth."""
+
+import numpy as np
+import pytest
+
+from hdassist import ToothDeviations, kinematic_error
+from hdassist.errors import UsageError
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import deviation_scalars, first_harmonic, gaps, tooth_phases
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from tests.support import changed
+
+QUIET = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
+
+
+def scalars(drive, phi_h: float, phi_g: float = 0.0):
+    """Deviation scalars at angles of cam and flexspline [deg], rigid wheel fixed."""
+    return deviation_scalars(drive, np.radians([phi_g - phi_h]), np.radians([-phi_h]))[0]
+
+
+def test_cam_offsets_turn_as_their_names_say(reference):
+    quiet = changed(reference, **QUIET)
+    still = changed(quiet, tolerances__e_hb=80.0, phases__phi_hb=30.0)
+    with_cam = changed(quiet, tolerances__e_hh=80.0, phases__phi_hh=30.0)
+    with_wheel = changed(quiet, tolerances__e_hg=80.0, phases__phi_hg=30.0)
+    # e_hb stands still: seen from a cam at 90 deg it has gone back by 90 deg
+    assert scalars(still, 90)[2:] == pytest.approx(0.08 * np.array([np.cos(np.radians(-60)), np.sin(np.radians(-60))]))
+    assert scalars(with_cam, 90)[2:] == pytest.approx(scalars(with_cam, 0)[2:])
+    assert scalars(with_wheel, 90, -0.9)[2:] == pytest.approx(
+        0.08 * np.array([np.cos(np.radians(30 - 90.9)), np.sin(np.radians(30 - 90.9))])
+    )
+
+
+def test_teeth_are_displaced_along_theta_as_stated(reference):
+    # flexspline alone, xi_g = 0, cam at 0: tooth at theta_x1 has (F/2) sin(theta_x1)
+    drive = changed(reference, **{**QUIET, "tolerances__F_i1": 60.0}, phases__xi_g=0.0)
+    system = contact_system(drive)
+    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    f = system.flanks
+    displaced = 0.03 * np.sin(f.theta + np.pi / 2)
+    # moving along +theta closes the + flank and opens the - flank
+    assert change[: system.n_flanks] == pytest.approx(-f.side * np.cos(f.alpha) * displaced, abs=1e-15)
+
+
+def test_equal_deviations_of_both_wheels_cancel(reference):
+    drive = changed(reference, phases__xi_b=40.0, phases__xi_g=40.0)
+    assert scalars(drive, 33, 0)[:2] - scalars(drive, 33, 0)[:2] == pytest.approx([0, 0])
+    assert scalars(drive, 0, 0)[:2] == pytest.approx([0, 0], abs=1e-15)
+
+
+def test_a_centre_shift_is_a_first_harmonic_half_a_turn_on(reference):
+    # a tooth ring whose centre lies off by e towards beta: each tooth moves along +theta by e sin(beta - theta)
+    e, beta, theta = 0.02, np.radians(70), np.linspace(0, 2 * np.pi, 13)
+    drive = changed(reference, phases__xi_b=70.0, mounting__mark_kind="runout")
+    xi = tooth_phases(drive)[1]
+    assert e * np.sin(beta - theta) == pytest.approx(e * np.sin(theta - xi), abs=1e-12)
+
+
+def test_a_pitch_mark_is_where_the_teeth_lead_most(reference):
+    drive = changed(reference, phases__xi_b=70.0, mounting__mark_kind="pitch")
+    xi = tooth_phases(drive)[1]
+    theta = np.radians(np.arange(0, 360, 1.0))
+    assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(70.0)
+
+
+@pytest.mark.parametrize("j", [0, 1, 77, 5000])
+def test_measured_flexspline_equals_its_first_harmonic(reference, j):
+    system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
+    measured = ToothDeviations(g=first_harmonic(75.0, tooth_phases(reference)[0], 200))
+    assert gaps(reference, system, states, measured) == pytest.approx(gaps(reference, system, states), abs=1e-12)
+
+
+@pytest.mark.parametrize("j", [0, 1, 77, 5000])
+def test_measured_rigid_wheel_equals_its_first_harmonic(reference, j):
+    # a space's own angle differs from its tooth's by up to 16 (1.8 - 1.782) deg = 0.285 deg at the window's edge
+    system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
+    measured = ToothDeviations(b=first_harmonic(75.0, tooth_phases(reference)[1], 202))
+    apart = np.abs(gaps(reference, system, states, measured) - gaps(reference, system, states))
+    assert apart.max() < 0.0375 * np.radians(0.286)
+    middle = np.abs(np.mod(system.flanks.theta + np.pi / 2, np.pi) - np.pi / 2) < 0.02
+    assert apart[0, : system.n_flanks][middle].max() < 0.0375 * np.radians(0.02)
+
+
+def test_measured_wheels_give_the_same_error(reference):
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(404))
+    xi_g, xi_b = tooth_phases(reference)
+    once = kinematic_error(reference, 80, states=states)
+    teeth = ToothDeviations(g=first_harmonic(75.0, xi_g, 200))
+    again = kinematic_error(reference, 80, states=states, teeth=teeth)
+    assert again.error_arcsec == pytest.approx(once.error_arcsec, abs=1e-7)
+    # the rigid wheel's spaces keep their own deviation: up to 0.19 um, at half an arcsec per um
+    teeth = ToothDeviations(b=first_harmonic(75.0, xi_b, 202))
+    again = kinematic_error(reference, 80, states=states, teeth=teeth)
+    assert again.error_arcsec == pytest.approx(once.error_arcsec, abs=0.2)
+
+
+def test_one_bad_tooth_is_felt_when_it_meshes(reference):
+    drive = changed(reference, **QUIET)
+    states = pitch_locked_states(Kinematics.of(drive), np.arange(202))
+    bad = np.zeros(200)
+    bad[50] = 20.0  # um
+    error = kinematic_error(drive, 80, states=states, teeth=ToothDeviations(g=bad), cross_check=None)
+    system = contact_system(drive)
+    touched = gaps(drive, system, states, ToothDeviations(g=bad)) != system.delta_p
+    in_mesh = touched.any(axis=1)
+    assert 60 < in_mesh.sum() < 70  # 33 positions in each of two zones
+    still = error.rotation_arcsec[~in_mesh]
+    assert np.ptp(still) < 1e-9
+    assert np.abs(error.rotation_arcsec[in_mesh] - still[0]).max() > 0.05
+
+
+def test_wrong_number_of_teeth(reference):
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(2))
+    with pytest.raises(UsageError, match="200 deviations, not 199"):
+        kinematic_error(reference, 80, states=states, teeth=ToothDeviations(g=np.zeros(199)))

@@ -1,0 +1,105 @@
+"""Flanks and nominal gaps against an independently drawn tooth pair."""
+
+import numpy as np
+import pytest
+
+from hdassist.errors import UntrustedError
+from hdassist.model.geometry import Geometry, Wheel, flank_candidates
+from tests.support import changed
+
+
+def drawn_flank(m: float, z: int, x: float, radii: np.ndarray, side: float) -> np.ndarray:
+    """Points (x, y) of a tooth's flank, tooth along +x, by unrolling a string from the base circle.
+
+    Nothing is shared with the model: the tooth's thickness comes from the rack, the curve from the string.
+    """
+    alpha = np.radians(20)
+    r, r_base = m * z / 2, m * z / 2 * np.cos(alpha)
+    thickness = m * (np.pi / 2 + 2 * x * np.tan(alpha))  # arc on the pitch circle
+    unrolled = np.sqrt(radii**2 - r_base**2) / r_base  # string length over r_base = roll angle
+    polar = unrolled - np.arctan(unrolled)
+    at_pitch = np.tan(alpha) - np.arctan(np.tan(alpha))
+    angle = thickness / (2 * r) + at_pitch - polar
+    return np.stack([radii * np.cos(angle), side * radii * np.sin(angle)], axis=1)
+
+
+def drawn_gap(drive, i: int, zone: int, side: float) -> float:
+    """Least distance between the drawn flank of tooth i and the drawn flank of its space, mm."""
+    g = drive.gears
+    r_f = g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) / 2
+    r_m = r_f - drive.flexspline.h_1 / 2
+    tip_g, tip_b = g.m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2, g.m * (g.z_b + 2 * g.x_b - 2 * g.h_a) / 2
+    theta, W_0 = 2 * np.pi * i / g.z_g, drive.cam.W_0
+    w, v = W_0 * np.cos(2 * theta), -W_0 / 2 * np.sin(2 * theta)
+    chi = 1.5 * W_0 * np.sin(2 * theta) / r_m  # (v - w')/r
+    flank = drawn_flank(g.m, g.z_g, g.x_g, np.linspace(r_f + 0.2 * g.m, tip_g, 4001), side) - [r_m, 0]
+    turn = chi + theta + v / r_m
+    rotated = flank @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    placed = rotated + (r_m + w) * np.array([np.cos(theta + v / r_m), np.sin(theta + v / r_m)])
+    placed = placed[np.hypot(*placed.T) >= tip_b]
+
+    axis = zone * np.pi
+    space = axis + (theta - axis) * g.z_g / g.z_b
+    other = drawn_flank(g.m, g.z_b, g.x_b, np.linspace(tip_b - 0.3, tip_b + 3, 60001), side)
+    other = other @ np.array([[np.cos(space), np.sin(space)], [-np.sin(space), np.cos(space)]])
+    steps = np.diff(other, axis=0)
+    normals = side * np.stack([-steps[:, 1], steps[:, 0]], axis=1) / np.hypot(*steps.T)[:, None]
+    gaps = []
+    for point in placed[:: max(1, len(placed) // 200)]:
+        nearest = np.argmin(np.hypot(*(other[:-1] - point).T))
+        gaps.append(float((other[nearest] - point) @ normals[nearest]))
+    return min(gaps)
+
+
+@pytest.mark.parametrize(("i", "zone", "side"), [(0, 0, 1.0), (5, 0, 1.0), (5, 0, -1.0), (-9, 0, 1.0), (104, 1, -1.0)])
+def test_nominal_gap_is_that_of_a_drawn_pair(reference, i, zone, side):
+    flanks = flank_candidates(Geometry.of(reference), np.radians(30))
+    k = np.flatnonzero((flanks.tooth == i) & (flanks.zone == zone) & (flanks.side == side))[0]
+    # normal distance against the model's distance along the involute's tangent: they differ by the
+    # flanks' difference of direction only; 0.2 um is 1 % of the clearances that matter
+    assert flanks.gap[k] == pytest.approx(drawn_gap(reference, i, zone, side), abs=2e-4)
+
+
+def test_half_angle_at_the_pitch_circle_is_that_of_the_rack():
+    wheel = Wheel(40, 2.0, np.radians(20), 0.5)
+    thickness = 2.0 * (np.pi / 2 + 2 * 0.5 * np.tan(np.radians(20)))
+    assert wheel.half_angle(np.array([40.0]))[0] == pytest.approx(thickness / 2 / 40.0, rel=1e-14)
+
+
+def test_window_takes_in_its_ends(reference):
+    # 204/206 teeth: 17 pitches are exactly 30 degrees
+    drive = changed(reference, gears__z_g=204, gears__z_b=206)
+    flanks = flank_candidates(Geometry.of(drive), np.radians(30))
+    assert len(flanks.theta) == 2 * 2 * 35
+    assert set(flanks.tooth[flanks.edge]) == {-17, 17, 102 - 17, 102 + 17}
+
+
+def test_reference_has_as_many_candidates_as_counted_by_hand(reference):
+    flanks = flank_candidates(Geometry.of(reference), np.radians(30))
+    # 30/1.8 = 16.7: teeth -16..16 in each zone, two flanks each
+    assert len(flanks.theta) == 2 * 2 * 33
+
+
+def test_teeth_that_do_not_overlap_are_no_candidates(reference):
+    # towards the minor axis the rim moves in: no tooth reaches there
+    wide = flank_candidates(Geometry.of(reference), np.radians(80))
+    assert np.abs(np.cos(wide.theta)).min() > np.cos(np.radians(60))
+
+
+def test_no_tooth_in_reach_is_an_error(reference):
+    with pytest.raises(UntrustedError, match="reaches"):
+        flank_candidates(Geometry.of(changed(reference, cam__W_0=0.0, gears__h_a=0.3)), np.radians(30))
+
+
+def test_zones_and_sides_are_mirror_images(reference):
+    flanks = flank_candidates(Geometry.of(reference), np.radians(30))
+    gap = {(int(t), int(z), float(s)): g for t, z, s, g in zip(flanks.tooth, flanks.zone, flanks.side, flanks.gap, strict=True)}
+    for (tooth, zone, side), value in gap.items():
+        assert gap[(-tooth if zone == 0 else 200 - tooth, zone, -side)] == pytest.approx(value, abs=1e-12)
+        assert gap[((tooth + 100) if zone == 0 else tooth - 100, 1 - zone, side)] == pytest.approx(value, abs=1e-12)
+
+
+def test_least_gap_is_found_on_a_denser_sampling_too(reference, monkeypatch):
+    coarse = flank_candidates(Geometry.of(reference), np.radians(30)).gap
+    monkeypatch.setattr("hdassist.model.geometry.FLANK_SAMPLES", 4001)
+    assert np.abs(flank_candidates(Geometry.of(reference), np.radians(30)).gap - coarse).max() < 1e-9
