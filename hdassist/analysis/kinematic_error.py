@@ -20,7 +20,7 @@ from hdassist.model.kinematics import Kinematics, States, ball_phase, pitch_lock
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, Answers, Certificate, Progress, solve_states
 from hdassist.solve.engine import Engine, StateSolver, ThroughCvxpy
-from hdassist.solve.formulation import formulate, solve_through_cvxpy
+from hdassist.solve.formulation import formulate, require_solver, solve_through_cvxpy
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
@@ -116,8 +116,10 @@ def kinematic_error(
     Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
     knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
     extremes and a sample (seed) again, None for none; progress, told how many states were solved.
-    Raises UntrustedError where an answer cannot be trusted.
+    Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
+    for name in filter(None, (solver, cross_check)):
+        require_solver(name)
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
     parts = []
@@ -178,7 +180,7 @@ def _cross_check(
                     "try another solver for the cross-check (--cross-check osqp)",
                 )
             worst = max(worst, float(difference))
-    return CrossCheck(solver, len(rows), worst)
+    return CrossCheck(require_solver(solver), len(rows), worst)
 
 
 def _place(states: States, M_g: float, k: int) -> str:

@@ -38,7 +38,8 @@ def trace(
     """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
     Arguments: start_deg, angle of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg];
-    the others as in kinematic_error. Raises UsageError for less than one revolution or more than a cycle.
+    the others as in kinematic_error. Raises UsageError for less than one revolution, more than a cycle, or a start
+    angle that is no number.
     """
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:
@@ -46,6 +47,8 @@ def trace(
             f"revolutions must be 1 to {kinematics.cycle_cam_revolutions}, not {revolutions}",
             "after the full cycle the error repeats itself",
         )
+    if not np.isfinite(start_deg):
+        raise UsageError(f"the start angle must be a number, not {start_deg}")
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )

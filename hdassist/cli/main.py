@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 from typing import Annotated
 
 import typer
@@ -47,21 +48,24 @@ def main() -> None:
     try:
         app()
     except HdassistError as error:
-        if "--debug" in sys.argv:
-            raise
+        _trace_if_asked()
         from hdassist.cli.output import complain
 
         complain(error)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        sys.stderr.write("interrupted\n")
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         # the reader has gone: nothing more to say, and nothing to complain about at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
-        if "--debug" in sys.argv:
-            raise
-        print(f"internal error: {type(error).__name__}: {error}", file=sys.stderr)
-        print("  hint: this is a bug in hdassist; --debug shows where", file=sys.stderr)
+        _trace_if_asked()
+        sys.stderr.write(f"internal error: {type(error).__name__}: {error}\n")
+        sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
         sys.exit(BUG)
+
+
+def _trace_if_asked() -> None:
+    if "--debug" in sys.argv:
+        traceback.print_exc()

@@ -50,12 +50,12 @@ class Output:
         """Give the answer for people; silent where the figures take stdout."""
         if self.csv == "-":
             return
-        if self.target == "-":
+        if self.look.codes:
             console(sys.stdout, self.look).print(answer)
             return
         page = io.StringIO()
         console(page, self.look).print(answer)
-        self.text(page.getvalue())
+        self.text("\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n")
 
     def text(self, answer: str) -> None:
         """Give an answer that is text as it stands."""
@@ -98,14 +98,14 @@ def complain(error: HdassistError, about: str = "") -> None:
     """Say an error on stderr, with what to do about it."""
     where = f"{about}: " if about else ""
     hint = f"\n  hint: {error.hint}" if error.hint else ""
-    print(Look.of(sys.stderr).text(f"error: {where}{error.message}{hint}"), file=sys.stderr)
+    note(f"error: {where}{error.message}{hint}")
 
 
 def warn(text: str) -> None:
     """Say a warning on stderr."""
-    print(Look.of(sys.stderr).text(f"warning: {text}"), file=sys.stderr)
+    note(f"warning: {text}")
 
 
 def note(text: str) -> None:
     """Say something beside the answer on stderr."""
-    print(Look.of(sys.stderr).text(text), file=sys.stderr)
+    sys.stderr.write(Look.of(sys.stderr).text(text) + "\n")

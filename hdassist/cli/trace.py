@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Annotated
 
 import typer
@@ -44,8 +45,6 @@ def command(
     One cam revolution has as many states as the fixed wheel has teeth. Orders that differ by the
     flexspline's slow turn come apart over the full cycle only (for 200/202 teeth: -n 100).
     """
-    import numpy as np
-
     from hdassist.analysis.trace import trace
     from hdassist.cli.output import Output, note, warn
     from hdassist.model.kinematics import Kinematics
@@ -54,8 +53,10 @@ def command(
     from hdassist.report.envelope import to_json
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
-    drive = load_preset(preset, overrides)
-    M_g = _torque(drive.operation.M_g[0] if torque is None else torque)
+    torques = [] if torque is None else [f"operation.M_g={torque!r}"]
+    drive = load_preset(preset, [*overrides, *torques])
+    M_g = drive.operation.M_g[0]
+    begun = time.monotonic()
     with out.progress(drive.name, revolutions * Kinematics.of(drive).teeth_fixed) as progress:
         result = trace(
             drive, M_g, start_deg=start, revolutions=revolutions, solver=solver, cross_check=cross_check,
@@ -64,7 +65,7 @@ def command(
     for text in drive.origin.warnings:
         warn(text)
     if verbose:
-        note(f"{result.error.certificate}; twist {np.ptp(result.error.rotation_arcsec):.6f} arcsec")
+        note(f"{drive.name}: {result.error.certificate.states} states in {time.monotonic() - begun:.1f} s")
     if json:
         out.text(to_json(report.answer(drive, result, seed)))
     else:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError
 
@@ -43,14 +43,16 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     Raises DataError: no such preset, or a file that cannot be read.
     """
     if name_or_path == "-":
-        return sys.stdin.buffer.read(READ_AT_MOST), STDIN
+        return _standard_input(), STDIN
     library = _library()
+    if not name_or_path:
+        raise _unknown("", list(library))
     if name_or_path in library:
         with library[name_or_path].open("rb") as stream:
             return stream.read(READ_AT_MOST), name_or_path
     try:
         with Path(name_or_path).open("rb") as stream:
-            return _bytes(stream), name_or_path
+            return stream.read(READ_AT_MOST), name_or_path
     except FileNotFoundError:
         raise _unknown(name_or_path, list(library)) from None
     except IsADirectoryError:
@@ -60,8 +62,13 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
         raise DataError(f"cannot read {name_or_path}: {reason}") from None
 
 
-def _bytes(stream: BinaryIO) -> bytes:
-    return stream.read(READ_AT_MOST)
+def _standard_input() -> bytes:
+    if sys.stdin is None:
+        raise DataError("cannot read standard input: it is closed")
+    try:
+        return sys.stdin.buffer.read(READ_AT_MOST)
+    except OSError as error:
+        raise DataError(f"cannot read standard input: {error.strerror}") from None
 
 
 def _library() -> dict[str, Traversable]:

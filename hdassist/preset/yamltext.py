@@ -7,6 +7,7 @@ and tags, a key stands once, and a plain scalar is read by the rules below and n
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
@@ -112,10 +113,11 @@ def _decode(text: bytes | str) -> str:
         raise _EndError(
             Mark(1, 1), f"the file is larger than {MAX_BYTES // 1024} KiB", hint="is this a preset?"
         )
+    data = data.removeprefix(BOM_UTF8)
     try:
-        decoded = data.decode("utf-8-sig")
+        decoded = data.decode()
     except UnicodeDecodeError as error:
-        before = data[: error.start].decode("utf-8-sig")
+        before = data[: error.start].decode()
         raise _EndError(
             _mark_at_end(before),
             "not UTF-8 text",

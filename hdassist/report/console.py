@@ -42,8 +42,7 @@ class Look:
 
 def _shows_unicode(stream: TextIO) -> bool:
     """Whether a stream takes more than 7 bits; Python writes UTF-8 under LC_ALL=C, where nobody wants it."""
-    locale = next(filter(None, (os.environ.get(name) for name in ("LC_ALL", "LC_CTYPE", "LANG"))), "")
-    if locale in ("C", "POSIX"):
+    if os.environ.get("LC_ALL") in ("C", "POSIX"):
         return False
     try:
         "─⣿·".encode(stream.encoding or "ascii")

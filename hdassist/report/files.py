@@ -19,7 +19,8 @@ def write_text(path: str, text: str, force: bool) -> None:
     Raises UsageError: the file exists; DataError: it cannot be written. Then nothing has changed.
     """
     if path == "-":
-        sys.stdout.write(text)
+        encoding = sys.stdout.encoding or "utf-8"
+        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
         return
     require_writable(path, force)
     data = text.encode("utf-8", "backslashreplace")

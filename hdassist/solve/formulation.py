@@ -17,7 +17,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
 
@@ -81,6 +81,9 @@ def formulate(system: ContactSystem) -> Formulation:
     return Formulation(system, units, problem, forces, gaps, load, equilibrium)
 
 
+# Solvers that take a quadratic programme, of those cvxpy knows.
+ABLE = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
+
 # Tolerances at which each solver's answers earn their certificate; a name that is not here runs at its defaults.
 TIGHT: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10},
@@ -89,17 +92,25 @@ TIGHT: dict[str, dict[str, Any]] = {
 }
 
 
+def require_solver(name: str) -> str:
+    """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
+    able = sorted(set(cp.installed_solvers()) & ABLE)
+    if name.upper() not in able:
+        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(able).lower()}")
+    return name.upper()
+
+
 def solve_through_cvxpy(
     formulation: Formulation, delta_p: Array, torque: float, solver: str
 ) -> tuple[Array, Array]:
     """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
 
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
-    Raises UntrustedError where the solver gives no answer.
+    Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
+    name = require_solver(solver)
     formulation.set_gaps(delta_p)
     formulation.set_load(torque)
-    name = solver.upper()
     try:
         formulation.problem.solve(solver=name, **TIGHT.get(name, {}))
     except cp.SolverError as error:

@@ -27,23 +27,27 @@ def values() -> dict[str, object]:
     ("overrides", "path", "message"),
     [
         (["gears.z_b=200"], "gears.z_b", "needs more teeth than the flexspline (got z_b - z_g = 0)"),
-        (["gears.z_b=198"], "gears.z_b", "needs more teeth than the flexspline (got z_b - z_g = -2)"),
+        (["gears.z_b=198"], "gears.z_b", "needs more teeth than the flexspline (got z_b - z_g = -2"),
         (["gears.z_b=204"], "gears.z_b", "only drives with two waves and z_b - z_g = 2 are supported"),
-        (["gears.h_a=0.2", "cam.W_0=0.3", "gears.x_g=2.9"], "gears.x_g", "the teeth do not reach each other"),
+        (["gears.x_g=1.8"], "gears.x_g", "the teeth do not reach each other"),
         (["gears.h_a=1.2"], "gears.h_a", "the tips interfere: they do not come free at the minor axis"),
-        (["cam.W_0=1.57"], "cam.W_0", "beyond the teeth: the flexspline runs into the root of the rigid wheel"),
-        (["gears.h_f=1.0"], "gears.h_f", "beyond the teeth: the rigid wheel runs into the root of the flexspline"),
+        (["cam.W_0=1.57"], "cam.W_0",
+         "beyond the teeth: the flexspline runs into the root of the rigid wheel"),
+        (["gears.h_f=0.5"], "gears.h_f",
+         "beyond the teeth: the rigid wheel runs into the root of the flexspline"),
         (["cam.W_0=1.2"], "cam.W_0", "the teeth interfere: they run through each other"),
         (["gears.h_a=1.18"], "gears.h_a", "the teeth interfere: they run through each other"),
         (["gears.x_g=12", "gears.x_b=12"], "gears.x_g", "the teeth of the flexspline are pointed"),
         (["gears.x_g=-1", "gears.x_b=-0.8", "gears.z_g=20", "gears.z_b=22", "gears.m=5"], "gears.x_b",
          "the rigid wheel has no involute flank: its tip lies inside the base circle"),
-        (["flexspline.l=32"], "flexspline.l", "the shell must be longer than the tooth ring (got l 32 mm, b_w 32 mm)"),
+        (["flexspline.l=32"], "flexspline.l",
+         "the shell must be longer than the tooth ring (got l 32 mm, b_w 32 mm)"),
         (["flexspline.h_1=17"], "flexspline.h_1", "too thick for a rim"),
         (["bearing.ring_h=17"], "bearing.ring_h", "too thick for a bore"),
         (["bearing.d_ball=17.6"], "bearing.d_ball", "no room for 24 balls in the bearing"),
         (["bearing.d_ball=80"], "bearing.d_ball", "does not fit inside the raceway"),
-        (["bearing.ball_motion=rolling", "bearing.d_ball="], "bearing.ball_motion", "rolling balls need bearing.d_ball"),
+        (["bearing.ball_motion=rolling", "bearing.d_ball="], "bearing.ball_motion",
+         "rolling balls need bearing.d_ball"),
         (["supports={C_1: 0, C_2: 0, C_3: 0}"], "supports.C_1", "C_1, C_2 and C_3 are all 0"),
         (["operation.M_g=[]"], "operation.M_g", "needs at least one torque"),
         (["operation.M_g=[80, 0.0]"], "operation.M_g", "a torque of 0 leaves the rotation undetermined"),
@@ -53,19 +57,22 @@ def values() -> dict[str, object]:
         (["mounting.allowed=[]"], "mounting.allowed", "no hole is left"),
         (["mounting.allowed=3", "mounting.holes=0"], "mounting.allowed", "has no holes to choose from"),
         (["numerics.n_2=79"], "numerics.n_2", "too few nodes for the bending modes"),
-        (["gears.z_g=20", "gears.z_b=22", "numerics.window=17"], "numerics.window", "holds no full tooth pitch"),
+        (["gears.z_g=20", "gears.z_b=22", "numerics.window=17"], "numerics.window",
+         "holds no full tooth pitch"),
     ],
 )  # fmt: skip
 def test_conflicts_are_refused(overrides: list[str], path: str, message: str) -> None:
     with pytest.raises(UsageError) as caught:
         load(*overrides)
-    assert any(f": {path}: " in line and message in line for line in caught.value.message.splitlines()), caught.value
+    lines = caught.value.message.splitlines()
+    assert any(f": {path}: " in line and message in line for line in lines), lines
 
 
 @pytest.mark.parametrize(
     "overrides",
     [
-        ["gears.h_a=1.0"], ["cam.W_0=0.9"], ["cam.W_0=1.0"], ["gears.x_g=3.0"], ["gears.z_g=198", "gears.z_b=200"],
+        ["gears.h_a=1.0"], ["cam.W_0=0.9"], ["cam.W_0=1.0"], ["gears.x_g=3.0"],
+        ["gears.z_g=198", "gears.z_b=200"],
         ["gears.h_f=1.25"], ["flexspline.l=32.1"], ["bearing.d_ball=17.5"], ["supports.C_1=0"],
         ["supports={C_1: 0, C_2: 0, C_3: 1}"], ["operation.M_g=[80, -80]"], ["mounting.allowed=[0, 11]"],
         ["mounting.holes=0"], ["bearing.ball_motion=rolling"], ["numerics.n_2=80"], ["bearing.d_ball="],

@@ -22,6 +22,9 @@ supports: {C_1: 1.3e6, C_2: 2.3e4, C_3: 8.4e3}
 operation: {M_g: [80, 800]}
 """
 
+NO_W_0 = "my.yaml:6:1: cam.W_0: missing key (radial deformation of the flexspline at the major axis, in mm)"
+EMPTY = "my.yaml:1:1: the preset is empty (hdassist presets new NAME prints one to start from)"
+
 
 def load(*changes: tuple[str, str], more: str = "", overrides: tuple[str, ...] = ()) -> Drive:
     text = BASE
@@ -108,14 +111,14 @@ def test_optional_fields_may_be_empty() -> None:
     [
         # keys
         ([("W_0", "w0")], "", [
-            "my.yaml:6:1: cam.W_0: missing key (radial deformation of the flexspline at the major axis, in mm)",
+            NO_W_0,
             "my.yaml:6:7: cam.w0: unknown key (did you mean W_0?)",
         ]),
         ([("W_0: 0.96", "W_0: 0.96, h_1: 2")], "",
          ["my.yaml:6:18: cam.h_1: unknown key (h_1 belongs to flexspline)"]),
         ([("cam: {W_0: 0.96}\n", "")], "", ["my.yaml:1:1: cam: missing section (it needs W_0)"]),
         ([("cam: {W_0: 0.96}", "cam:")], "",
-         ["my.yaml:6:1: cam.W_0: missing key (radial deformation of the flexspline at the major axis, in mm)"]),
+         [NO_W_0]),
         ([("name: test\n", "")], "", ["my.yaml:1:1: name: missing key (name of the drive)"]),
         ([("name: test", "nmae: test")], "", [
             "my.yaml:1:1: name: missing key (name of the drive)",
@@ -189,6 +192,10 @@ def test_optional_fields_may_be_empty() -> None:
         ]),
         ([], "source: {cam.W_0: given}\n", ["my.yaml:9:19: source.cam.W_0: must be a table of keys "
          "(got given; like {kind: given, ref: page 6})"]),
+        ([], "source: {cam.W_0: {kind: given, page: '6'}}\n",
+         ["my.yaml:9:33: source.cam.W_0.page: unknown key (known: kind, ref)"]),
+        ([("j_n: 7", "wall")], "",
+         ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
          ["my.yaml:9:15: uncertainty.xi_b: names no field (got xi_b; did you mean phases.xi_b?)"]),
         ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
@@ -212,8 +219,8 @@ def test_each_thing_that_is_wrong_has_its_message(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "my.yaml:1:1: the preset is empty (hdassist presets new NAME prints one to start from)"),
-        ("# nothing\n~\n", "my.yaml:1:1: the preset is empty (hdassist presets new NAME prints one to start from)"),
+        ("", EMPTY),
+        ("# nothing\n~\n", EMPTY),
         ("- a\n", "my.yaml:1:1: a preset must be a table of keys "
          "(got a list; hdassist presets new NAME prints one to start from)"),
         (b"\xff\xfe", "my.yaml:1:1: not UTF-8 text (got byte 0xff; save the file as UTF-8)"),
@@ -232,7 +239,9 @@ def test_everything_wrong_is_found_at_once_in_the_order_of_the_file() -> None:
         ("C_3: 8.4e3", "C_3: .nan, C4: 1"), ("[80, 800]", "[80, 0, x]"), more="colour: red\n",
     )  # fmt: skip
     assert [line.split(": ")[1] for line in found] == [
-        "gears.z_b", "gears.m", "flexspline.l", "bearing.N", "supports.C_3", "supports.C4", "operation.M_g[2]", "colour",
+        "gears.z_b", "gears.m", "flexspline.l", "bearing.N", "supports.C_3", "supports.C4",
+        "operation.M_g[2]",
+        "colour",
     ]  # fmt: skip
 
 
@@ -251,7 +260,17 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
                 load(overrides=(f"{path}={value}",))
             except UsageError as error:
                 assert path in error.message
-                for word in ("Input", "valid ", "instance", "Literal", "tuple", "dict", "None", "float", "type"):
+                for word in (
+                    "Input",
+                    "valid ",
+                    "instance",
+                    "Literal",
+                    "tuple",
+                    "dict",
+                    "None",
+                    "float",
+                    "type",
+                ):
                     assert word not in error.message, error.message
             else:
                 taken.add((path, value))
@@ -262,19 +281,24 @@ def test_fields_that_nothing_uses_yet_are_kept_with_a_warning_each() -> None:
     drive = load(more="uncertainty: {cam.W_0: 0.01}\nmounting: {holes: 8, first_hole: 5, allowed: [1, 2]}\n")
     assert drive.mounting.allowed == (1, 2)
     assert len(drive.origin.warnings) == len(NOT_YET_USED) == 4
-    assert drive.origin.warnings[0] == "my.yaml:9:1: uncertainty: kept, but no command of this version uses it"
+    assert (
+        drive.origin.warnings[0] == "my.yaml:9:1: uncertainty: kept, but no command of this version uses it"
+    )
     assert all("kept, but no command of this version uses it" in warning for warning in drive.origin.warnings)
 
 
 def test_a_limit_for_another_torque_is_a_warning() -> None:
     drive = load(more="acceptance: {F_ior: {80: 30, 900: 20, all: 60}}\n")
     assert drive.origin.warnings == (
-        "my.yaml:9:30: acceptance.F_ior.900: a limit for a torque that is not in operation.M_g (M_g: 80, 800)",
+        "my.yaml:9:30: acceptance.F_ior.900: "
+        "a limit for a torque that is not in operation.M_g (M_g: 80, 800)",
     )
 
 
 def test_overrides_replace_and_are_remembered() -> None:
-    drive = load(overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30"))
+    drive = load(
+        overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30")
+    )
     assert (drive.cam.W_0, drive.operation.M_g, drive.tolerances.F_i2) == (0.95, (80, 400), 60)
     assert drive.limit(80) == 30
     assert drive.origin.overrides[0] == "cam.W_0=950 um"
@@ -325,12 +349,20 @@ def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> No
 
 def test_an_override_that_contradicts_the_file_is_wrong_usage_at_the_override() -> None:
     assert usage_error("gears.z_b=203").startswith("--set:1:11: gears.z_b: only drives with two waves")
-    assert usage_error("flexspline.b_w=200").startswith("--set:1:16: flexspline.b_w: the shell must be longer")
+    assert usage_error("flexspline.b_w=200").startswith(
+        "--set:1:16: flexspline.b_w: the shell must be longer"
+    )
 
 
 def test_a_bad_file_stays_a_bad_file_whatever_the_overrides_say() -> None:
     found = errors(("m: 0.8", "m: x"), overrides=("cam.W_0=y",))
     assert [line.split(": ")[0] for line in found] == ["my.yaml:3:32", "--set:1:9"]
+
+
+def test_findings_only_in_overrides_are_wrong_usage_even_where_an_override_completes_the_file() -> None:
+    with pytest.raises(UsageError, match=r"--set:2:9: gears\.m: must be a number") as caught:
+        load(("W_0: 0.96", ""), overrides=("cam.W_0=0.96", "gears.m=x"))
+    assert len(caught.value.message.splitlines()) == 1
 
 
 def test_an_override_can_put_a_file_right() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from hdassist import kinematic_error
 from hdassist.analysis.self_error import self_error
-from hdassist.errors import UntrustedError
+from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve import answers, engine
@@ -88,7 +88,7 @@ def test_every_state_can_go_through_cvxpy(reference, solver):
 
 
 def test_an_unknown_solver_is_an_error(formulation, system):
-    with pytest.raises(UntrustedError, match="NOSUCH"):
+    with pytest.raises(UsageError, match="nosuch"):
         ThroughCvxpy(formulation, 80e3, "nosuch").solve(system.delta_p[None])
 
 

@@ -105,7 +105,9 @@ def test_extreme_exponents_are_quick() -> None:
 
 def test_every_unit_of_the_declarations_converts_to_itself() -> None:
     units = {unit_of(info) for _, info in fields()} - {""}
-    assert units == {unit for unit in units if unit in units_for(unit) and convert(f"3.5 {unit}", unit) == 3.5}
+    assert units == {
+        unit for unit in units if unit in units_for(unit) and convert(f"3.5 {unit}", unit) == 3.5
+    }
 
 
 @pytest.mark.parametrize("unit", ["mm", "deg", "arcsec", "N*m", "MPa", "N/mm", "mm/N"])
@@ -113,7 +115,19 @@ def test_the_pattern_for_editors_takes_what_converts_and_no_other_dimension(unit
     pattern = pattern_for(unit)
     for fitting in units_for(unit):
         assert re.search(pattern, f"1.5e3 {fitting}")
-    for text in ("75 µm", "80 N·m", "80 Nm", "5 N / mm", "30′", "260°", "5 N/mm²", "1.2 m", "80 mN", "3", "x mm"):
+    for text in (
+        "75 µm",
+        "80 N·m",
+        "80 Nm",
+        "5 N / mm",
+        "30′",
+        "260°",
+        "5 N/mm²",
+        "1.2 m",
+        "80 mN",
+        "3",
+        "x mm",
+    ):
         try:
             convert(text, unit)
         except UnitError:

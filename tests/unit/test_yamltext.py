@@ -36,7 +36,8 @@ def test_plain_scalars_are_read_as_yaml_1_2(text: str, value: object) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["12:30", "1_000", "no", "on", "off", "yes", "y", "True", "NULL", ".inf", ".nan", "nan", "0x10", "0o7", "1e",
+    ["12:30", "1_000", "no", "on", "off", "yes", "y", "True", "NULL", ".inf", ".nan", "nan", "0x10", "0o7",
+     "1e",
      "e3", "1.2.3", "2020-01-01", "<<", "=", "\u0663"],
 )  # fmt: skip
 def test_what_looks_like_a_value_elsewhere_stays_text(text: str) -> None:
@@ -91,7 +92,8 @@ def test_byte_order_mark_and_crlf_are_fine(text: bytes | str) -> None:
          "(wrong indentation, or a text that needs quotes)"),
         ("a: @x", "a.yaml:1:4: not valid YAML: a character that no plain text can start with "
          "(put the text in quotes)"),
-        ('a: "\\q"', "a.yaml:1:6: not valid YAML: a bad escape in a quoted text (single quotes take \\ as it is)"),
+        ('a: "\\q"', "a.yaml:1:6: not valid YAML: a bad escape in a quoted text "
+         "(single quotes take \\ as it is)"),
         ("a: \x07", "a.yaml:1:4: a control character, which YAML does not allow (got \\x07)"),
         (b"a: 1\nb: \xfc\n", "a.yaml:2:4: not UTF-8 text (got byte 0xfc; save the file as UTF-8)"),
         ("a: 1".encode("utf-16"), "a.yaml:1:1: not UTF-8 text (got byte 0xff; save the file as UTF-8)"),
@@ -102,7 +104,9 @@ def test_traps_are_refused_with_their_place(text: bytes | str, message: str) -> 
 
 
 def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
-    bomb = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
+    bomb = "a: &a [x, x]\n" + "".join(
+        f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+    )
     document = read(bomb, "f")
     assert [f.message for f in document.findings].count("aliases are not allowed") == 16
     assert document.data["i"] == [BROKEN, BROKEN]
@@ -121,7 +125,9 @@ def test_nesting_up_to_the_limit_is_read() -> None:
 
 
 def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
-    assert findings("#" * (MAX_BYTES + 1)) == ["a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"]
+    assert findings("#" * (MAX_BYTES + 1)) == [
+        "a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"
+    ]
     assert findings("#" * MAX_BYTES) == []
 
 

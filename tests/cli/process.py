@@ -1,0 +1,49 @@
+"""Run hdassist as a process: in pipes, and on a pseudo-terminal of a given width."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
+from collections.abc import Mapping
+from pathlib import Path
+
+SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
+COMMAND = [sys.executable, "-m", "hdassist"]
+CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/")}
+
+
+def run(
+    *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command with pipes on all streams."""
+    return subprocess.run(
+        [*COMMAND, *args], input=stdin or "", capture_output=True, text=True, encoding="utf-8",
+        env=CLEAN | dict(env or {}), cwd=cwd, check=False, timeout=240,
+    )  # fmt: skip
+
+
+def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:
+    """Exit code, and all that a terminal of so many columns is sent."""
+    leader, follower = pty.openpty()
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
+    process = subprocess.Popen(
+        [*COMMAND, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
+        env=CLEAN | {"TERM": "xterm-256color"} | dict(env or {}),
+    )  # fmt: skip
+    os.close(follower)
+    sent = b""
+    while True:
+        try:
+            part = os.read(leader, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        sent += part
+    os.close(leader)
+    return process.wait(timeout=240), sent.decode("utf-8").replace("\r\n", "\n")

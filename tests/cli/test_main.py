@@ -1,0 +1,77 @@
+"""The command itself: help, version, and what happens when something breaks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from hdassist.version import __version__
+from tests.cli.process import CLEAN, SMALL, run
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["--help"],
+        ["-h"],
+        ["check", "-h"],
+        ["trace", "--help"],
+        ["presets", "-h"],
+        ["--version"],
+        ["presets", "new", "-h"],
+    ],
+)
+def test_help_imports_nothing_heavy(args):
+    code = (
+        "import sys\n"
+        f"sys.argv = ['hdassist', *{args!r}]\n"
+        "from hdassist.cli.main import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        "heavy = {'numpy', 'scipy', 'cvxpy', 'daqp', 'pydantic', 'yaml'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout
+
+
+def test_version():
+    assert run("--version").stdout == f"hdassist {__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["check", "trace"])
+def test_help_starts_with_examples(command):
+    text = run(command, "-h").stdout
+    assert text.index("Examples:") < text.index("Options:")
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def breaking(error: str, *args: str) -> subprocess.CompletedProcess[str]:
+    code = (
+        "import sys, hdassist.analysis.check as module\n"
+        f"def broken(*_, **__): raise {error}\n"
+        "module.check = broken\n"
+        f"sys.argv = ['hdassist', 'check', {SMALL!r}, *{list(args)!r}]\n"
+        "from hdassist.cli.main import main\nmain()\n"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False
+    )
+
+
+def test_a_bug_is_exit_code_1_and_says_so():
+    result = breaking("ZeroDivisionError('oops')")
+    assert result.returncode == 1
+    assert "bug" in result.stderr
+    assert "ZeroDivisionError: oops" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert "Traceback" in breaking("ZeroDivisionError('oops')", "--debug").stderr
+
+
+def test_debug_shows_where_an_error_came_from():
+    assert "Traceback" in run("check", SMALL, "--debug", "--set", "operation.M_g=1e6").stderr
+    assert run("check", SMALL, "--debug", "--set", "operation.M_g=1e6").returncode == 5

@@ -1,0 +1,229 @@
+"""`hdassist presets`: streams, exit codes, tables that cut nothing, JSON that others read."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from hdassist.cli import presets
+from hdassist.errors import DataError, HdassistError, PresetError, UsageError
+from hdassist.preset.drive import fields
+from hdassist.preset.library import preset_names, read_preset
+from hdassist.preset.load import load_text
+from hdassist.version import __version__
+
+ROOT = Path(__file__).parents[2]
+
+
+def run(*arguments: str, stdin: str | bytes | None = None) -> Result:
+    return CliRunner().invoke(presets.app, list(arguments), input=stdin)
+
+
+def answer(*arguments: str, exit_code: int = 0) -> dict[str, Any]:
+    result = run(*arguments, "--json")
+    assert result.exit_code == exit_code
+    found: dict[str, Any] = json.loads(result.stdout)
+    assert found["version"] == __version__
+    assert found["exit_code"] == exit_code
+    return found
+
+
+@pytest.fixture
+def bad(tmp_path: Path) -> str:
+    file = tmp_path / "bad.yaml"
+    file.write_bytes(
+        read_preset("vzp160")[0].replace(b"W_0: 0.96", b"W_0: 1.2 m").replace(b"z_b: 202", b"z_b: no")
+    )
+    return str(file)
+
+
+def test_list_shows_each_preset_in_one_line() -> None:
+    result = run("list")
+    assert (result.exit_code, result.stderr) == (0, "")
+    for name, teeth, module in (("vzp160", "200/202", "0.8 mm"), ("synthetic-160-162", "160/162", "0.5 mm")):
+        (line,) = (line for line in result.stdout.splitlines() if line.startswith(name))
+        assert teeth in line and module in line
+    assert "Lyuminarsky and Ivanov (2019)." in result.stdout
+    assert "Results hinge" not in result.stdout
+
+
+def test_list_as_json() -> None:
+    found = answer("list")
+    assert found["schema"] == "hdassist.presets-list/1"
+    assert [entry["preset"]["name"] for entry in found["presets"]] == preset_names()
+    assert {"z_g", "z_b", "m_mm", "description"} <= set(found["presets"][0])
+
+
+def test_show_gives_the_bytes_as_they_are() -> None:
+    assert run("show", "vzp160").stdout_bytes == read_preset("vzp160")[0]
+
+
+def test_show_reads_standard_input() -> None:
+    assert run("show", "-", stdin="name: µ\r\n").stdout_bytes == "name: µ\r\n".encode()
+
+
+def test_resolved_shows_every_field_with_value_and_origin() -> None:
+    result = run(
+        "show", "vzp160", "--set", "numerics.n_2=120", "--set", "cam.W_0=0.9598765432101", "--resolved"
+    )
+    lines = {line.split()[0]: line.split() for line in result.stdout.splitlines() if "." in line.split()[0]}
+    assert set(lines) == {path for path, _ in fields()}
+    assert lines["cam.W_0"][1:5] == ["0.9598765432101", "mm", "override", "--set"]
+    assert lines["supports.C_1"][1:4] == ["1300000", "N/mm", "identified"]
+    assert lines["mounting.holes"][1:3] == ["12", "default"]
+    assert lines["contact.c_bore"][1:4] == ["1e-07", "mm/N", "assumed"]
+
+
+def test_resolved_as_json() -> None:
+    found = answer("show", "vzp160", "--set", "operation.M_g=80")
+    assert found["schema"] == "hdassist.presets-show/1"
+    assert found["preset"]["overrides"] == ["operation.M_g=80"]
+    assert len(found["preset"]["sha256"]) == 64
+    torque = next(row for row in found["fields"] if row["path"] == "operation.M_g")
+    assert torque == {
+        "path": "operation.M_g", "value": [80], "unit": "N*m", "kind": "override", "ref": "--set",
+        "meaning": "torques on the flexspline, counter-clockwise positive",
+    }  # fmt: skip
+
+
+class Terminal(io.StringIO):
+    encoding = "utf-8"  # type: ignore[assignment]
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("columns", [80, 100, 200])
+def test_on_a_terminal_the_table_fits_and_cuts_no_number(
+    columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stdout", terminal)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("NO_COLOR", "1")
+    presets.show("vzp160", resolved=True)
+    text = terminal.getvalue()
+    assert max(map(len, text.splitlines())) <= columns
+    assert "\x1b" not in text and "…" not in text
+    for number in ("1300000", "2.5e-05", "80, 800", "14.3"):
+        assert re.search(rf"\s{number}\s", text)
+
+
+def test_in_a_pipe_no_reference_is_wrapped() -> None:
+    (line,) = (
+        line for line in run("show", "vzp160", "--resolved").stdout.splitlines() if "contact.c_ball" in line
+    )
+    assert line.rstrip().endswith("tuned towards the four values of Fig. 3")
+    assert len(line) > 80
+
+
+def test_ascii_has_no_other_characters(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(
+        run("new", "x").stdout + 'source: {cam.W_0: {kind: given, ref: "±5 µm"}}\n', encoding="utf-8"
+    )
+    result = run("show", str(file), "--resolved", "--ascii")
+    assert result.stdout.isascii()
+    assert "+-5 um" in result.stdout
+
+
+def test_validate_says_ok_on_stdout() -> None:
+    result = run("validate", "vzp160", "synthetic-160-162")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "vzp160: OK\nsynthetic-160-162: OK\n", "")
+
+
+def test_validate_shows_every_error_of_every_preset(bad: str) -> None:
+    result = run("validate", bad, "vzp160", "vzp161")
+    assert result.exit_code == 4
+    assert result.stdout == f"{bad}: invalid\nvzp160: OK\nvzp161: invalid\n"
+    line = (
+        Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
+    )
+    assert f"{bad}:{line}:8: cam.W_0: the unit m could be mistaken" in result.stderr
+    assert "gears.z_b: must be a whole number (got no)" in result.stderr
+    assert "no such preset or file: vzp161" in result.stderr
+
+
+def test_validate_as_json_carries_the_findings(bad: str) -> None:
+    found = answer("validate", bad, exit_code=4)
+    assert found["valid"] is False
+    assert {"file", "line", "column", "path", "message", "got", "hint"} == set(found["findings"][0])
+    assert [finding["path"] for finding in found["findings"]] == ["gears.z_b", "cam.W_0"]
+    several = answer("validate", "vzp160", bad, exit_code=4)
+    assert [result["valid"] for result in several["results"]] == [True, False]
+    assert [result["exit_code"] for result in several["results"]] == [0, 4]
+
+
+def test_validate_shows_warnings_on_stderr(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(run("new", "x").stdout + "uncertainty: {cam.W_0: 0.01}\n", encoding="utf-8")
+    result = run("validate", str(file))
+    assert result.exit_code == 0
+    assert "uncertainty: kept, but no command of this version uses it" in result.stderr
+    assert answer("validate", str(file))["warnings"]
+
+
+def test_a_bad_override_is_exit_code_2() -> None:
+    result = run("validate", "vzp160", "--set", "cam.W_0=1.2 m")
+    assert result.exit_code == 2
+    assert "--set:1:9: cam.W_0: the unit m could be mistaken" in result.stderr
+    assert run("validate", "vzp160").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (["show", "vzp161"], DataError),
+        (["show", "vzp161", "--resolved"], DataError),
+        (["show", "vzp160", "--set", "cam.W_0"], UsageError),
+        (["show", "-", "--resolved"], PresetError),
+        (["new", ""], UsageError),
+        (["new", "x", "-o", "gone/x.yaml"], DataError),
+        (["schema", "-o", ""], DataError),
+    ],
+)
+def test_errors_are_those_that_know_their_exit_code(arguments: list[str], error: type[HdassistError]) -> None:
+    result = run(*arguments, stdin="")
+    assert type(result.exception) is error
+    assert result.stdout == ""
+
+
+def test_new_prints_a_valid_preset() -> None:
+    result = run("new", "my drive")
+    assert load_text(result.stdout, "f").name == "my drive"
+    assert run("validate", "-", stdin=result.stdout).stdout == "-: OK\n"
+
+
+def test_new_writes_a_file_once(tmp_path: Path) -> None:
+    file = tmp_path / "my.yaml"
+    result = run("new", "mine", "-o", str(file))
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", f"wrote {file}\n")
+    assert isinstance(run("new", "other", "-o", str(file)).exception, UsageError)
+    assert "name: mine\n" in file.read_text()
+    assert run("new", "other", "-o", str(file), "--force").exit_code == 0
+    assert "name: other\n" in file.read_text()
+
+
+def test_schema_is_json() -> None:
+    assert json.loads(run("schema").stdout)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["show", "--help"], ["validate", "--help"]])
+def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    code = (
+        "import sys; from typer.testing import CliRunner; from hdassist.cli.presets import app\n"
+        f"assert CliRunner().invoke(app, {arguments}).exit_code == 0\n"
+        "print(*sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
+    loaded = set(run.stdout.split())
+    assert not {"yaml", "numpy", "cvxpy", "hdassist.preset.drive"} & loaded
+    assert len(arguments) > 1 or "pydantic" not in loaded  # typer itself loads it for the help of a command
