@@ -8,7 +8,7 @@ from functools import reduce
 from operator import add
 
 from hdassist.analysis.kinematic_error import CrossCheck, KinematicError, kinematic_error
-from hdassist.analysis.self_error import GRID, SelfError, self_error
+from hdassist.analysis.self_error import SelfError, self_error
 from hdassist.analysis.verdict import Verdict, worst
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
@@ -57,7 +57,9 @@ class Check:
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of the self error included."""
-        return reduce(add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate)))
+        return reduce(
+            add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate))
+        )
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -76,7 +78,7 @@ class Check:
 
 def work(drive: Drive) -> int:
     """Number of states that a check solves, for a progress bar."""
-    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + GRID * GRID)
+    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2)
 
 
 def check(
@@ -97,6 +99,7 @@ def check(
     return Check(
         drive,
         tuple(
-            OperatingPoint(M_g, e, s, drive.limit(M_g)) for M_g, e, s in zip(torques, errors, own, strict=True)
+            OperatingPoint(M_g, e, s, drive.limit(M_g))
+            for M_g, e, s in zip(torques, errors, own, strict=True)
         ),
     )

@@ -126,7 +126,9 @@ def kinematic_error(
     for rows, system in _systems(drive, states):
         part = states.take(rows)
         formulation, torque = formulate(system), M_g * N_MM
-        way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
+        way: StateSolver = (
+            ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
+        )
         delta_p = gaps(drive, system, part, teeth)
         parts.append((rows, solve_states(system, way, torque, delta_p, partial(_place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)

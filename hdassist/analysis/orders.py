@@ -78,7 +78,12 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
             causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
     places = sorted(set(causes) | {int(p) for p in np.argsort(amplitude)[::-1][:LARGEST] if p > 0})
     return [
-        Order(place / revolutions, float(amplitude[place]), _phase(spectrum[place]), _simplest(causes.get(place, [])))
+        Order(
+            place / revolutions,
+            float(amplitude[place]),
+            _phase(spectrum[place]),
+            _simplest(causes.get(place, [])),
+        )
         for place in places
         if place in causes or amplitude[place] > FLOOR
     ]

@@ -14,7 +14,6 @@ from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_s
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 
-GRID = 20  # tooth phases, and ball phases
 N_MM = 1e3  # N*mm in a N*m
 
 
@@ -46,13 +45,14 @@ class SelfError:
 
 
 def self_error(
-    drive: Drive, torques: Sequence[float], *, grid: int = GRID, progress: Progress | None = None
+    drive: Drive, torques: Sequence[float], *, progress: Progress | None = None
 ) -> list[SelfError]:
-    """Self error of a drive at torques M_g [N*m], on a grid of tooth phases and as many ball phases.
+    """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
 
     Progress is told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
     """
     geometry, window = Geometry.of(drive), float(np.radians(drive.numerics.window))
+    grid = drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY] * len(torques)
     for i in range(grid):
@@ -64,7 +64,12 @@ def self_error(
                 place = f"tau = {i / grid:g}, beta = {k / grid:g}, M_g = {M_g:g} N*m, without deviations"
                 torque = M_g * N_MM
                 answers = solve_states(
-                    system, Engine(formulation, torque), torque, system.delta_p[None], lambda _, at=place: at, progress
+                    system,
+                    Engine(formulation, torque),
+                    torque,
+                    system.delta_p[None],
+                    lambda _, at=place: at,
+                    progress,
                 )
                 rotation[t, i, k] = answers.rotation[0] * ARCSEC
                 certificates[t] += answers.certificate

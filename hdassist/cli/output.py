@@ -44,7 +44,9 @@ class Output:
         for path in filter(None, (target, csv)):
             require_writable(path, force)
         look = Look.of(sys.stdout, ascii=ascii, no_color=no_color)
-        return cls(look if target == "-" else Look(look.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
+        return cls(
+            look if target == "-" else Look(look.ascii, False, PIPE_WIDTH), target, csv, force, no_color
+        )
 
     def human(self, answer: RenderableType) -> None:
         """Give the answer for people; silent where the figures take stdout."""

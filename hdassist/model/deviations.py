@@ -61,16 +61,16 @@ class ToothDeviations:
     b: Array | None = None
 
 
-def gaps(
-    drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None
-) -> Array:
+def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> Array:
     """Gaps without force delta_p [mm] of states, shape (states, M).
 
     Arguments: drive, its deviations; system; states; teeth, measured deviations. Raises UsageError where
     their number is not that of the wheel's teeth.
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
-        return system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
+        return (
+            system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
+        )
     measured = {"F_i1": teeth.g, "F_i2": teeth.b}
     silent = {name: 0.0 for name, values in measured.items() if values is not None}
     rest = drive.model_copy(update={"tolerances": drive.tolerances.model_copy(update=silent)})

@@ -131,7 +131,9 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0) -> Fla
 
     lowest, reaches = _lowest_active_radius(geometry, theta, zone, side)
     if not reaches.any():
-        raise UntrustedError("no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a")
+        raise UntrustedError(
+            "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a"
+        )
     tooth, zone, side, theta, lowest, edge = (
         column[reaches] for column in (tooth, zone, side, theta, lowest, edge)
     )
@@ -182,7 +184,9 @@ def _lowest_active_radius(
     geometry: Geometry, theta: Array, zone: NDArray[np.int64], side: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
-    low = np.full_like(theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
+    low = np.full_like(
+        theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius)
+    )
     high = np.full_like(theta, geometry.r_ag)
     reaches = flank_point(geometry, high, theta, side)[0] >= geometry.r_ab
     inside = flank_point(geometry, low, theta, side)[0] >= geometry.r_ab

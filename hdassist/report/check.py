@@ -36,10 +36,14 @@ POINT: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f", lambda p: p.F_ior_upper_arcsec),
     Quantity("limit_arcsec", "limit", "arcsec", "g", lambda p: p.limit_arcsec),
     Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
-    Quantity("at_max.phi_h_deg", "greatest error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_h")),
+    Quantity(
+        "at_max.phi_h_deg", "greatest error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_h")
+    ),
     Quantity("at_max.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_g")),
     Quantity("at_max.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_b")),
-    Quantity("at_min.phi_h_deg", "least error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_h")),
+    Quantity(
+        "at_min.phi_h_deg", "least error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_h")
+    ),
     Quantity("at_min.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_g")),
     Quantity("at_min.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_b")),
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", lambda p: p.error.one_wave_share),

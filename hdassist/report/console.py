@@ -15,7 +15,18 @@ from rich.text import Text
 
 PIPE_WIDTH = 80
 PLAIN = str.maketrans(
-    {"·": "*", "µ": "u", "°": " deg", "×": "x", "−": "-", "±": "+-", "–": "-", "…": "...", "’": "'", "≤": "<="}
+    {
+        "·": "*",
+        "µ": "u",
+        "°": " deg",
+        "×": "x",
+        "−": "-",
+        "±": "+-",
+        "–": "-",
+        "…": "...",
+        "’": "'",
+        "≤": "<=",
+    }
 )
 
 
@@ -51,12 +62,15 @@ def _shows_unicode(stream: TextIO) -> bool:
     return True
 
 
-class _QuietConsole(Console):
-    """A console that says nothing more once its reader has gone, and leaves the exit code alone."""
+def hush() -> None:
+    """Stop talking on stdout, whose reader has gone: no complaint, and the exit code stays the answer's."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
+
+class _QuietConsole(Console):
     def on_broken_pipe(self) -> None:
         self.quiet = True
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        hush()
 
 
 def console(stream: TextIO, look: Look) -> Console:

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from hdassist.errors import DataError, UsageError
+from hdassist.report.console import hush
 
 
 def write_text(path: str, text: str, force: bool) -> None:
@@ -20,7 +21,11 @@ def write_text(path: str, text: str, force: bool) -> None:
     """
     if path == "-":
         encoding = sys.stdout.encoding or "utf-8"
-        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        try:
+            sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
+            sys.stdout.flush()
+        except BrokenPipeError:
+            hush()
         return
     require_writable(path, force)
     data = text.encode("utf-8", "backslashreplace")

@@ -82,7 +82,20 @@ def formulate(system: ContactSystem) -> Formulation:
 
 
 # Solvers that take a quadratic programme, of those cvxpy knows.
-ABLE = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
+ABLE = {
+    "CLARABEL",
+    "COPT",
+    "CPLEX",
+    "DAQP",
+    "GUROBI",
+    "HIGHS",
+    "MOSEK",
+    "OSQP",
+    "PIQP",
+    "PROXQP",
+    "SCS",
+    "XPRESS",
+}
 
 # Tolerances at which each solver's answers earn their certificate; a name that is not here runs at its defaults.
 TIGHT: dict[str, dict[str, Any]] = {
@@ -96,7 +109,9 @@ def require_solver(name: str) -> str:
     """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
     able = sorted(set(cp.installed_solvers()) & ABLE)
     if name.upper() not in able:
-        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(able).lower()}")
+        raise UsageError(
+            f"no solver {name!r} for the contact problem", f"there are: {', '.join(able).lower()}"
+        )
     return name.upper()
 
 

@@ -9,7 +9,7 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.analysis.check import Check, OperatingPoint
 from hdassist.analysis.kinematic_error import KinematicError
-from hdassist.analysis.self_error import SelfError
+from hdassist.analysis.self_error import SelfError, self_error
 from hdassist.analysis.verdict import Verdict
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
@@ -100,7 +100,7 @@ MOVES = [
 ELSEWHERE = {
     "gears.z_g", "gears.z_b", "bearing.d_ball", "bearing.ball_motion", "phases.phi_hg", "mounting.fixed",
     "mounting.mark_kind", "operation.M_g", "operation.rated", "acceptance.F_ior", "numerics.n_beta",
-    "numerics.window",
+    "numerics.n_phase", "numerics.window",
 }  # fmt: skip
 
 
@@ -110,7 +110,9 @@ def test_no_field_is_left_out():
     assert not moved & set(NOT_YET_USED)
 
 
-@pytest.mark.parametrize(("path", "value", "measure", "least", "why"), MOVES, ids=lambda x: getattr(x, "__name__", str(x)))
+@pytest.mark.parametrize(
+    ("path", "value", "measure", "least", "why"), MOVES, ids=lambda x: getattr(x, "__name__", str(x))
+)
 def test_field_moves_the_answer(reference, path, value, measure, least, why):
     moved = measure(changed(reference, **{path.replace(".", "__"): value})) - measure(reference)
     assert moved * np.sign(least) >= abs(least), why
@@ -176,9 +178,7 @@ def test_fixed_wheel_reverses_the_error(reference):
 def test_marks_are_no_phases(reference):
     # turning both marks by what their kind means gives the same drive
     for kind, angle in (("runout", 180.0), ("pitch", -90.0)):
-        marked = changed(
-            reference, mounting__mark_kind=kind, phases__xi_b=260 - angle, phases__xi_g=-angle
-        )
+        marked = changed(reference, mounting__mark_kind=kind, phases__xi_b=260 - angle, phases__xi_g=-angle)
         assert error(marked) == pytest.approx(error(reference), abs=1e-7)
         assert abs(error(changed(reference, mounting__mark_kind=kind)) - error(reference)) > 1
 
@@ -188,12 +188,20 @@ def test_a_wider_window_changes_nothing_and_a_narrow_one_is_refused(reference):
     assert contact_system(changed(reference, numerics__window=15.0)).n_flanks == 2 * 2 * 17
 
 
+def test_more_phases_find_more_of_the_self_error(reference):
+    coarse, fine = (self_error(changed(reference, numerics__n_phase=n), [80.0])[0] for n in (2, 6))
+    assert fine.certificate.states == 36
+    assert fine.range_arcsec > coarse.range_arcsec + 0.1
+
+
 def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> OperatingPoint:
     states = pitch_locked_states(Kinematics.of(drive))
     rotation = np.zeros(len(states))
     rotation[7] = F_ior
     kinematics = Kinematics.of(drive)
-    result = KinematicError(kinematics, M_g, states, rotation, np.ones((len(states), 2)), rotation, EMPTY, None)
+    result = KinematicError(
+        kinematics, M_g, states, rotation, np.ones((len(states), 2)), rotation, EMPTY, None
+    )
     return OperatingPoint(M_g, result, SelfError(M_g, np.array([[0.0, self_error]]), EMPTY), drive.limit(M_g))
 
 
@@ -223,7 +231,9 @@ def test_rated_torque_warns(reference):
 
 @pytest.mark.parametrize("path", sorted(NOT_YET_USED))
 def test_fields_that_do_nothing_yet_say_so(path):
-    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]", "mounting.holes": "8"}.get(path, "5")
+    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]", "mounting.holes": "8"}.get(
+        path, "5"
+    )
     warnings = load_preset("vzp160", [f"{path}={value}"]).origin.warnings
     assert [w for w in warnings if path in w and "no command" in w]
     assert not load_preset("vzp160").origin.warnings

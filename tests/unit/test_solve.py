@@ -170,6 +170,7 @@ def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, faili
 
     monkeypatch.setattr(Engine, "_run", stubborn)
     if failing == "all":
+
         def refuse(*_):
             raise UntrustedError("no")
 
@@ -193,7 +194,7 @@ def test_too_great_a_torque_is_outside_the_model(reference):
 
 def test_a_window_too_narrow_is_outside_the_model(reference):
     with pytest.raises(UntrustedError, match=r"numerics\.window|outermost tooth") as error:
-        self_error(changed(reference, numerics__window=12.0), [800.0], grid=1)
+        self_error(changed(reference, numerics__window=12.0, numerics__n_phase=2), [800.0])
     assert "window" in error.value.hint
 
 

@@ -69,7 +69,7 @@ def test_one_wave_share(reference, M_g, phase, expected):
 
 
 def test_self_error(reference):
-    light, heavy = self_error(reference, [80.0, 800.0], grid=10)
+    light, heavy = self_error(changed(reference, numerics__n_phase=10), [80.0, 800.0])
     assert light.range_arcsec == pytest.approx(0.89, abs=0.005)
     assert heavy.range_arcsec == pytest.approx(1.90, abs=0.005)
     assert light.tooth_phase_arcsec == pytest.approx(0.1, abs=0.05)
