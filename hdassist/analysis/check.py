@@ -57,9 +57,7 @@ class Check:
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of the self error included."""
-        return reduce(
-            add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate))
-        )
+        return reduce(add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate)))
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -98,8 +96,5 @@ def check(
     own = self_error(drive, torques, progress=progress)
     return Check(
         drive,
-        tuple(
-            OperatingPoint(M_g, e, s, drive.limit(M_g))
-            for M_g, e, s in zip(torques, errors, own, strict=True)
-        ),
+        tuple(OperatingPoint(M_g, e, s, drive.limit(M_g)) for M_g, e, s in zip(torques, errors, own, strict=True)),
     )

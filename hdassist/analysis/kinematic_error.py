@@ -58,9 +58,9 @@ class KinematicError:
     @cached_property
     def error_arcsec(self) -> Array:
         """F_kpp [arcsec] of each state, zero in the first."""
-        # the flexspline's twist is the output's deviation; with the flexspline fixed the output turns against it
+        # the twist is the flexspline's against the rigid wheel: the latter's is its opposite
         sign = -1.0 if self.kinematics.fixed == "rigid" else 1.0
-        return sign * (self.rotation_arcsec - self.rotation_arcsec[0])
+        return np.asarray(sign * (self.rotation_arcsec - self.rotation_arcsec[0]))
 
     @property
     def range_arcsec(self) -> float:
@@ -126,9 +126,7 @@ def kinematic_error(
     for rows, system in _systems(drive, states):
         part = states.take(rows)
         formulation, torque = formulate(system), M_g * N_MM
-        way: StateSolver = (
-            ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
-        )
+        way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
         delta_p = gaps(drive, system, part, teeth)
         parts.append((rows, solve_states(system, way, torque, delta_p, partial(_place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)

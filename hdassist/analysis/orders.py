@@ -62,9 +62,9 @@ def _words(k_g: int, k_b: int, odd: bool) -> str:
 def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
     """Orders of a drive's error sampled at even steps over whole cam revolutions, by rising order.
 
-    Arguments: drive, whose deviations name the causes; error_arcsec, shape (states,); revolutions, cam revolutions that they span. Known orders are
-    always there, others where they are among the largest. Where several causes fall within the resolution
-    (1/revolutions), the simplest stand together.
+    Arguments: drive, whose deviations name the causes; error_arcsec, shape (states,); revolutions, cam
+    revolutions that they span. Known orders are always there, others where they are among the largest. Where
+    several causes fall within the resolution (1/revolutions), the simplest stand together.
     """
     count = len(error_arcsec)
     spectrum = np.fft.rfft(error_arcsec - np.mean(error_arcsec))

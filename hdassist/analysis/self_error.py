@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,7 +22,8 @@ N_MM = 1e3  # N*mm in a N*m
 class SelfError:
     """Self error of a drive at a torque M_g [N*m].
 
-    rotation_arcsec, shape (tooth phases, ball phases): twist of the flexspline at tau = i/phases, beta likewise.
+    rotation_arcsec, shape (tooth phases, ball phases): twist of the flexspline at tau = i/phases,
+    beta likewise.
     """
 
     M_g: float
@@ -44,9 +46,7 @@ class SelfError:
         return float(np.ptp(self.rotation_arcsec[0]))
 
 
-def self_error(
-    drive: Drive, torques: Sequence[float], *, progress: Progress | None = None
-) -> list[SelfError]:
+def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | None = None) -> list[SelfError]:
     """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
 
     Progress is told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
@@ -61,16 +61,15 @@ def self_error(
             system = assemble(drive, flanks, k / grid)
             formulation = formulate(system)
             for t, M_g in enumerate(torques):
-                place = f"tau = {i / grid:g}, beta = {k / grid:g}, M_g = {M_g:g} N*m, without deviations"
                 torque = M_g * N_MM
+                place = partial(_place, i / grid, k / grid, M_g)
                 answers = solve_states(
-                    system,
-                    Engine(formulation, torque),
-                    torque,
-                    system.delta_p[None],
-                    lambda _, at=place: at,
-                    progress,
+                    system, Engine(formulation, torque), torque, system.delta_p[None], place, progress
                 )
                 rotation[t, i, k] = answers.rotation[0] * ARCSEC
                 certificates[t] += answers.certificate
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]
+
+
+def _place(tau: float, beta: float, M_g: float, _: int) -> str:
+    return f"tau = {tau:g}, beta = {beta:g}, M_g = {M_g:g} N*m, without deviations"

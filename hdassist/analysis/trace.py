@@ -38,8 +38,8 @@ def trace(
     """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
     Arguments: start_deg, angle of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg];
-    the others as in kinematic_error. Raises UsageError for less than one revolution, more than a cycle, or a start
-    angle that is no number.
+    the others as in kinematic_error. Raises UsageError for less than one revolution, more than a cycle,
+    or a start angle that is no number.
     """
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:

@@ -57,7 +57,7 @@ def command(
             with out.progress(drive.name, work(drive)) as progress:
                 result = check(drive, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
         except HdassistError as error:
-            if debug or len(presets) == 1 and not json:
+            if debug or (len(presets) == 1 and not json):
                 raise
             complain(error, name if len(presets) > 1 else "")
             answers.append(failure("check", name, error))

@@ -7,29 +7,21 @@ from typing import Annotated
 import typer
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
-Presets = Annotated[
-    list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")
-]
+Presets = Annotated[list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")]
 Overrides = Annotated[
     list[str],
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable."
-    ),
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Csv = Annotated[
-    str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")
-]
+Csv = Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")]
 Target = Annotated[
-    str | None,
+    str,
     typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout)."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 Solver = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."
-    ),
+    typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
 ]
 CrossCheck = Annotated[
     str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")

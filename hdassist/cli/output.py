@@ -44,9 +44,7 @@ class Output:
         for path in filter(None, (target, csv)):
             require_writable(path, force)
         look = Look.of(sys.stdout, ascii=ascii, no_color=no_color)
-        return cls(
-            look if target == "-" else Look(look.ascii, False, PIPE_WIDTH), target, csv, force, no_color
-        )
+        return cls(look if target == "-" else Look(look.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
 
     def human(self, answer: RenderableType) -> None:
         """Give the answer for people; silent where the figures take stdout."""
@@ -78,7 +76,10 @@ class Output:
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
         bar = Progress(
-            TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TimeRemainingColumn(),
             console=console(sys.stderr, look), transient=True,
         )  # fmt: skip
         task = bar.add_task(words, total=total)

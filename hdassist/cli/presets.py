@@ -21,15 +21,11 @@ if TYPE_CHECKING:
     from hdassist.cli.output import Output
     from hdassist.preset.drive import Drive
 
-app = typer.Typer(
-    help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None
-)
+app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
 
 LAST_COLUMN = 24  # least width of a column of text
 
-Resolved = Annotated[
-    bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")
-]
+Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]
 
 
 @app.command("list")
@@ -141,9 +137,7 @@ def validate(
                 complain(error)
                 _print(f"{name}: invalid\n")
             continue
-        answers.append(
-            _envelope("presets-validate", 0, drive) | {"file": name, "valid": True, "findings": []}
-        )
+        answers.append(_envelope("presets-validate", 0, drive) | {"file": name, "valid": True, "findings": []})
         if not json:
             _print(f"{name}: OK\n")
             for warning in drive.origin.warnings:
@@ -246,9 +240,7 @@ def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool
         words = [len(word) for row in rows for word in row[column].split()]
         last = column == len(head) - 1
         wraps = last or title == "value"  # a list of numbers wraps between its numbers
-        grid.add_column(
-            title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else max([0, *words])
-        )
+        grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else max([0, *words]))
     for row in rows:
         grid.add_row(*(Text(out.look.text(cell)) for cell in row))
     _fitting(out, grid).human(grid)

@@ -32,7 +32,7 @@ def command(
     no_color: o.NoColor = False,
     quiet: o.Quiet = False,
     verbose: o.Verbose = False,
-    debug: o.Debug = False,
+    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
     """Kinematic error F_kpp against the cam angle, with its orders and their causes.
 

@@ -120,9 +120,7 @@ def _compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array, b
     at_flank = push[0][:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
     at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
     # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
-    loads_flexspline = np.vstack(
-        [-at_flank, flexspline.radial(bore), np.zeros((len(balls), at_flank.shape[1]))]
-    )
+    loads_flexspline = np.vstack([-at_flank, flexspline.radial(bore), np.zeros((len(balls), at_flank.shape[1]))])
     rows = np.zeros((len(flanks.theta), len(ring.compliance)))
     loads_ring = np.vstack([rows, -ring.radial(bore), ring.radial(balls)])
     local = np.repeat(

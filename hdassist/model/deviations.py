@@ -68,9 +68,7 @@ def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviat
     their number is not that of the wheel's teeth.
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
-        return (
-            system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
-        )
+        return system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
     measured = {"F_i1": teeth.g, "F_i2": teeth.b}
     silent = {name: 0.0 for name, values in measured.items() if values is not None}
     rest = drive.model_copy(update={"tolerances": drive.tolerances.model_copy(update=silent)})
@@ -90,7 +88,7 @@ def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int)
     if np.shape(deviation) != (z,):
         raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {np.size(deviation)}")
     shift = np.rint(-turned * z / (2 * np.pi)).astype(np.int64)
-    return np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3
+    return np.asarray(np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3)
 
 
 def first_harmonic(F_i: float, xi: float, z: int) -> Array:

@@ -129,14 +129,11 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0) -> Fla
     edge = np.concatenate([np.isin(teeth, (teeth.min(), teeth.max())) for teeth in near]).repeat(2)
     theta = 2 * np.pi * (tooth + tau) / z_g
 
-    lowest, reaches = _lowest_active_radius(geometry, theta, zone, side)
+    lowest, reaches = _lowest_active_radius(geometry, theta, side)
     if not reaches.any():
-        raise UntrustedError(
-            "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a"
-        )
-    tooth, zone, side, theta, lowest, edge = (
-        column[reaches] for column in (tooth, zone, side, theta, lowest, edge)
-    )
+        raise UntrustedError("no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a")
+    tooth, zone, edge = tooth[reaches], zone[reaches], edge[reaches]
+    side, theta, lowest = side[reaches], theta[reaches], lowest[reaches]
     fraction = np.linspace(0, 1, FLANK_SAMPLES)
     r_y = lowest[:, None] + (geometry.r_ag - lowest[:, None]) * fraction
     gap, rho = flank_gap(geometry, r_y, theta[:, None], zone[:, None], side[:, None])
@@ -180,13 +177,9 @@ def flank_gap(
     return gap, rho
 
 
-def _lowest_active_radius(
-    geometry: Geometry, theta: Array, zone: NDArray[np.int64], side: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+def _lowest_active_radius(geometry: Geometry, theta: Array, side: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
-    low = np.full_like(
-        theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius)
-    )
+    low = np.full_like(theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
     high = np.full_like(theta, geometry.r_ag)
     reaches = flank_point(geometry, high, theta, side)[0] >= geometry.r_ab
     inside = flank_point(geometry, low, theta, side)[0] >= geometry.r_ab

@@ -74,9 +74,7 @@ class States:
         return States(self.index[rows], self.phi_h[rows], self.alpha_g[rows], self.alpha_b[rows])
 
 
-def pitch_locked_states(
-    kinematics: Kinematics, index: NDArray[np.int64] | None = None, start: float = 0.0
-) -> States:
+def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None = None, start: float = 0.0) -> States:
     """States j, in which the cam has advanced by j tooth pitches of the fixed wheel.
 
     Arguments: index of the states, by default those of the full cycle; start, the angle [rad] of the

@@ -43,9 +43,7 @@ def _difference(values: Mapping[str, Any]) -> int:
 def shell_behind_teeth(l: float, b_w: float) -> Iterator[Conflict]:
     """The shell goes on behind the tooth ring."""
     if l <= b_w:
-        yield Conflict(
-            "flexspline.l", "the shell must be longer than the tooth ring", f"l {l:g} mm, b_w {b_w:g} mm"
-        )
+        yield Conflict("flexspline.l", "the shell must be longer than the tooth ring", f"l {l:g} mm, b_w {b_w:g} mm")
 
 
 def rim_is_thin(m: float, z_g: int, x_g: float, h_f: float, h_1: float) -> Iterator[Conflict]:
@@ -91,9 +89,7 @@ def rolling_needs_balls(ball_motion: str, d_ball: float | None) -> Iterator[Conf
 def something_holds(C_1: float, C_2: float, C_3: float) -> Iterator[Conflict]:
     """At least one body is supported."""
     if C_1 == C_2 == C_3 == 0:
-        yield Conflict(
-            "supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive", hint="give one of them"
-        )
+        yield Conflict("supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive", hint="give one of them")
 
 
 def torques_usable(M_g: Sequence[float]) -> Iterator[Conflict]:
@@ -120,9 +116,7 @@ def holes_exist(allowed: str | Sequence[int], holes: int) -> Iterator[Conflict]:
     elif holes == 0:
         yield Conflict("mounting.allowed", "a free angle (holes: 0) has no holes to choose from", hint="all")
     elif beyond:
-        yield Conflict(
-            "mounting.allowed", f"the seat has the holes 0 to {holes - 1}", ", ".join(map(str, beyond))
-        )
+        yield Conflict("mounting.allowed", f"the seat has the holes 0 to {holes - 1}", ", ".join(map(str, beyond)))
     elif len(set(allowed)) < len(allowed):
         yield Conflict("mounting.allowed", "the same hole twice")
 
@@ -138,9 +132,7 @@ def window_holds_teeth(window: float, z_g: int) -> Iterator[Conflict]:
     """The flank window holds more than a tooth."""
     pitch = 360 / z_g
     if window < pitch:
-        yield Conflict(
-            "numerics.window", "holds no full tooth pitch", f"{window:g} deg", f"at least {pitch:.3g} deg"
-        )
+        yield Conflict("numerics.window", "holds no full tooth pitch", f"{window:g} deg", f"at least {pitch:.3g} deg")
 
 
 CHECKS: tuple[Check, ...] = (

@@ -89,9 +89,7 @@ class Converter:
         holes = kind_of(info) == "holes"
         items = value if isinstance(value, list) else [value]
         if value is None or isinstance(value, dict) or (holes and isinstance(value, str)):
-            self.findings.add(
-                path, "must be all, or a list of hole numbers" if holes else "must be a list of numbers"
-            )
+            self.findings.add(path, "must be all, or a list of hole numbers" if holes else "must be a list of numbers")
             return
         numbers = []
         for index, item in enumerate(items):
@@ -128,13 +126,9 @@ class Converter:
             path = ("uncertainty", key)
             if key not in known:
                 if key in field_table():
-                    self.findings.add(
-                        path, "only single measures have an uncertainty", "", self._key(key), key=True
-                    )
+                    self.findings.add(path, "only single measures have an uncertainty", "", self._key(key), key=True)
                 else:
-                    self.findings.add(
-                        path, "names no field", self._near_path(key, known), self._key(key), key=True
-                    )
+                    self.findings.add(path, "names no field", self._near_path(key, known), self._key(key), key=True)
             else:
                 self._put(values["uncertainty"], path, self.number, value, unit_of(known[key]))
 
@@ -145,9 +139,7 @@ class Converter:
         for key, value in table.items():
             path = ("source", key)
             if key not in field_table():
-                self.findings.add(
-                    path, "names no field", self._near_path(key, field_table()), self._key(key), key=True
-                )
+                self.findings.add(path, "names no field", self._near_path(key, field_table()), self._key(key), key=True)
             elif value is BROKEN:
                 self.findings.bad.add(path)
             elif not isinstance(value, dict):
@@ -172,9 +164,7 @@ class Converter:
         elif value is BROKEN:
             self.findings.bad.add(path)
         else:
-            self.findings.add(
-                path, "must be a number", self._instead(path, value) or (f"in {unit}" if unit else "")
-            )
+            self.findings.add(path, "must be a number", self._instead(path, value) or (f"in {unit}" if unit else ""))
         return None
 
     def count(self, path: Path, value: Any) -> int | None:
@@ -199,11 +189,7 @@ class Converter:
     def _instead(self, path: Path, value: Any) -> str:
         info = field_table().get(".".join(map(str, path)))
         optional = info is not None and not info.is_required()
-        return (
-            f"leave the key out for its default, {info.default}"
-            if value is None and info and optional
-            else ""
-        )
+        return f"leave the key out for its default, {info.default}" if value is None and info and optional else ""
 
     def _table(self, path: Path, data: Any) -> dict[str, Any] | None:
         """The data as a table; an empty key counts as an empty table."""

@@ -44,9 +44,7 @@ def _as_tuple(value: object) -> object:
 
 def is_torque(key: str) -> bool:
     """Whether a key of acceptance.F_ior is a torque [N*m] (the other key is "all")."""
-    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(
-        float(key)
-    )
+    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
 
 
 def _torque_keys(limits: dict[str, float]) -> dict[str, float]:
@@ -95,18 +93,14 @@ class Bearing(Section):
     ring_h: float = field("thickness of the outer ring", "mm", example=4.0, ge=0.05, le=50)
     d_ball: float | None = field("ball diameter (needed for rolling balls)", "mm", None, ge=0.2, le=100)
     g_b: float = field("clearance between outer ring and balls", "um", 0.0, ge=0, le=200)
-    ball_motion: Literal["locked", "rolling"] = field(
-        "balls held in the cam frame, or rolling", default="locked"
-    )
+    ball_motion: Literal["locked", "rolling"] = field("balls held in the cam frame, or rolling", default="locked")
     beta: float = field("ball phase, in ball pitches from the major axis", default=0.0, ge=0, le=1)
 
 
 class Cam(Section):
     """Wave generator."""
 
-    W_0: float = field(
-        "radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10
-    )
+    W_0: float = field("radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10)
 
 
 class Supports(Section):
@@ -122,20 +116,14 @@ class Contact(Section):
 
     c_t: float = field("compliance of a tooth pair along its normal", "mm/N", 2.0e-5, ge=1e-8, le=1e-2)
     c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
-    c_bore: float = field(
-        "compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2
-    )
+    c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
 
 
 class Tolerances(Section):
     """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
 
-    F_i1: float = field(
-        "tangential composite deviation F'_i1 of the flexspline", "um", 0.0, 75.0, ge=0, le=1000
-    )
-    F_i2: float = field(
-        "tangential composite deviation F'_i2 of the rigid wheel", "um", 0.0, 75.0, ge=0, le=1000
-    )
+    F_i1: float = field("tangential composite deviation F'_i1 of the flexspline", "um", 0.0, 75.0, ge=0, le=1000)
+    F_i2: float = field("tangential composite deviation F'_i2 of the rigid wheel", "um", 0.0, 75.0, ge=0, le=1000)
     e_hb: float = field("cam offset that stands still with the rigid wheel", "um", 0.0, 80.0, ge=0, le=1000)
     e_hh: float = field("cam offset that turns with the cam", "um", 0.0, 30.0, ge=0, le=1000)
     e_hg: float = field("cam offset that goes with the flexspline", "um", 0.0, ge=0, le=1000)
@@ -144,12 +132,8 @@ class Tolerances(Section):
 class Phases(Section):
     """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
 
-    xi_g: float = field(
-        "phase (or mark, see mounting.mark_kind) of the flexspline", "deg", 0.0, ge=-3600, le=3600
-    )
-    xi_b: float = field(
-        "phase (or mark, see mounting.mark_kind) of the rigid wheel", "deg", 0.0, ge=-3600, le=3600
-    )
+    xi_g: float = field("phase (or mark, see mounting.mark_kind) of the flexspline", "deg", 0.0, ge=-3600, le=3600)
+    xi_b: float = field("phase (or mark, see mounting.mark_kind) of the rigid wheel", "deg", 0.0, ge=-3600, le=3600)
     phi_hb: float = field("direction of e_hb", "deg", 0.0, ge=-3600, le=3600)
     phi_hh: float = field("direction of e_hh, from the minor axis of the cam", "deg", 0.0, ge=-3600, le=3600)
     phi_hg: float = field("direction of e_hg", "deg", 0.0, ge=-3600, le=3600)

@@ -21,9 +21,7 @@ class Findings:
         self.items = list(document.findings)
         self.bad: set[Path] = set()
 
-    def add(
-        self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False
-    ) -> None:
+    def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
         """Note what is wrong with a value (or, on demand, with a key) and mark the path as bad.
 
         Without `got` the finding says how the value is written.

@@ -85,6 +85,4 @@ def _unknown(name: str, names: list[str]) -> DataError:
     close = difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
-    return DataError(
-        f"{kind}: {name or 'an empty name'}", f"{hint}in the library: {', '.join(sorted(names))}"
-    )
+    return DataError(f"{kind}: {name or 'an empty name'}", f"{hint}in the library: {', '.join(sorted(names))}")

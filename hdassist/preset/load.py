@@ -63,9 +63,7 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
         if document.data is None:
             findings.add((), "the preset is empty", "hdassist presets new NAME prints one to start from", "")
         elif document.data is not yamltext.BROKEN:
-            findings.add(
-                (), "a preset must be a table of keys", "hdassist presets new NAME prints one to start from"
-            )
+            findings.add((), "a preset must be a table of keys", "hdassist presets new NAME prints one to start from")
         return None, findings
     _check_schema(findings, document.data)
     values = Converter(findings).drive(document.data)
@@ -107,9 +105,7 @@ def _translate(problem: dict[str, Any], findings: Findings) -> None:
     if kind == "missing":
         findings.add(path, *_missing(path), got="")
     elif kind == "extra_forbidden":
-        findings.add(
-            path, "unknown key", near(str(path[-1]), Source.model_fields) or "known: kind, ref", "", key=True
-        )
+        findings.add(path, "unknown key", near(str(path[-1]), Source.model_fields) or "known: kind, ref", "", key=True)
     elif kind == "literal_error" and info is not None:
         choices = choices_of(info)
         findings.add(path, f"must be one of {', '.join(choices)}", near(str(problem["input"]), choices))

@@ -39,15 +39,11 @@ def parse(text: str, index: int) -> Override:
     def moved(mark: Mark) -> Mark:
         return Mark(index, (mark.column if mark.line == 1 else 1) + start)
 
-    document.findings = [
-        replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings
-    ]
+    document.findings = [replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings]
     if document.findings:
         raise UsageError("\n".join(map(str, document.findings)))
     places = {
-        (*path, *inner): Place(
-            OVERRIDE, moved(p.key) if inner else Mark(index, 1), moved(p.value), p.text, p.quoted
-        )
+        (*path, *inner): Place(OVERRIDE, moved(p.key) if inner else Mark(index, 1), moved(p.value), p.text, p.quoted)
         for inner, p in document.places.items()
     } or {path: Place(OVERRIDE, Mark(index, 1), Mark(index, start + 1))}
     return Override(path, Mark(index, 1), replace(document, places=places))

@@ -26,9 +26,7 @@ def teeth_difference(z_b: int, z_g: int) -> Iterator[Conflict]:
         )
 
 
-def teeth_reach(
-    m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, W_0: float
-) -> Iterator[Conflict]:
+def teeth_reach(m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, W_0: float) -> Iterator[Conflict]:
     """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
     tip, other = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a)
     if tip + W_0 <= other:
@@ -39,9 +37,7 @@ def teeth_reach(
         )  # fmt: skip
 
 
-def tips_come_free(
-    m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, W_0: float
-) -> Iterator[Conflict]:
+def tips_come_free(m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, W_0: float) -> Iterator[Conflict]:
     """At the minor axis the tips pass each other."""
     tip, other = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a)
     if tip - W_0 >= other:
@@ -73,9 +69,7 @@ def roots_have_room(
         )  # fmt: skip
 
 
-def flanks_exist(
-    m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, alpha: float
-) -> Iterator[Conflict]:
+def flanks_exist(m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, alpha: float) -> Iterator[Conflict]:
     """The tips lie outside the base circles, and no tooth is pointed."""
     flexspline, rigid = _Involute(z_g, m, alpha, x_g), _Involute(z_b, m, alpha, x_b)
     tip_g, tip_b = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a)
@@ -171,9 +165,7 @@ class _Involute:
         return self._at_base - (slope - atan2(slope, 1))
 
 
-def _flank_point(
-    teeth: _Involute, r_y: float, theta: float, side: int, W_0: float, r_m: float
-) -> tuple[float, float]:
+def _flank_point(teeth: _Involute, r_y: float, theta: float, side: int, W_0: float, r_m: float) -> tuple[float, float]:
     """Polar place of a flank point at tooth radius r_y under the nominal shape W_0 cos 2 theta."""
     v = -W_0 / 2 * sin(2 * theta)
     chi = (v + 2 * W_0 * sin(2 * theta)) / r_m

@@ -110,9 +110,7 @@ class _EndError(Exception):
 def _decode(text: bytes | str) -> str:
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     if len(data) > MAX_BYTES:
-        raise _EndError(
-            Mark(1, 1), f"the file is larger than {MAX_BYTES // 1024} KiB", hint="is this a preset?"
-        )
+        raise _EndError(Mark(1, 1), f"the file is larger than {MAX_BYTES // 1024} KiB", hint="is this a preset?")
     data = data.removeprefix(BOM_UTF8)
     try:
         decoded = data.decode()
@@ -150,9 +148,7 @@ class _Builder:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise _EndError(
-                        _mark(event.start_mark), "a second document", hint="one preset, one document"
-                    )
+                    raise _EndError(_mark(event.start_mark), "a second document", hint="one preset, one document")
                 self.document.data = self._node(next(events), events, (), None, self.document.places)
 
     def _events(self, text: str) -> Iterator[yaml.Event]:
@@ -180,18 +176,14 @@ class _Builder:
         value: Any
         text, quoted = "", False
         if isinstance(event, yaml.AliasEvent):
-            self._find(
-                mark, path, "aliases are not allowed", shown(f"*{event.anchor}"), "write the value out"
-            )
+            self._find(mark, path, "aliases are not allowed", shown(f"*{event.anchor}"), "write the value out")
             places[path] = Place(self.file, key or mark, mark, f"*{event.anchor}")
             return BROKEN
         assert isinstance(event, yaml.ScalarEvent | yaml.SequenceStartEvent | yaml.MappingStartEvent)
         if len(path) >= MAX_DEPTH:
             raise _EndError(mark, f"nested deeper than {MAX_DEPTH} levels")
         if event.anchor is not None:
-            self._find(
-                mark, path, "anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out"
-            )
+            self._find(mark, path, "anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
         if event.tag is not None:
             tag = str(event.tag).replace("tag:yaml.org,2002:", "!!")
             self._find(mark, path, "tags are not allowed", shown(tag), "leave the tag out")

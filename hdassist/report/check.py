@@ -36,14 +36,10 @@ POINT: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f", lambda p: p.F_ior_upper_arcsec),
     Quantity("limit_arcsec", "limit", "arcsec", "g", lambda p: p.limit_arcsec),
     Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
-    Quantity(
-        "at_max.phi_h_deg", "greatest error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_h")
-    ),
+    Quantity("at_max.phi_h_deg", "greatest error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_h")),
     Quantity("at_max.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_g")),
     Quantity("at_max.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_b")),
-    Quantity(
-        "at_min.phi_h_deg", "least error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_h")
-    ),
+    Quantity("at_min.phi_h_deg", "least error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_h")),
     Quantity("at_min.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_g")),
     Quantity("at_min.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_b")),
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", lambda p: p.error.one_wave_share),
@@ -56,7 +52,7 @@ def render(check: Check, look: Look, *, plots: bool = True) -> RenderableType:
     """Tables, and a plot per torque of the error over the full cycle."""
     parts: list[RenderableType] = [_heading(check, look), _geometry(check, look), *_points(check, look)]
     if plots:
-        parts += [Text(_plot(check, point, look)) for point in check.points]
+        parts += [Text(_plot(point, look)) for point in check.points]
     parts.append(_certificate(check, look))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
@@ -136,7 +132,7 @@ def _points(check: Check, look: Look) -> Iterator[Table]:
         yield grid
 
 
-def _plot(check: Check, point: OperatingPoint, look: Look) -> str:
+def _plot(point: OperatingPoint, look: Look) -> str:
     turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
     return curve(
         look,

@@ -53,9 +53,7 @@ def render(drive: Drive, trace: Trace, look: Look, *, plots: bool = True) -> Ren
     for order in sorted(greatest, key=lambda o: o.per_cam_rev):
         grid.add_row(*(look.text(q.text(order)) for q in ORDER))
     proof = certificate_object(error.certificate, [error.cross_check] if error.cross_check else [])
-    check = (
-        f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
-    )
+    check = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
     if cross := proof["cross_check"]:
         check += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
     parts += [grid, Text(look.text(LEGEND)), Text(check)]
@@ -75,9 +73,7 @@ def answer(drive: Drive, trace: Trace, seed: int) -> dict[str, Any]:
         "error_arcsec": error.error_arcsec.tolist(),
         "range_arcsec": error.range_arcsec,
         "orders": [as_object(ORDER, order) for order in trace.orders],
-        "certificate": certificate_object(
-            error.certificate, [error.cross_check] if error.cross_check else []
-        ),
+        "certificate": certificate_object(error.certificate, [error.cross_check] if error.cross_check else []),
         "seed": seed,
     }
 
@@ -86,9 +82,7 @@ def csv(trace: Trace) -> str:
     """One row per state."""
     error = trace.error
     columns = (error.states.phi_h, error.states.phi_g, error.states.phi_b)
-    rows = zip(
-        *map(_degrees, columns), error.error_arcsec.tolist(), error.rotation_arcsec.tolist(), strict=True
-    )
+    rows = zip(*map(_degrees, columns), error.error_arcsec.tolist(), error.rotation_arcsec.tolist(), strict=True)
     return to_csv(["phi_h_deg", "phi_g_deg", "phi_b_deg", "error_arcsec", "rotation_arcsec"], list(rows))
 
 

@@ -84,10 +84,10 @@ def solve_states(
         part = slice(first, min(first + CHUNK, count))
         forces, free, fallbacks = solver.solve(delta_p[part])
         proof = residuals(system, delta_p[part], torque, forces, free)
-        _require_proof(proof, lambda k, first=first: place(first + k))
+        _require_proof(proof, place, first)
         rotation[part] = free[:, system.free_rotation]
         flank = forces[:, : system.n_flanks]
-        _require_linear(system, torque, rotation[part], flank, lambda k, first=first: place(first + k))
+        _require_linear(system, torque, rotation[part], flank, place, first)
         tangential = flank * system.lever
         moment[part] = np.stack([tangential[:, system.flanks.zone == z].sum(axis=1) for z in (0, 1)], axis=1)
         force[part] = flank.max(axis=1)
@@ -98,24 +98,29 @@ def solve_states(
     return Answers(rotation, moment, force, certificate)
 
 
-def _require_proof(proof: Residuals, place: Callable[[int], str]) -> None:
+def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:
     worst = proof.worst
     k = int(np.argmax(worst))
     if not worst[k] <= TOLERANCE:
         raise UntrustedError(
-            f"state not solved at {place(k)}: residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed",
+            f"state not solved at {place(first + k)}: residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed",
             "try another solver (--solver clarabel), or a torque and stiffnesses nearer to a real drive",
         )
 
 
 def _require_linear(
-    system: ContactSystem, torque: float, rotation: Array, flank: Array, place: Callable[[int], str]
+    system: ContactSystem,
+    torque: float,
+    rotation: Array,
+    flank: Array,
+    place: Callable[[int], str],
+    first: int,
 ) -> None:
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
     k = int(np.argmax(np.abs(rotation)))
     if abs(rotation[k]) > quarter_pitch:
         raise UntrustedError(
-            f"outside the limits of the linear model at {place(k)}: wind-up of "
+            f"outside the limits of the linear model at {place(first + k)}: wind-up of "
             f"{abs(rotation[k]) * ARCSEC:.0f} arcsec, above a quarter of a tooth pitch "
             f"({quarter_pitch * ARCSEC:.0f} arcsec)",
             "the torque is too great for this drive",
@@ -124,7 +129,7 @@ def _require_linear(
     k = int(np.argmax(at_edge))
     if at_edge[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
         raise UntrustedError(
-            f"outside the limits of the linear model at {place(k)}: {at_edge[k]:.3g} N on the outermost "
+            f"outside the limits of the linear model at {place(first + k)}: {at_edge[k]:.3g} N on the outermost "
             "tooth of the flank window",
             "widen numerics.window, or lower the torque",
         )

@@ -29,7 +29,7 @@ class Residuals:
     def worst(self) -> Array:
         """Greatest of the four residuals of each state; infinite where one is not a number."""
         rows = np.stack([getattr(self, f.name) for f in fields(self)])
-        return np.nan_to_num(rows, nan=np.inf).max(axis=0)
+        return np.asarray(np.nan_to_num(rows, nan=np.inf).max(axis=0))
 
 
 def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:

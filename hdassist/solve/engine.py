@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import daqp
 import numpy as np
@@ -79,7 +79,7 @@ class Engine:
         self.data = compile_programme(formulation, torque)
         self._formulation = formulation
         self._torque = torque
-        self._model: daqp.Model | None = None
+        self._model: Any = None  # daqp.Model, once one is set up
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Solve states as StateSolver says: warm, else from scratch, else by an interior-point method."""
@@ -88,7 +88,7 @@ class Engine:
         forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(data.b)))
         fallbacks = 0
         for k in range(len(q)):
-            first_way = self._update(q[k]) if self._model else self._set_up(q[k])
+            first_way = self._warm(q[k]) if self._model else self._set_up(q[k])
             answer = first_way or self._set_up(q[k])
             fallbacks += first_way is None
             if answer:
@@ -97,7 +97,7 @@ class Engine:
                 forces[k], free[k] = self._last_resort(delta_p[k])
         return forces, free, fallbacks
 
-    def _update(self, q: Array) -> tuple[Array, Array] | None:
+    def _warm(self, q: Array) -> tuple[Array, Array] | None:
         self._model.update(f=q)
         return self._run()
 
@@ -119,7 +119,7 @@ class Engine:
         x, _, flag, info = self._model.solve()
         if flag == SOLVED:
             return x, info["lam"][len(x) :]
-        self._model = None
+        self._model = None  # its contact set is not worth starting from
         return None
 
     def _last_resort(self, delta_p: Array) -> tuple[Array, Array]:
@@ -140,7 +140,5 @@ class ThroughCvxpy:
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
-        answers = [
-            solve_through_cvxpy(self._formulation, gaps, self._torque, self._solver) for gaps in delta_p
-        ]
+        answers = [solve_through_cvxpy(self._formulation, gaps, self._torque, self._solver) for gaps in delta_p]
         return np.stack([forces for forces, _ in answers]), np.stack([free for _, free in answers]), 0

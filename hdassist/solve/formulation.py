@@ -109,15 +109,11 @@ def require_solver(name: str) -> str:
     """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
     able = sorted(set(cp.installed_solvers()) & ABLE)
     if name.upper() not in able:
-        raise UsageError(
-            f"no solver {name!r} for the contact problem", f"there are: {', '.join(able).lower()}"
-        )
+        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(able).lower()}")
     return name.upper()
 
 
-def solve_through_cvxpy(
-    formulation: Formulation, delta_p: Array, torque: float, solver: str
-) -> tuple[Array, Array]:
+def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
     """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
 
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.

@@ -32,9 +32,7 @@ def test_help_imports_nothing_heavy(args):
         "heavy = {'numpy', 'scipy', 'cvxpy', 'daqp', 'yaml'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False
-    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False)
     assert result.returncode == 0, result.stderr
     assert result.stdout
 
@@ -58,9 +56,7 @@ def breaking(error: str, *args: str) -> subprocess.CompletedProcess[str]:
         f"sys.argv = ['hdassist', 'check', {SMALL!r}, *{list(args)!r}]\n"
         "from hdassist.cli.main import main\nmain()\n"
     )
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False
-    )
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False)
 
 
 def test_a_bug_is_exit_code_1_and_says_so():

@@ -39,9 +39,7 @@ def answer(*arguments: str, exit_code: int = 0) -> dict[str, Any]:
 @pytest.fixture
 def bad(tmp_path: Path) -> str:
     file = tmp_path / "bad.yaml"
-    file.write_bytes(
-        read_preset("vzp160")[0].replace(b"W_0: 0.96", b"W_0: 1.2 m").replace(b"z_b: 202", b"z_b: no")
-    )
+    file.write_bytes(read_preset("vzp160")[0].replace(b"W_0: 0.96", b"W_0: 1.2 m").replace(b"z_b: 202", b"z_b: no"))
     return str(file)
 
 
@@ -71,9 +69,7 @@ def test_show_reads_standard_input() -> None:
 
 
 def test_resolved_shows_every_field_with_value_and_origin() -> None:
-    result = run(
-        "show", "vzp160", "--set", "numerics.n_2=120", "--set", "cam.W_0=0.9598765432101", "--resolved"
-    )
+    result = run("show", "vzp160", "--set", "numerics.n_2=120", "--set", "cam.W_0=0.9598765432101", "--resolved")
     lines = {line.split()[0]: line.split() for line in result.stdout.splitlines() if "." in line.split()[0]}
     assert set(lines) == {path for path, _ in fields()}
     assert lines["cam.W_0"][1:5] == ["0.9598765432101", "mm", "override", "--set"]
@@ -102,9 +98,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("columns", [80, 100, 200])
-def test_on_a_terminal_the_table_fits_and_cuts_no_number(
-    columns: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_on_a_terminal_the_table_fits_and_cuts_no_number(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr("sys.stdout", terminal)
     monkeypatch.setenv("COLUMNS", str(columns))
@@ -118,18 +112,14 @@ def test_on_a_terminal_the_table_fits_and_cuts_no_number(
 
 
 def test_in_a_pipe_no_reference_is_wrapped() -> None:
-    (line,) = (
-        line for line in run("show", "vzp160", "--resolved").stdout.splitlines() if "contact.c_ball" in line
-    )
+    (line,) = (line for line in run("show", "vzp160", "--resolved").stdout.splitlines() if "contact.c_ball" in line)
     assert line.rstrip().endswith("tuned towards the four values of Fig. 3")
     assert len(line) > 80
 
 
 def test_ascii_has_no_other_characters(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
-    file.write_text(
-        run("new", "x").stdout + 'source: {cam.W_0: {kind: given, ref: "±5 µm"}}\n', encoding="utf-8"
-    )
+    file.write_text(run("new", "x").stdout + 'source: {cam.W_0: {kind: given, ref: "±5 µm"}}\n', encoding="utf-8")
     result = run("show", str(file), "--resolved", "--ascii")
     assert result.stdout.isascii()
     assert "+-5 um" in result.stdout
@@ -144,9 +134,7 @@ def test_validate_shows_every_error_of_every_preset(bad: str) -> None:
     result = run("validate", bad, "vzp160", "vzp161")
     assert result.exit_code == 4
     assert result.stdout == f"{bad}: invalid\nvzp160: OK\nvzp161: invalid\n"
-    line = (
-        Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
-    )
+    line = Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
     assert f"{bad}:{line}:8: cam.W_0: the unit m could be mistaken" in result.stderr
     assert "gears.z_b: must be a whole number (got no)" in result.stderr
     assert "no such preset or file: vzp161" in result.stderr

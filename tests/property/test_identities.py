@@ -163,9 +163,7 @@ def test_torque_on_the_cam_is_that_of_the_ratio(system, M_g, scalars):
 
 
 def test_no_deviations_no_error(reference):
-    perfect = changed(
-        reference, tolerances__F_i1=0.0, tolerances__F_i2=0.0, tolerances__e_hb=0.0, tolerances__e_hh=0.0
-    )
+    perfect = changed(reference, tolerances__F_i1=0.0, tolerances__F_i2=0.0, tolerances__e_hb=0.0, tolerances__e_hh=0.0)
     states = pitch_locked_states(Kinematics.of(perfect), np.arange(0, 20200, 37))
     assert kinematic_error(perfect, 80, states=states, cross_check=None).range_arcsec < 1e-9
 
@@ -193,9 +191,7 @@ def test_turning_everything_by_an_angle_changes_nothing(reference, turn):
 
 def test_cycle_does_not_depend_on_where_it_starts(reference):
     # turning both wheels and the housing as one body by a whole number of pitches: the same cycle
-    drive = changed(
-        reference, phases__xi_b=260 + 20 * 360 / 202, phases__phi_hb=20 * 360 / 202, phases__xi_g=20 * 1.8
-    )
+    drive = changed(reference, phases__xi_b=260 + 20 * 360 / 202, phases__phi_hb=20 * 360 / 202, phases__xi_g=20 * 1.8)
     ahead = kinematic_error(reference, 80, cross_check=None)
     turned = kinematic_error(drive, 80, cross_check=None)
     assert turned.F_ior_arcsec == pytest.approx(ahead.F_ior_arcsec, abs=1e-7)

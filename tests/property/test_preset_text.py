@@ -78,9 +78,7 @@ def test_a_preset_with_a_piece_torn_out(start: int, length: int, piece: str) -> 
 
 @settings(max_examples=200)
 @given(
-    st.sampled_from(
-        [*PATHS, "gears", "source", "uncertainty", "name", "schema", "acceptance.F_ior.80", "x.y.z"]
-    ),
+    st.sampled_from([*PATHS, "gears", "source", "uncertainty", "name", "schema", "acceptance.F_ior.80", "x.y.z"]),
     VALUES,
 )
 def test_any_value_in_any_field(path: str, value: object) -> None:

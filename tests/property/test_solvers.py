@@ -49,9 +49,7 @@ def test_engine_agrees_with_two_other_solvers(reference, fields, tau, beta, scal
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     for solver in ("CLARABEL", "OSQP"):
         others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
-        assert same[system.free_rotation] * ARCSEC == pytest.approx(
-            free[0, system.free_rotation] * ARCSEC, abs=0.005
-        )
+        assert same[system.free_rotation] * ARCSEC == pytest.approx(free[0, system.free_rotation] * ARCSEC, abs=0.005)
         assert others == pytest.approx(forces[0], abs=2e-3 * forces.max())
 
 
@@ -73,6 +71,5 @@ def test_symmetric_degenerate_states_are_solved(reference):
     for torque in (1e-3, 1.0, 1e3, -1e3, 1e5):
         forces, free, _ = Engine(formulation, torque).solve(np.repeat(system.delta_p[None], 3, axis=0))
         assert (
-            residuals(system, np.repeat(system.delta_p[None], 3, axis=0), torque, forces, free).worst.max()
-            <= TOLERANCE
+            residuals(system, np.repeat(system.delta_p[None], 3, axis=0), torque, forces, free).worst.max() <= TOLERANCE
         )

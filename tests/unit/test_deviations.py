@@ -24,9 +24,7 @@ def test_cam_offsets_turn_as_their_names_say(reference):
     with_cam = changed(quiet, tolerances__e_hh=80.0, phases__phi_hh=30.0)
     with_wheel = changed(quiet, tolerances__e_hg=80.0, phases__phi_hg=30.0)
     # e_hb stands still: seen from a cam at 90 deg it has gone back by 90 deg
-    assert scalars(still, 90)[2:] == pytest.approx(
-        0.08 * np.array([np.cos(np.radians(-60)), np.sin(np.radians(-60))])
-    )
+    assert scalars(still, 90)[2:] == pytest.approx(0.08 * np.array([np.cos(np.radians(-60)), np.sin(np.radians(-60))]))
     assert scalars(with_cam, 90)[2:] == pytest.approx(scalars(with_cam, 0)[2:])
     assert scalars(with_wheel, 90, -0.9)[2:] == pytest.approx(
         0.08 * np.array([np.cos(np.radians(30 - 90.9)), np.sin(np.radians(30 - 90.9))])
@@ -69,9 +67,7 @@ def test_a_pitch_mark_is_where_the_teeth_lead_most(reference):
 def test_measured_flexspline_equals_its_first_harmonic(reference, j):
     system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
     measured = ToothDeviations(g=first_harmonic(75.0, tooth_phases(reference)[0], 200))
-    assert gaps(reference, system, states, measured) == pytest.approx(
-        gaps(reference, system, states), abs=1e-12
-    )
+    assert gaps(reference, system, states, measured) == pytest.approx(gaps(reference, system, states), abs=1e-12)
 
 
 @pytest.mark.parametrize("j", [0, 1, 77, 5000])

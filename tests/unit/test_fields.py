@@ -199,9 +199,7 @@ def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> Operatin
     rotation = np.zeros(len(states))
     rotation[7] = F_ior
     kinematics = Kinematics.of(drive)
-    result = KinematicError(
-        kinematics, M_g, states, rotation, np.ones((len(states), 2)), rotation, EMPTY, None
-    )
+    result = KinematicError(kinematics, M_g, states, rotation, np.ones((len(states), 2)), rotation, EMPTY, None)
     return OperatingPoint(M_g, result, SelfError(M_g, np.array([[0.0, self_error]]), EMPTY), drive.limit(M_g))
 
 
@@ -231,9 +229,7 @@ def test_rated_torque_warns(reference):
 
 @pytest.mark.parametrize("path", sorted(NOT_YET_USED))
 def test_fields_that_do_nothing_yet_say_so(path):
-    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]", "mounting.holes": "8"}.get(
-        path, "5"
-    )
+    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]", "mounting.holes": "8"}.get(path, "5")
     warnings = load_preset("vzp160", [f"{path}={value}"]).origin.warnings
     assert [w for w in warnings if path in w and "no command" in w]
     assert not load_preset("vzp160").origin.warnings

@@ -57,9 +57,7 @@ def test_a_replaced_file_keeps_its_mode_and_a_link_stays_a_link(tmp_path: Path) 
     assert (target.read_text(), target.stat().st_mode & 0o777) == ("new", 0o640)
 
 
-def test_a_write_that_fails_leaves_everything_as_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_write_that_fails_leaves_everything_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "a"
     target.write_text("old")
 
@@ -74,9 +72,7 @@ def test_a_write_that_fails_leaves_everything_as_it_was(
 
 
 @pytest.mark.parametrize("path", ["", ".", "gone/a", "a\0b"])
-def test_what_cannot_be_written_is_a_data_error(
-    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_is_a_data_error(path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for refused in (lambda: write_text(path, "x", True), lambda: require_writable(path, True)):
         with pytest.raises(DataError, match="cannot write"):

@@ -51,9 +51,7 @@ def drawn_gap(drive, i: int, zone: int, side: float) -> float:
     return min(gaps)
 
 
-@pytest.mark.parametrize(
-    ("i", "zone", "side"), [(0, 0, 1.0), (5, 0, 1.0), (5, 0, -1.0), (-9, 0, 1.0), (104, 1, -1.0)]
-)
+@pytest.mark.parametrize(("i", "zone", "side"), [(0, 0, 1.0), (5, 0, 1.0), (5, 0, -1.0), (-9, 0, 1.0), (104, 1, -1.0)])
 def test_nominal_gap_is_that_of_a_drawn_pair(reference, i, zone, side):
     flanks = flank_candidates(Geometry.of(reference), np.radians(30))
     k = np.flatnonzero((flanks.tooth == i) & (flanks.zone == zone) & (flanks.side == side))[0]
@@ -101,9 +99,7 @@ def test_zones_and_sides_are_mirror_images(reference):
     }
     for (tooth, zone, side), value in gap.items():
         assert gap[(-tooth if zone == 0 else 200 - tooth, zone, -side)] == pytest.approx(value, abs=1e-12)
-        assert gap[((tooth + 100) if zone == 0 else tooth - 100, 1 - zone, side)] == pytest.approx(
-            value, abs=1e-12
-        )
+        assert gap[((tooth + 100) if zone == 0 else tooth - 100, 1 - zone, side)] == pytest.approx(value, abs=1e-12)
 
 
 def test_least_gap_is_found_on_a_denser_sampling_too(reference, monkeypatch):

@@ -67,9 +67,7 @@ def test_a_path_is_read_and_named_as_given(tmp_path: Path, monkeypatch: pytest.M
     assert load_preset("./my.yaml").origin.file == "./my.yaml"
 
 
-def test_the_library_comes_before_a_file_of_the_same_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_library_comes_before_a_file_of_the_same_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "vzp160").write_text("name: other")
     monkeypatch.chdir(tmp_path)
     assert load_preset("vzp160").name == "vzp160"
@@ -123,10 +121,6 @@ def test_bad_overrides_are_wrong_usage() -> None:
 
 
 def test_the_names_cost_no_heavy_import() -> None:
-    code = (
-        "import sys; from hdassist.preset.library import preset_names as p; p(); print(*sorted(sys.modules))"
-    )
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True
-    ).stdout
+    code = "import sys; from hdassist.preset.library import preset_names as p; p(); print(*sorted(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     assert not {"pydantic", "yaml", "numpy"} & set(loaded.split())

@@ -281,24 +281,19 @@ def test_fields_that_nothing_uses_yet_are_kept_with_a_warning_each() -> None:
     drive = load(more="uncertainty: {cam.W_0: 0.01}\nmounting: {holes: 8, first_hole: 5, allowed: [1, 2]}\n")
     assert drive.mounting.allowed == (1, 2)
     assert len(drive.origin.warnings) == len(NOT_YET_USED) == 4
-    assert (
-        drive.origin.warnings[0] == "my.yaml:9:1: uncertainty: kept, but no command of this version uses it"
-    )
+    assert drive.origin.warnings[0] == "my.yaml:9:1: uncertainty: kept, but no command of this version uses it"
     assert all("kept, but no command of this version uses it" in warning for warning in drive.origin.warnings)
 
 
 def test_a_limit_for_another_torque_is_a_warning() -> None:
     drive = load(more="acceptance: {F_ior: {80: 30, 900: 20, all: 60}}\n")
     assert drive.origin.warnings == (
-        "my.yaml:9:30: acceptance.F_ior.900: "
-        "a limit for a torque that is not in operation.M_g (M_g: 80, 800)",
+        "my.yaml:9:30: acceptance.F_ior.900: a limit for a torque that is not in operation.M_g (M_g: 80, 800)",
     )
 
 
 def test_overrides_replace_and_are_remembered() -> None:
-    drive = load(
-        overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30")
-    )
+    drive = load(overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30"))
     assert (drive.cam.W_0, drive.operation.M_g, drive.tolerances.F_i2) == (0.95, (80, 400), 60)
     assert drive.limit(80) == 30
     assert drive.origin.overrides[0] == "cam.W_0=950 um"
@@ -349,9 +344,7 @@ def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> No
 
 def test_an_override_that_contradicts_the_file_is_wrong_usage_at_the_override() -> None:
     assert usage_error("gears.z_b=203").startswith("--set:1:11: gears.z_b: only drives with two waves")
-    assert usage_error("flexspline.b_w=200").startswith(
-        "--set:1:16: flexspline.b_w: the shell must be longer"
-    )
+    assert usage_error("flexspline.b_w=200").startswith("--set:1:16: flexspline.b_w: the shell must be longer")
 
 
 def test_a_bad_file_stays_a_bad_file_whatever_the_overrides_say() -> None:

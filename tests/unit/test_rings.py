@@ -17,9 +17,7 @@ def deflection(n_max: int, load_at: np.ndarray, seen_at: float) -> float:
     return float(ring.radial(np.array([seen_at]))[0] @ (ring.compliance * ring.radial(load_at).sum(axis=0)))
 
 
-@pytest.mark.parametrize(
-    ("n_max", "diametral", "perpendicular"), [(40, 0.148775, 0.136620), (400, 0.148779, 0.136620)]
-)
+@pytest.mark.parametrize(("n_max", "diametral", "perpendicular"), [(40, 0.148775, 0.136620), (400, 0.148779, 0.136620)])
 def test_ring_under_two_opposite_loads(n_max, diametral, perpendicular):
     # Timoshenko, Strength of Materials II: (pi/4 - 2/pi) = 0.14878 and (2/pi - 1/2) = 0.13662 P r^3/(E I)
     loads, unit = np.array([0.0, np.pi]), R**3 / (E * I)
@@ -59,9 +57,7 @@ def test_a_point_above_the_mid_line_moves_with_the_section():
     slope = (ring.radial(theta + h) - ring.radial(theta - h)) / (2 * h)
     section = (ring.tangential(theta) - slope) / R
     section[:, 0] = 0
-    assert ring.tangential(theta, height) == pytest.approx(
-        ring.tangential(theta) + height * section, abs=1e-7
-    )
+    assert ring.tangential(theta, height) == pytest.approx(ring.tangential(theta) + height * section, abs=1e-7)
 
 
 def test_bending_stiffness_of_the_flexspline_adds_rim_and_shell(reference):
@@ -84,6 +80,4 @@ def test_compliance_is_reciprocal_and_positive(reference):
     for drive in (reference, changed(reference, numerics__n_2=24, bearing__beta=0.3)):
         D = contact_system(drive).D
         assert np.array_equal(D, D.T)
-        assert np.linalg.eigvalsh(D)[0] >= 0.999 * min(
-            drive.contact.c_bore, drive.contact.c_t, drive.contact.c_ball
-        )
+        assert np.linalg.eigvalsh(D)[0] >= 0.999 * min(drive.contact.c_bore, drive.contact.c_t, drive.contact.c_ball)

@@ -212,9 +212,7 @@ def test_progress_counts_every_state(reference, monkeypatch):
 
 def test_the_sample_of_the_cross_check_is_seeded(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(600))
-    one, same, other = (
-        kinematic_error(reference, 80, states=states, seed=seed).cross_check for seed in (1, 1, 2)
-    )
+    one, same, other = (kinematic_error(reference, 80, states=states, seed=seed).cross_check for seed in (1, 1, 2))
     assert one == same
     assert 8 <= one.states <= 10
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec

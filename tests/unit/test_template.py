@@ -22,9 +22,7 @@ def test_it_names_every_field_with_unit_and_meaning() -> None:
     lines = new_preset("x").splitlines()
     for path, info in fields():
         name = path.split(".")[1]
-        (line,) = (
-            line for line in lines if line.lstrip("# ").startswith(f"{name}: ") or f" {name}:" in line[:14]
-        )
+        (line,) = (line for line in lines if line.lstrip("# ").startswith(f"{name}: ") or f" {name}:" in line[:14])
         assert line.endswith(str(info.description))
         assert f"# {unit_of(info)}" in line
         assert info.is_required() <= (not line.startswith("#"))

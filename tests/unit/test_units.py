@@ -105,9 +105,7 @@ def test_extreme_exponents_are_quick() -> None:
 
 def test_every_unit_of_the_declarations_converts_to_itself() -> None:
     units = {unit_of(info) for _, info in fields()} - {""}
-    assert units == {
-        unit for unit in units if unit in units_for(unit) and convert(f"3.5 {unit}", unit) == 3.5
-    }
+    assert units == {unit for unit in units if unit in units_for(unit) and convert(f"3.5 {unit}", unit) == 3.5}
 
 
 @pytest.mark.parametrize("unit", ["mm", "deg", "arcsec", "N*m", "MPa", "N/mm", "mm/N"])

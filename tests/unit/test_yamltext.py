@@ -104,9 +104,7 @@ def test_traps_are_refused_with_their_place(text: bytes | str, message: str) -> 
 
 
 def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
-    bomb = "a: &a [x, x]\n" + "".join(
-        f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
-    )
+    bomb = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
     document = read(bomb, "f")
     assert [f.message for f in document.findings].count("aliases are not allowed") == 16
     assert document.data["i"] == [BROKEN, BROKEN]
@@ -125,9 +123,7 @@ def test_nesting_up_to_the_limit_is_read() -> None:
 
 
 def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
-    assert findings("#" * (MAX_BYTES + 1)) == [
-        "a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"
-    ]
+    assert findings("#" * (MAX_BYTES + 1)) == ["a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"]
     assert findings("#" * MAX_BYTES) == []
 
 
