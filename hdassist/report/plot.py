@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from hdassist.report.console import Look
 
+FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
+
 Array = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
-MARGIN = 8  # columns for the numbers of the y axis, with their blank
+WIDEST = 80  # columns: wider says no more
 
 
 def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = 10) -> str:
@@ -19,21 +21,22 @@ def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height:
 
     x_label and y_label carry the units. Returns lines without a final newline.
     """
-    columns = min(look.width, 80) - MARGIN - 2
-    wide, tall = (1, 1) if look.ascii else (2, 4)
     ticks = _ticks(float(y.min()), float(y.max()), max(2, height // 2))
     bottom, top = ticks[0], ticks[-1]
+    numbers = {round((top - t) / (top - bottom) * (height - 1)): f"{t:g}" for t in ticks}
+    margin = max(7, *map(len, numbers.values()))
+    columns = min(look.width, WIDEST) - margin - 2
+    wide, tall = (1, 1) if look.ascii else (2, 4)
     dots = _fill(x, y, columns * wide, height * tall, bottom, top)
     rows = ["".join(row) for row in (dots_to_ascii(dots) if look.ascii else dots_to_braille(dots))]
 
     corner, side, floor, mark = ("+", "|", "-", "+") if look.ascii else ("└", "│", "─", "┤")
-    at_row = {round((top - t) / (top - bottom) * (height - 1)): f"{t:g}" for t in ticks}
     lines = [look.text(y_label)]
     for k, row in enumerate(rows):
-        lines.append(f"{at_row.get(k, ''):>{MARGIN - 1}} {mark if k in at_row else side}{row}".rstrip())
-    lines.append(" " * MARGIN + corner + floor * columns)
-    lines.append(_x_numbers(float(x[0]), float(x[-1]), columns))
-    lines.append(" " * (MARGIN + 1) + look.text(x_label).center(columns).rstrip())
+        lines.append(f"{numbers.get(k, ''):>{margin}} {mark if k in numbers else side}{row}".rstrip())
+    lines.append(" " * (margin + 1) + corner + floor * columns)
+    lines.append(" " * (margin + 2) + _x_numbers(float(x[0]), float(x[-1]), columns))
+    lines.append(" " * (margin + 2) + look.text(x_label).center(columns).rstrip())
     return "\n".join(lines)
 
 
@@ -70,7 +73,9 @@ def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float
 
 def _ticks(low: float, high: float, count: int) -> list[float]:
     """Round numbers that enclose low and high, at most count steps apart."""
-    span = max(high - low, 1e-12)
+    if high - low <= FLAT * max(1.0, abs(low), abs(high)):
+        low, high = low - 1, high + 1
+    span = high - low
     power = 10.0 ** np.floor(np.log10(span / count))
     step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= count)
     first, last = int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
@@ -78,12 +83,11 @@ def _ticks(low: float, high: float, count: int) -> list[float]:
 
 
 def _x_numbers(low: float, high: float, columns: int) -> str:
-    line = [" "] * (MARGIN + 1 + columns + 8)
+    line = [" "] * columns
     for tick in _ticks(low, high, 6):
+        number = f"{tick:g}"
         place = round((tick - low) / (high - low) * (columns - 1))
         if 0 <= place < columns:
-            number = f"{tick:g}"
-            middle = MARGIN + 1 + place
-            start = max(0, middle - len(number) // 2)
+            start = min(max(0, place - len(number) // 2), columns - len(number))
             line[start : start + len(number)] = number
     return "".join(line).rstrip()
