@@ -68,7 +68,7 @@ def command(
         for text in result.warnings:
             warn(f"{drive.name}: {text}")
         if verbose:
-            note(f"{drive.name}: {result.certificate.states} states in {time.monotonic() - begun:.1f} s")
+            note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.certificate}")
     if json:
         out.text(to_json(combine("check", answers)))
     elif pages:

@@ -65,7 +65,7 @@ def command(
     for text in drive.origin.warnings:
         warn(text)
     if verbose:
-        note(f"{drive.name}: {result.error.certificate.states} states in {time.monotonic() - begun:.1f} s")
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.error.certificate}")
     if json:
         out.text(to_json(report.answer(drive, result, seed)))
     else:

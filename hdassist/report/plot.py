@@ -19,11 +19,13 @@ WIDEST = 80  # columns: wider says no more
 def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = 10) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
-    x_label and y_label carry the units. Returns lines without a final newline.
+    x_label and y_label carry the units; height, about how many rows. Returns lines without a final newline.
     """
     ticks = _ticks(float(y.min()), float(y.max()), max(2, height // 2))
     bottom, top = ticks[0], ticks[-1]
-    numbers = {round((top - t) / (top - bottom) * (height - 1)): f"{t:g}" for t in ticks}
+    apart = max(1, round((height - 1) / (len(ticks) - 1)))  # rows from tick to tick
+    height = apart * (len(ticks) - 1) + 1
+    numbers = {k * apart: f"{tick:g}" for k, tick in enumerate(reversed(ticks))}
     margin = max(7, *map(len, numbers.values()))
     columns = min(look.width, WIDEST) - margin - 2
     wide, tall = (1, 1) if look.ascii else (2, 4)

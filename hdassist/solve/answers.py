@@ -39,6 +39,10 @@ class Certificate:
         """Greatest of the four residuals."""
         return max(self.negative_force, self.negative_gap, self.complementarity, self.equilibrium)
 
+    def __str__(self) -> str:
+        residuals = ", ".join(f"{f.name.replace('_', ' ')} {getattr(self, f.name):.1e}" for f in fields(Residuals))
+        return f"{self.states} states, worst residuals: {residuals}; {self.fallbacks} fallbacks"
+
     def __add__(self, other: Certificate) -> Certificate:
         worst = {f.name: max(getattr(self, f.name), getattr(other, f.name)) for f in fields(Residuals)}
         return Certificate(self.states + other.states, fallbacks=self.fallbacks + other.fallbacks, **worst)

@@ -158,7 +158,7 @@ def test_torque_on_the_cam_is_that_of_the_ratio(system, M_g, scalars):
     W_0 = system.geometry.W_0
     on_cam = float(forces[system.balls] @ (2 * W_0 * np.sin(2 * system.ball_theta)))
     if not scalars.any():
-        assert on_cam == pytest.approx(torque / 100, rel=0.10)
+        assert on_cam == pytest.approx(torque / 100, rel=0.08)
     assert np.sign(on_cam) == np.sign(torque)
 
 
