@@ -13,6 +13,7 @@ from hdassist.version import __version__
 if TYPE_CHECKING:
     from hdassist.analysis.check import check
     from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
+    from hdassist.analysis.mounting import MountingCurve, mounting_curve
     from hdassist.analysis.self_error import SelfError, self_error
     from hdassist.analysis.trace import Trace, trace
     from hdassist.errors import HdassistError
@@ -24,6 +25,8 @@ _HOMES = {
     "check": "hdassist.analysis.check",
     "KinematicError": "hdassist.analysis.kinematic_error",
     "kinematic_error": "hdassist.analysis.kinematic_error",
+    "MountingCurve": "hdassist.analysis.mounting",
+    "mounting_curve": "hdassist.analysis.mounting",
     "SelfError": "hdassist.analysis.self_error",
     "self_error": "hdassist.analysis.self_error",
     "Trace": "hdassist.analysis.trace",
@@ -39,6 +42,7 @@ __all__ = [
     "Drive",
     "HdassistError",
     "KinematicError",
+    "MountingCurve",
     "SelfError",
     "ToothDeviations",
     "Trace",
@@ -46,6 +50,7 @@ __all__ = [
     "check",
     "kinematic_error",
     "load_preset",
+    "mounting_curve",
     "preset_names",
     "self_error",
     "trace",

@@ -24,7 +24,6 @@ from hdassist.solve.formulation import formulate, require_solver, solve_through_
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
-CROSS_SAMPLE = 8  # random states that are solved again, besides those of the extremes
 N_MM = 1e3  # N*mm in a N*m
 
 
@@ -108,6 +107,7 @@ def kinematic_error(
     teeth: ToothDeviations | None = None,
     solver: str | None = None,
     cross_check: str | None = "CLARABEL",
+    sample: int = 8,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> KinematicError:
@@ -115,7 +115,7 @@ def kinematic_error(
 
     Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
     knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
-    extremes and a sample (seed) again, None for none; progress, told how many states were solved.
+    extremes and a seeded sample again, None for none; progress, told how many states were solved.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
     for name in filter(None, (solver, cross_check)):
@@ -131,7 +131,7 @@ def kinematic_error(
         parts.append((rows, solve_states(system, way, torque, delta_p, partial(_place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)
     if cross_check:
-        result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, seed))
+        result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed))
     return result
 
 
@@ -161,11 +161,11 @@ def _collect(
 
 
 def _cross_check(
-    drive: Drive, result: KinematicError, teeth: ToothDeviations | None, solver: str, seed: int
+    drive: Drive, result: KinematicError, teeth: ToothDeviations | None, solver: str, sample: int, seed: int
 ) -> CrossCheck:
     count = len(result.states)
-    sample = np.random.default_rng(seed).choice(count, min(CROSS_SAMPLE, count), replace=False)
-    rows = np.unique(np.concatenate([[result.at_max, result.at_min], sample]))
+    some = np.random.default_rng(seed).choice(count, min(sample, count), replace=False)
+    rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
     chosen = result.states.take(rows)
     worst = 0.0
     for part, system in _systems(drive, chosen):

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import check, presets, trace
+from hdassist.cli import check, mount, presets, trace
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 
@@ -25,6 +25,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("check")(check.command)
+app.command("mount")(mount.command)
 app.command("trace")(trace.command)
 app.add_typer(presets.app, name="presets")
 

@@ -55,6 +55,9 @@ def dots_to_ascii(dots: Dots) -> list[list[str]]:
 
 
 def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float) -> Dots:
+    if len(x) < columns:
+        # between points that lie apart the curve is drawn straight
+        x, y = (fine := np.linspace(x[0], x[-1], 4 * columns)), np.interp(fine, x, y)
     span = max(float(x[-1] - x[0]), np.finfo(float).tiny)
     place = np.minimum(((x - x[0]) / span * columns).astype(int), columns - 1)
     row = np.rint((top - y) / (top - bottom) * (rows - 1)).astype(int)

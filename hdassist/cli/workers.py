@@ -1,0 +1,32 @@
+"""Processes that share the work of one command."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@contextmanager
+def workers(jobs: int) -> Iterator[Executor]:
+    """An executor of so many processes (0: one for each core), each with one thread for linear algebra.
+
+    One job is a process too: the same arithmetic, so the same digits for any number of jobs.
+    """
+    for name in THREADS:
+        os.environ[name] = "1"  # read when a worker loads its BLAS
+    pool = ProcessPoolExecutor(
+        max_workers=jobs or len(os.sched_getaffinity(0)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),  # an interrupt is the parent's to handle
+    )
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)

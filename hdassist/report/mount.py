@@ -1,0 +1,127 @@
+"""F'_ior against the mounting angle as plots and tables, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.analysis.mounting import MountingCurve, Position
+from hdassist.preset.drive import Drive
+from hdassist.report.console import Look, table
+from hdassist.report.csvtext import to_csv
+from hdassist.report.envelope import certificate_object, envelope
+from hdassist.report.plot import curve
+
+
+def _phase_words(drive: Drive) -> str:
+    return "xi_b - phi_hb" if drive.mounting.fixed == "rigid" else "xi_g - phi_hg"
+
+
+def _hole(drive: Drive, position: Position) -> int | None:
+    """Holes that the wheel is turned by, where it is a whole number of them."""
+    holes = position.rotation_deg * drive.mounting.holes / 360
+    return round(holes) if drive.mounting.holes and abs(holes - round(holes)) < 1e-9 else None
+
+
+def render(drive: Drive, result: MountingCurve, look: Look, *, plots: bool = True) -> RenderableType:
+    """A plot per torque, the best and worst position for each, and the recommendation for all."""
+    wheel = "rigid wheel" if drive.mounting.fixed == "rigid" else "flexspline"
+    parts: list[RenderableType] = [
+        Text(look.text(f"{drive.name}: turning the fixed {wheel} on its seat"), style="bold")
+    ]
+    order = np.argsort(result.phase_deg)
+    if plots and len(order) > 1:
+        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True):
+            title = f"F'_ior at {M_g:g} N·m, arcsec"
+            label = f"phase {_phase_words(drive)}, deg"
+            parts.append(Text(curve(look, result.phase_deg[order], values[order], x_label=label, y_label=title)))
+    parts += [_torques(result, look), _positions(drive, result, look)]
+    proof = certificate_object(result.certificate, result.cross_checks)
+    words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
+    if cross := proof["cross_check"]:
+        words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
+    turns = "Rotations are counter-clockwise seen from the cam side, from where the wheel stands."
+    parts += [Text(look.text(turns)), Text(words)]
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _torques(result: MountingCurve, look: Look) -> Table:
+    grid = table(look, "each torque alone")
+    grid.add_column(look.text("torque, N·m"), justify="right", no_wrap=True)
+    for words in ("now, arcsec", "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg"):
+        grid.add_column(words, justify="right")
+    for k, M_g in enumerate(result.torques):
+        best, worst = result.extremes(k)
+        numbers = (
+            f"{result.current.F_ior_arcsec[k]:.2f}",
+            f"{best.F_ior_arcsec[k]:.2f}",
+            f"{best.phase_deg:g}",
+            f"{worst.F_ior_arcsec[k]:.2f}",
+            f"{worst.phase_deg:g}",
+        )
+        grid.add_row(f"{M_g:g}", *numbers)
+    return grid
+
+
+def _positions(drive: Drive, result: MountingCurve, look: Look) -> Table:
+    grid = table(look, "all torques together (best for the torque served worst)")
+    grid.add_column("position")
+    for words in ("turn, deg", f"phase {_phase_words(drive)}, deg", "F'_ior, arcsec", "against now"):
+        grid.add_column(words, justify="right")
+    for words, position in (("now", result.current), ("best", result.recommended), ("worst", result.worst)):
+        values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
+        grid.add_row(
+            words, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{gain(result, position):+.0%}"
+        )
+    return grid
+
+
+def gain(result: MountingCurve, position: Position) -> float:
+    """Change of F'_ior against the present position, of the torque that is served worst."""
+    return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
+
+
+def answer(drive: Drive, result: MountingCurve, seed: int, exit_code: int = 0) -> dict[str, Any]:
+    """The curves and positions as a JSON object."""
+
+    def position(p: Position) -> dict[str, Any]:
+        return {
+            "rotation_deg": p.rotation_deg,
+            "phase_deg": p.phase_deg,
+            "hole": _hole(drive, p),
+            "F_ior_arcsec": list(p.F_ior_arcsec),
+        }
+
+    return {
+        **envelope("mount", drive, exit_code, drive.origin.warnings),
+        "curves": [
+            {"M_g_Nm": M_g, "phase_deg": result.phase_deg.tolist(), "F_ior_arcsec": values.tolist()}
+            for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
+        ],
+        "rotation_deg": result.rotation_deg.tolist(),
+        "current": position(result.current),
+        "recommended": position(result.recommended),
+        "worst": position(result.worst),
+        "gain": -gain(result, result.recommended),
+        "certificate": certificate_object(result.certificate, result.cross_checks),
+        "seed": seed,
+    }
+
+
+def csv(result: MountingCurve) -> str:
+    """One row per torque and position."""
+    rows = [
+        [M_g, float(rotation), float(phase), float(value)]
+        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
+        for rotation, phase, value in zip(result.rotation_deg, result.phase_deg, values, strict=True)
+    ]
+    return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec"], rows)
+
+
+def brief(result: MountingCurve) -> str:
+    """The answer alone: the rotation to make, in degrees."""
+    return f"{result.recommended.rotation_deg:g}"

@@ -1,0 +1,75 @@
+"""Turning the fixed wheel on its seat."""
+
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.analysis.mounting import MountingCurve, mounting_curve, phase_deg, rotated
+from hdassist.errors import UsageError
+from hdassist.solve.answers import EMPTY
+from tests.cli.process import SMALL
+from tests.support import changed
+
+
+def test_turning_the_wheel_is_turning_its_deviation():
+    drive = load_preset(SMALL)
+    curve = mounting_curve(drive, [1.0], [0.0, 30.0, 60.0])
+    for k, xi_b in enumerate((90, 120, 150)):
+        alone = kinematic_error(load_preset(SMALL, [f"phases.xi_b={xi_b}"]), 1.0)
+        assert curve.F_ior_arcsec[0, k] == pytest.approx(alone.F_ior_arcsec, abs=1e-9)
+        assert curve.phase_deg[k] == xi_b
+    assert curve.certificate.states == 3 * 1860
+    assert len(curve.cross_checks) == 3
+
+
+def test_with_the_flexspline_fixed_it_is_the_flexspline_that_turns():
+    drive = load_preset(SMALL, ["mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0"])
+    curve = mounting_curve(drive, [1.0], [0.0, 90.0], cross_check=None)
+    alone = kinematic_error(changed(drive, phases__xi_g=90.0), 1.0)
+    assert curve.F_ior_arcsec[0, 1] == pytest.approx(alone.F_ior_arcsec, abs=1e-9)
+    assert curve.phase_deg.tolist() == [0, 90]
+    assert abs(np.diff(curve.F_ior_arcsec[0])[0]) > 1
+
+
+def test_a_full_turn_comes_home():
+    drive = load_preset(SMALL)
+    curve = mounting_curve(drive, [1.0], [0.0, 360.0], cross_check=None)
+    assert curve.F_ior_arcsec[0, 1] == pytest.approx(curve.F_ior_arcsec[0, 0], abs=1e-7)
+
+
+def test_phase_counts_from_the_offset_and_knows_marks(reference):
+    assert phase_deg(reference) == 260
+    assert phase_deg(changed(reference, phases__phi_hb=30.0)) == 230
+    assert phase_deg(changed(reference, mounting__mark_kind="runout")) == 80
+    assert phase_deg(rotated(reference, 130.0)) == 30
+    fixed = changed(reference, mounting__fixed="flexspline", phases__xi_g=10.0, phases__phi_hg=40.0)
+    assert phase_deg(fixed) == 330
+
+
+def curve_of(*values: list[float]) -> MountingCurve:
+    rotations = np.arange(len(values[0])) * 30.0
+    torques = tuple(float(k + 1) for k in range(len(values)))
+    return MountingCurve(torques, rotations, rotations, np.array(values), EMPTY, ())
+
+
+def test_the_recommendation_serves_the_torque_served_worst():
+    curve = curve_of([20.0, 10.0, 14.0], [10.0, 12.0, 7.0])
+    assert curve.recommended.rotation_deg == 60
+    assert curve.worst.rotation_deg == 30
+    assert curve.extremes(0)[0].rotation_deg == 30
+    assert curve.extremes(1)[0].rotation_deg == 60
+
+
+def test_nothing_better_means_stay():
+    curve = curve_of([10.0, 9.0], [10.0, 11.0])
+    assert curve.recommended == curve.current
+
+
+def test_of_equals_the_least_turn():
+    assert curve_of([10.0, 8.0, 8.0]).recommended.rotation_deg == 30
+
+
+@pytest.mark.parametrize("rotations", [[], [30.0, 60.0]])
+def test_the_present_position_comes_first(reference, rotations):
+    with pytest.raises(UsageError, match="first rotation"):
+        mounting_curve(reference, [80.0], rotations)
