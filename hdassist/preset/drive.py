@@ -19,7 +19,7 @@ from pydantic.fields import FieldInfo
 SCHEMA = "hdassist.preset/1"
 
 # Fields that a preset may give and no command uses so far: kept, with a warning.
-NOT_YET_USED = ("uncertainty", "mounting.holes", "mounting.first_hole", "mounting.allowed")
+NOT_YET_USED = ("uncertainty", "mounting.first_hole", "mounting.allowed")
 
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits"]
 

@@ -9,12 +9,14 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.analysis.check import Check, OperatingPoint
 from hdassist.analysis.kinematic_error import KinematicError
+from hdassist.analysis.mounting import MountingCurve
 from hdassist.analysis.self_error import SelfError, self_error
 from hdassist.analysis.verdict import Verdict
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
 from hdassist.preset.drive import NOT_YET_USED, Drive, fields
+from hdassist.report.mount import answer
 from hdassist.solve.answers import EMPTY
 from tests.support import changed, solve_state, wind_up
 
@@ -100,7 +102,7 @@ MOVES = [
 ELSEWHERE = {
     "gears.z_g", "gears.z_b", "bearing.d_ball", "bearing.ball_motion", "phases.phi_hg", "mounting.fixed",
     "mounting.mark_kind", "operation.M_g", "operation.rated", "acceptance.F_ior", "numerics.n_beta",
-    "numerics.n_phase", "numerics.window",
+    "mounting.holes", "numerics.n_phase", "numerics.window",
 }  # fmt: skip
 
 
@@ -194,6 +196,14 @@ def test_more_phases_find_more_of_the_self_error(reference):
     assert fine.range_arcsec > coarse.range_arcsec + 0.1
 
 
+@pytest.mark.parametrize(("holes", "hole"), [(12, 5), (36, 15), (8, None), (0, None)])
+def test_holes_number_the_positions(reference, holes, hole):
+    drive = changed(reference, mounting__holes=holes)
+    rotations = np.array([0.0, 150.0])
+    curve = MountingCurve((80.0,), rotations, rotations, np.array([[2.0, 1.0]]), EMPTY, ())
+    assert answer(drive, curve, 0)["recommended"]["hole"] == hole
+
+
 def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> OperatingPoint:
     states = pitch_locked_states(Kinematics.of(drive))
     rotation = np.zeros(len(states))
@@ -229,7 +239,7 @@ def test_rated_torque_warns(reference):
 
 @pytest.mark.parametrize("path", sorted(NOT_YET_USED))
 def test_fields_that_do_nothing_yet_say_so(path):
-    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]", "mounting.holes": "8"}.get(path, "5")
+    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]"}.get(path, "5")
     warnings = load_preset("vzp160", [f"{path}={value}"]).origin.warnings
     assert [w for w in warnings if path in w and "no command" in w]
     assert not load_preset("vzp160").origin.warnings
