@@ -11,6 +11,7 @@ equilibrium are their displacements. Everything that solves it starts from this 
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -123,7 +124,10 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     formulation.set_gaps(delta_p)
     formulation.set_load(torque)
     try:
-        formulation.problem.solve(solver=name, **TIGHT.get(name, {}))
+        with warnings.catch_warnings():
+            # "solution may be inaccurate": residuals and the other solver decide that, not a status
+            warnings.simplefilter("ignore", UserWarning)
+            formulation.problem.solve(solver=name, **TIGHT.get(name, {}))
     except cp.SolverError as error:
         raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
     forces, duals = formulation.forces.value, formulation.equilibrium.dual_value
