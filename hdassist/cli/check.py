@@ -59,7 +59,7 @@ def command(
         except HdassistError as error:
             if debug or (len(presets) == 1 and not json):
                 raise
-            complain(error, name if len(presets) > 1 else "")
+            complain(error, "" if name in error.message else name)
             answers.append(failure("check", name, error))
             continue
         done.append(result)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
 
-LAST_COLUMN = 24  # least width of a column of text
+LAST_COLUMN = 16  # least width of a column of text
 
 Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]
 
@@ -228,34 +228,41 @@ def _print_json(answer: dict[str, Any]) -> None:
 
 
 def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool, no_color: bool) -> None:
-    """Print a table whose last column may wrap; the others are never cut, whatever the width."""
-    from rich.text import Text
+    """Print a table whose last column may wrap; nothing else is ever cut.
 
-    from hdassist.cli.output import Output
-    from hdassist.report.console import table
+    In a pipe it takes the width it needs; on a terminal too narrow for its last column it does without.
+    """
+    from rich.measure import Measurement
+
+    from hdassist.cli.output import Output, note
+    from hdassist.report.console import console
 
     out = Output.open(ascii=ascii, no_color=no_color)
+    grid = _table(out, head, rows)
+    wide = console(sys.stdout, replace(out.look, width=10_000))
+    need = Measurement.get(wide, wide.options, grid)
+    if not sys.stdout.isatty():
+        out = replace(out, look=replace(out.look, width=need.maximum))
+    elif need.minimum > out.look.width:
+        grid = _table(out, head[:-1], [row[:-1] for row in rows])
+        note(f"the column {head[-1]!r} needs a wider terminal, or a pipe")
+    out.human(grid)
+
+
+def _table(out: Output, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    from rich.text import Text
+
+    from hdassist.report.console import table
+
     grid = table(out.look)
     for column, title in enumerate(head):
         words = [len(word) for row in rows for word in row[column].split()]
-        last = column == len(head) - 1
+        last = title in ("description", "reference")
         wraps = last or title == "value"  # a list of numbers wraps between its numbers
         grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else max([0, *words]))
     for row in rows:
         grid.add_row(*(Text(out.look.text(cell)) for cell in row))
-    _fitting(out, grid).human(grid)
-
-
-def _fitting(out: Output, grid: Table) -> Output:
-    """The output at the width the table needs: all of it in a pipe, on a terminal no more than must be."""
-    from rich.measure import Measurement
-
-    from hdassist.report.console import console
-
-    wide = console(sys.stdout, replace(out.look, width=10_000))
-    need = Measurement.get(wide, wide.options, grid)
-    width = max(need.minimum, out.look.width) if sys.stdout.isatty() else need.maximum
-    return replace(out, look=replace(out.look, width=width))
+    return grid
 
 
 def _value(value: Any) -> str:

@@ -19,6 +19,7 @@ from hdassist.preset.drive import fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.load import load_text
 from hdassist.version import __version__
+from tests.cli.process import on_terminal
 
 ROOT = Path(__file__).parents[2]
 
@@ -215,3 +216,13 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     loaded = set(run.stdout.split())
     assert not {"yaml", "numpy", "cvxpy", "hdassist.preset.drive"} & loaded
     assert len(arguments) > 1 or "pydantic" not in loaded  # typer itself loads it for the help of a command
+
+
+@pytest.mark.parametrize("command", [("presets", "list"), ("presets", "show", "vzp160", "--resolved")])
+@pytest.mark.parametrize("columns", [60, 80])
+def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -> None:
+    code, page = on_terminal(*command, columns=columns, env={"NO_COLOR": "1"})
+    assert code == 0
+    assert max(map(len, page.splitlines())) <= columns
+    assert "synthetic-160-162" in page or "1300000" in page
+    assert ("wider terminal" in page) == (columns == 60 and "show" in command)
