@@ -79,6 +79,11 @@ class Engine:
         self.data = compile_programme(formulation, torque)
         self._formulation = formulation
         self._torque = torque
+        n, rows = len(self.data.q_0), len(self.data.b)
+        # held here, because the solver may read them as long as it lives
+        self._upper = np.concatenate([np.full(n, np.inf), self.data.b])
+        self._lower = np.concatenate([self.data.lower, self.data.b])
+        self._sense = np.concatenate([np.zeros(n), np.full(rows, ALWAYS_ACTIVE)]).astype(np.int32)
         self._model: Any = None  # daqp.Model, once one is set up
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
@@ -102,17 +107,9 @@ class Engine:
         return self._run()
 
     def _set_up(self, q: Array) -> tuple[Array, Array] | None:
-        data, n, rows = self.data, len(q), len(self.data.b)
         self._model = daqp.Model()
         self._model.settings = SETTINGS
-        self._model.setup(
-            data.P,
-            q,
-            data.A,
-            np.concatenate([np.full(n, np.inf), data.b]),
-            np.concatenate([data.lower, data.b]),
-            np.concatenate([np.zeros(n), np.full(rows, ALWAYS_ACTIVE)]).astype(np.int32),
-        )
+        self._model.setup(self.data.P, q, self.data.A, self._upper, self._lower, self._sense)
         return self._run()
 
     def _run(self) -> tuple[Array, Array] | None:
