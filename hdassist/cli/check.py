@@ -11,6 +11,7 @@ from hdassist.cli import options as o
 
 def command(
     presets: o.Presets,
+    torque: o.Torques = [],  # noqa: B006 (typer copies it)
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
     json: o.Json = False,
     csv: o.Csv = None,
@@ -32,6 +33,7 @@ def command(
     Examples:
       hdassist check vzp160
       hdassist check my-drive.yaml --set tolerances.F_i2=60 --json
+      hdassist check vzp160 --torque 40 --torque 80
       hdassist check *.yaml --csv figures.csv -q
 
     Every state of the cycle is solved and proven; the verdict holds F'_ior with the self error against
@@ -53,7 +55,7 @@ def command(
     for name in presets:
         begun = time.monotonic()
         try:
-            drive = load_preset(name, overrides)
+            drive = load_preset(name, [*overrides, *o.torque_overrides(torque)])
             with out.progress(drive.name, work(drive)) as progress:
                 result = check(drive, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
         except HdassistError as error:

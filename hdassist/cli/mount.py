@@ -12,9 +12,7 @@ from hdassist.cli import options as o
 
 def command(
     preset: o.Preset,
-    torque: Annotated[
-        list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
-    ] = [],  # noqa: B006 (typer copies it)
+    torque: o.Torques = [],  # noqa: B006 (typer copies it)
     step: Annotated[float, typer.Option(metavar="DEG", help="Step between positions; a divisor of 360.")] = 10.0,
     jobs: Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")] = 0,
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
@@ -50,8 +48,7 @@ def command(
     from hdassist.report.envelope import to_json
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
-    torques = [f"operation.M_g={torque!r}"] if torque else []
-    drive = load_preset(preset, [*overrides, *torques])
+    drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
     rotations = _rotations(step)
     begun = time.monotonic()
     with (

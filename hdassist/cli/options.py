@@ -12,6 +12,9 @@ Overrides = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable."),
 ]
+Torques = Annotated[
+    list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Csv = Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")]
 Target = Annotated[
@@ -33,3 +36,8 @@ NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or c
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the answer.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print residuals and timings on stderr.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors.")]
+
+
+def torque_overrides(torques: list[float]) -> list[str]:
+    """Torques of the command line as an override of the preset: the same checks, the same errors."""
+    return [f"operation.M_g={torques!r}"] if torques else []

@@ -53,8 +53,7 @@ def command(
     from hdassist.report.envelope import to_json
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
-    torques = [] if torque is None else [f"operation.M_g={torque!r}"]
-    drive = load_preset(preset, [*overrides, *torques])
+    drive = load_preset(preset, [*overrides, *o.torque_overrides([] if torque is None else [torque])])
     M_g = drive.operation.M_g[0]
     begun = time.monotonic()
     with out.progress(drive.name, revolutions * Kinematics.of(drive).teeth_fixed) as progress:

@@ -135,6 +135,12 @@ def test_many_torques_stay_within_the_width():
     assert [float(n) for row in heads for n in row] == [1, 1.5, 2, 2.5, 3, 3.5, 4]
 
 
+def test_torques_from_the_command_line_take_the_presets_place():
+    asked = run("check", SMALL, "-q", "--torque", "2", "--torque=-3").stdout.splitlines()
+    assert [line.split(" N*m")[0] for line in asked] == ["2", "-3"]
+    assert run("check", SMALL, "--torque", "0").returncode == 2
+
+
 def test_quiet_prints_the_answer_alone(human):
     quiet = run("check", SMALL, "-q")
     lines = quiet.stdout.splitlines()
