@@ -55,17 +55,17 @@ def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | N
     grid = drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY] * len(torques)
+    engine: Engine | None = None
     for i in range(grid):
         flanks = flank_candidates(geometry, window, i / grid)
         for k in range(grid):
             system = assemble(drive, flanks, k / grid)
-            formulation = formulate(system)
+            engine = Engine(formulate(system), torques[0] * N_MM, like=engine)
             for t, M_g in enumerate(torques):
                 torque = M_g * N_MM
+                engine.load(torque)
                 place = partial(_place, i / grid, k / grid, M_g)
-                answers = solve_states(
-                    system, Engine(formulation, torque), torque, system.delta_p[None], place, progress
-                )
+                answers = solve_states(system, engine, torque, system.delta_p[None], place, progress)
                 rotation[t, i, k] = answers.rotation[0] * ARCSEC
                 certificates[t] += answers.certificate
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]

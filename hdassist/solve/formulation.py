@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cvxpy as cp
@@ -39,30 +40,56 @@ class Units:
 
 
 @dataclass(frozen=True)
-class Formulation:
-    """The programme of one contact system: cvxpy objects, DPP in the parameters gaps and load.
+class Statement:
+    """The programme in cvxpy, DPP in the parameters gaps and load.
 
     forces: variable, shape (M,), in units.force; gaps: parameter delta_p, shape (M,), in units.gap;
     load: parameter b_f, shape (free,), in units.force * units.load; equilibrium: the constraint whose dual
     is the displacement of the free freedoms in units.gap / units.load.
     """
 
-    system: ContactSystem
-    units: Units
     problem: cp.Problem
     forces: cp.Variable
     gaps: cp.Parameter
     load: cp.Parameter
     equilibrium: cp.Constraint
 
-    def set_load(self, torque: float) -> None:
-        """Set the torque on the flexspline [N*mm]."""
-        free = ~self.system.supported
-        self.load.value = self.system.load(torque)[free] / (self.units.force * self.units.load)
 
-    def set_gaps(self, delta_p: Array) -> None:
-        """Set the gaps without force [mm], shape (M,)."""
-        self.gaps.value = delta_p / self.units.gap
+@dataclass(frozen=True)
+class Formulation:
+    """The programme of one contact system: minimise 1/2 x' P x + gaps' x subject to A x + load = 0, x >= 0.
+
+    P, shape (M, M), and A, shape (free, M), in units.
+    """
+
+    system: ContactSystem
+    units: Units
+    P: Array
+    A: Array
+
+    @cached_property
+    def statement(self) -> Statement:
+        """The programme in cvxpy; stated when first asked for."""
+        forces = cp.Variable(len(self.P), name="F", nonneg=True)
+        gaps = cp.Parameter(len(self.P), name="delta_p")
+        load = cp.Parameter(len(self.A), name="b")
+        energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(self.P))
+        equilibrium = self.A @ forces + load == 0
+        problem = cp.Problem(cp.Minimize(energy + gaps @ forces), [equilibrium])
+        return Statement(problem, forces, gaps, load, equilibrium)
+
+    def gaps(self, delta_p: Array) -> Array:
+        """Gaps without force [mm], shape (..., M), in units of the programme."""
+        return delta_p / self.units.gap
+
+    def load(self, torque: float) -> Array:
+        """Load of a torque on the flexspline [N*mm], in units of the programme, shape (free,)."""
+        free = ~self.system.supported
+        return np.asarray(self.system.load(torque)[free] / (self.units.force * self.units.load))
+
+    def answer(self, forces: Array, duals: Array) -> tuple[Array, Array]:
+        """Forces [N] and displacements of the free freedoms [mm, rad] of a solution in units of the programme."""
+        return forces * self.units.force, duals * (self.units.gap / self.units.load)
 
 
 def formulate(system: ContactSystem) -> Formulation:
@@ -72,14 +99,7 @@ def formulate(system: ContactSystem) -> Formulation:
     H = system.D + (G_s / system.C[supported]) @ G_s.T
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
     units = Units(gap=MICROMETRE, force=MICROMETRE / system.c_t, load=load_units)
-
-    forces = cp.Variable(len(H), name="F", nonneg=True)
-    gaps = cp.Parameter(len(H), name="delta_p")
-    load = cp.Parameter(len(load_units), name="b")
-    energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(H * (units.force / units.gap)))
-    equilibrium = (G_f / load_units).T @ forces + load == 0
-    problem = cp.Problem(cp.Minimize(energy + gaps @ forces), [equilibrium])
-    return Formulation(system, units, problem, forces, gaps, load, equilibrium)
+    return Formulation(system, units, P=H * (units.force / units.gap), A=(G_f / load_units).T)
 
 
 # Solvers that take a quadratic programme, of those cvxpy knows.
@@ -120,18 +140,16 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
     Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
-    name = require_solver(solver)
-    formulation.set_gaps(delta_p)
-    formulation.set_load(torque)
+    name, stated = require_solver(solver), formulation.statement
+    stated.gaps.value = formulation.gaps(delta_p)
+    stated.load.value = formulation.load(torque)
     try:
         with warnings.catch_warnings():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
-            formulation.problem.solve(solver=name, **TIGHT.get(name, {}))
+            stated.problem.solve(solver=name, **TIGHT.get(name, {}))
     except cp.SolverError as error:
         raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
-    forces, duals = formulation.forces.value, formulation.equilibrium.dual_value
-    if forces is None or duals is None:
-        raise UntrustedError(f"{name} could not solve a state: {formulation.problem.status}")
-    units = formulation.units
-    return forces * units.force, duals * units.gap / units.load
+    if stated.forces.value is None or stated.equilibrium.dual_value is None:
+        raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}")
+    return formulation.answer(stated.forces.value, stated.equilibrium.dual_value)

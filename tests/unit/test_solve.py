@@ -30,30 +30,53 @@ def formulation(system):
 
 
 def test_the_programme_is_dpp(formulation):
-    assert formulation.problem.is_dcp(dpp=True)
-    assert {p.name() for p in formulation.problem.parameters()} == {"delta_p", "b"}
+    problem = formulation.statement.problem
+    assert problem.is_dcp(dpp=True)
+    assert {p.name() for p in problem.parameters()} == {"delta_p", "b"}
 
 
 def test_the_engine_runs_what_cvxpy_compiles(formulation, system):
-    data = compile_programme(formulation, 80e3)
+    data, stated = compile_programme(formulation), formulation.statement
     rng = np.random.default_rng(0)
     for torque in (80e3, -300e3):
         delta_p = system.delta_p + rng.uniform(-0.1, 0.1, len(system.delta_p))
-        formulation.set_gaps(delta_p)
-        formulation.set_load(torque)
-        handed, _, _ = formulation.problem.get_problem_data("DAQP")
+        stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
+        handed, _, _ = stated.problem.get_problem_data("DAQP")
         assert handed["P"].toarray() == pytest.approx(data.P, abs=0)
         assert handed["A"].toarray() == pytest.approx(data.A, abs=0)
-        assert data.q_0 + data.Q @ (delta_p / formulation.units.gap) == pytest.approx(handed["q"], rel=1e-14)
-        assert compile_programme(formulation, torque).b == pytest.approx(handed["b"], abs=0)
+        assert data.q_0 + data.Q @ formulation.gaps(delta_p) == pytest.approx(handed["q"], rel=1e-14)
+        assert data.b_0 + torque * data.b_1 == pytest.approx(handed["b"], rel=1e-14)
+
+
+def test_data_moved_to_a_neighbour_are_what_cvxpy_compiles_there(reference, formulation):
+    there = formulate(contact_system(reference, tau=0.3, beta=0.7))
+    moved, compiled = compile_programme(formulation).moved(formulation, there), compile_programme(there)
+    for name in ("P", "q_0", "Q", "A", "b_0", "b_1", "lower"):
+        scale = np.abs(getattr(compiled, name)).max()
+        assert getattr(moved, name) == pytest.approx(getattr(compiled, name), rel=0, abs=1e-14 * scale)
+
+
+def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference, formulation, system):
+    near = Engine(formulation, 80e3)
+    near.solve(system.delta_p[None])
+    other = contact_system(reference, tau=0.4, beta=0.2)
+    engine = Engine(formulate(other), -5e3, like=near)
+    engine.solve(other.delta_p[None])
+    engine.load(800e3)
+    forces, free, fallbacks = engine.solve(other.delta_p[None])
+    alone, freed, _ = Engine(formulate(other), 800e3).solve(other.delta_p[None])
+    assert fallbacks == 0
+    assert forces == pytest.approx(alone, abs=1e-8 * alone.max())
+    assert free == pytest.approx(freed, abs=1e-12)
 
 
 @pytest.mark.parametrize("part", ["quadratic", "linear", "equality", "bound"])
 def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, part):
     # there is no second assembly that would go on with the old number
-    x, n = formulation.forces, len(system.delta_p)
+    stated, n = formulation.statement, len(system.delta_p)
+    x = stated.forces
     before = Engine(formulation, 80e3).solve(system.delta_p[None])
-    objective, constraints = formulation.problem.objective.expr, list(formulation.problem.constraints)
+    objective, constraints = stated.problem.objective.expr, list(stated.problem.constraints)
     busiest = int(np.argmax(before[0][0, : system.n_flanks]))
     pick = np.zeros(n)
     pick[busiest] = 1.0
@@ -67,7 +90,8 @@ def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, pa
     else:
         constraints.append(x >= 0.001 * np.ones(n))
     problem = cp.Problem(cp.Minimize(objective), constraints)
-    altered = replace(formulation, problem=problem, equilibrium=constraints[0])
+    altered = replace(formulation)
+    altered.__dict__["statement"] = replace(stated, problem=problem, equilibrium=constraints[0])
     if part == "bound":
         # a row that the engine does not know is refused, not dropped
         with pytest.raises(UntrustedError, match="inequalities"):
