@@ -57,9 +57,7 @@ class KinematicError:
     @cached_property
     def error_arcsec(self) -> Array:
         """F_kpp [arcsec] of each state, zero in the first."""
-        # the twist is the flexspline's against the rigid wheel: the latter's is its opposite
-        sign = -1.0 if self.kinematics.fixed == "rigid" else 1.0
-        return np.asarray(sign * (self.rotation_arcsec - self.rotation_arcsec[0]))
+        return np.asarray(self.kinematics.error_sign * (self.rotation_arcsec - self.rotation_arcsec[0]))
 
     @property
     def range_arcsec(self) -> float:
@@ -128,7 +126,7 @@ def kinematic_error(
         formulation, torque = formulate(system), M_g * N_MM
         way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
         delta_p = gaps(drive, system, part, teeth)
-        parts.append((rows, solve_states(system, way, torque, delta_p, partial(_place, part, M_g), progress)))
+        parts.append((rows, solve_states(system, way, torque, delta_p, partial(place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)
     if cross_check:
         result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed))
@@ -175,7 +173,7 @@ def _cross_check(
             difference = abs(free[system.free_rotation] * ARCSEC - result.rotation_arcsec[rows[k]])
             if not difference <= CROSS_TOLERANCE:
                 raise UntrustedError(
-                    f"two solvers disagree at {_place(chosen, result.M_g, k)}: {difference:.3g} arcsec "
+                    f"two solvers disagree at {place(chosen, result.M_g, k)}: {difference:.3g} arcsec "
                     f"between the engine and {solver}, {CROSS_TOLERANCE} allowed",
                     "try another solver for the cross-check (--cross-check osqp)",
                 )
@@ -183,6 +181,7 @@ def _cross_check(
     return CrossCheck(require_solver(solver), len(rows), worst)
 
 
-def _place(states: States, M_g: float, k: int) -> str:
+def place(states: States, M_g: float, k: int) -> str:
+    """Words for where state k of some states is, at a torque [N*m]."""
     phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))
     return f"phi_h = {phi_h:.3f} deg, phi_g = {phi_g:.3f} deg, phi_b = {phi_b:.3f} deg, M_g = {M_g:g} N*m"

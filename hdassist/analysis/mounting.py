@@ -5,21 +5,31 @@ Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hdassist.analysis.extremes import CycleSearch, worth_searching
 from hdassist.analysis.kinematic_error import CrossCheck, kinematic_error
 from hdassist.errors import UsageError
 from hdassist.model.deviations import tooth_phases
 from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
+SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
+GROUP = 6  # positions that one task searches
+SEARCHED, NAMED = 900, 5  # states of a search and positions that a curve names at each torque, about
+
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -39,13 +49,18 @@ class MountingCurve:
     """F'_ior over rotations of the fixed wheel.
 
     torques [N*m]; rotation_deg, shape (rotations,), counter-clockwise seen from the cam side, the present
-    position first; phase_deg, the same positions as phases; F_ior_arcsec, shape (torques, rotations).
+    position first; phase_deg, the same positions as phases; F_ior_arcsec, shape (torques, rotations);
+    every_state, same shape: where all states were solved, not searched; missing: positions asked for that an
+    interrupt left undone.
     """
 
     torques: tuple[float, ...]
     rotation_deg: Array
     phase_deg: Array
     F_ior_arcsec: Array
+    every_state: NDArray[np.bool_]
+    missing: int
+    interrupted: bool
     certificate: Certificate
     cross_checks: tuple[CrossCheck, ...]
 
@@ -67,17 +82,33 @@ class MountingCurve:
     @property
     def recommended(self) -> Position:
         """The position that is best for the torque it serves worst; the least turn of equals."""
-        return self.at(int(np.argmin(self.relative)))
+        return self.at(self._best)
 
     @property
     def worst(self) -> Position:
         """The position that is worst for some torque."""
-        return self.at(int(np.argmax(self.relative)))
+        return self.at(self._worst)
 
     def extremes(self, torque: int) -> tuple[Position, Position]:
         """Best and worst position for one torque alone, by its place."""
+        best, worst = self._extremes(torque)
+        return self.at(best), self.at(worst)
+
+    def named_for(self, torque: int) -> set[int]:
+        """Places of all positions above, at one torque."""
+        return {0, self._best, self._worst, *self._extremes(torque)}
+
+    @property
+    def _best(self) -> int:
+        return int(np.argmin(self.relative))
+
+    @property
+    def _worst(self) -> int:
+        return int(np.argmax(self.relative))
+
+    def _extremes(self, torque: int) -> tuple[int, int]:
         values = self.F_ior_arcsec[torque]
-        return self.at(int(np.argmin(values))), self.at(int(np.argmax(values)))
+        return int(np.argmin(values)), int(np.argmax(values))
 
 
 def rotated(drive: Drive, rotation_deg: float) -> Drive:
@@ -95,11 +126,20 @@ def phase_deg(drive: Drive) -> float:
     return float(np.mod(round(float(phase), 9), 360.0))
 
 
+def work(drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], *, every_state: bool) -> int:
+    """Number of states that a mounting curve solves, about, for a progress bar."""
+    cycle = Kinematics.of(drive).cycle_states
+    if every_state or not worth_searching(drive):
+        return len(rotations_deg) * len(torques) * cycle
+    return len(torques) * (len(rotations_deg) * SEARCHED + NAMED * cycle)
+
+
 def mounting_curve(
     drive: Drive,
     torques: Sequence[float],
     rotations_deg: Sequence[float],
     *,
+    every_state: bool = False,
     cross_check: str | None = "CLARABEL",
     seed: int = 0,
     executor: Executor | None = None,
@@ -107,36 +147,126 @@ def mounting_curve(
 ) -> MountingCurve:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
-    Arguments: rotations_deg, 0 first, which is where the wheel stands; executor, to spread the work over
-    (any concurrent.futures executor; the numbers do not depend on it); progress, told how many positions
-    were computed. Raises UsageError where the present position is not the first, UntrustedError where an
-    answer cannot be trusted.
+    Extremes are searched for; the positions that the curve names (present, best, worst) are then solved in every
+    state, and should a search have missed more than SEARCH_TOLERANCE there, all of them are. An interrupt ends
+    the work early: the curve has what was done, if the present position was.
+
+    Arguments: rotations_deg, 0 first, which is where the wheel stands; every_state, solve all states of all
+    positions; executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on
+    it); progress, told how many states were solved. Raises UsageError where the present position is not the
+    first, UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
-    work = [(rotated(drive, r), M_g, cross_check, seed) for M_g, r in product(torques, rotations_deg)]
-    values, certificate, checks = [], EMPTY, []
-    answers: Iterator[_Answer] = executor.map(_one, work) if executor else map(_one, work)
-    for F_ior, proof, check in answers:
-        values.append(F_ior)
-        certificate += proof
-        checks += [check] if check else []
-        if progress:
-            progress(1)
-    return MountingCurve(
-        torques=tuple(torques),
-        rotation_deg=np.array(rotations_deg, dtype=float),
-        phase_deg=np.array([phase_deg(rotated(drive, r)) for r in rotations_deg]),
-        F_ior_arcsec=np.array(values).reshape(len(torques), len(rotations_deg)),
-        certificate=certificate,
-        cross_checks=tuple(checks),
-    )
+    job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
+    if every_state or not worth_searching(drive):
+        job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
+        return job.curve()
+    job.search()
+    named = job.named()
+    found = job.values.copy()
+    job.solve(named)
+    missed = max((abs(job.values[n] - found[n]) for n in named), default=0.0)
+    if missed > SEARCH_TOLERANCE:
+        everywhere = set(product(range(len(torques)), range(len(rotations_deg))))
+        job.solve(sorted(everywhere - set(named)))
+    return job.curve()
 
 
-_Answer = tuple[float, Certificate, CrossCheck | None]
+class _Job:
+    """A mounting curve being made: values, shape (torques, rotations), NaN where nothing is known yet."""
+
+    def __init__(
+        self,
+        drive: Drive,
+        torques: tuple[float, ...],
+        rotations: Array,
+        cross_check: str | None,
+        seed: int,
+        executor: Executor | None,
+        progress: Progress | None,
+    ) -> None:
+        self.drive, self.torques, self.rotations = drive, torques, rotations
+        self.values = np.full((len(torques), len(rotations)), np.nan)
+        self.solved = np.zeros(self.values.shape, dtype=bool)
+        self._certificate, self._checks = EMPTY, list[CrossCheck]()
+        self._cross_check, self._seed, self._executor, self._progress = cross_check, seed, executor, progress
+        self._interrupted = False
+
+    def search(self) -> None:
+        """Search the extremes at every position."""
+        order = _coarse_first(len(self.rotations))
+        groups = [order[first : first + GROUP] for first in range(0, len(order), GROUP)]
+        places = [(t, group) for group in groups for t in range(len(self.torques))]
+        tasks = [(self.drive, self.torques[t], self.rotations[group]) for t, group in places]
+        for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
+            self.values[t, group] = values
+            self._take(proof)
+
+    def solve(self, places: Iterable[tuple[int, int]]) -> None:
+        """Solve every state at some places (torque, rotation)."""
+        places = list(places)
+        tasks = [
+            (rotated(self.drive, self.rotations[r]), self.torques[t], self._cross_check, self._seed) for t, r in places
+        ]
+        for place, (value, proof, check) in zip(places, self._run(_solved, tasks), strict=False):
+            self.values[place], self.solved[place] = value, True
+            self._take(proof)
+            self._checks += [check] if check else []
+
+    def named(self) -> list[tuple[int, int]]:
+        """Places (torque, rotation) that the curve will name."""
+        curve = self.curve()
+        done = np.flatnonzero(~np.isnan(self.values).any(axis=0))
+        places = {(t, r) for t in range(len(self.torques)) for r in curve.named_for(t)}
+        return sorted((t, int(done[r])) for t, r in places)
+
+    def curve(self) -> MountingCurve:
+        """What is known so far, at the positions that are known for all torques."""
+        done = ~np.isnan(self.values).any(axis=0)
+        if not done[0]:
+            raise KeyboardInterrupt
+        return MountingCurve(
+            torques=self.torques,
+            rotation_deg=self.rotations[done],
+            phase_deg=np.array([phase_deg(rotated(self.drive, r)) for r in self.rotations[done]]),
+            F_ior_arcsec=self.values[:, done],
+            every_state=self.solved[:, done],
+            missing=int(np.count_nonzero(~done)),
+            interrupted=self._interrupted,
+            certificate=self._certificate,
+            cross_checks=tuple(self._checks),
+        )
+
+    def _run(self, function: Callable[[_Task], _Result], tasks: list[_Task]) -> Iterator[_Result]:
+        if self._interrupted:
+            return
+        try:
+            yield from self._executor.map(function, tasks) if self._executor else map(function, tasks)
+        except KeyboardInterrupt:
+            self._interrupted = True
+
+    def _take(self, proof: Certificate) -> None:
+        self._certificate += proof
+        if self._progress:
+            self._progress(proof.states)
 
 
-def _one(work: tuple[Drive, float, str | None, int]) -> _Answer:
-    drive, M_g, cross_check, seed = work
+def _coarse_first(count: int) -> list[int]:
+    """0 to count - 1 in an order that is spread out wherever it is cut off."""
+    bits = max(count - 1, 1).bit_length()
+    mirrored = (int(f"{n:0{bits}b}"[::-1], 2) for n in range(2**bits))
+    return [n for n in mirrored if n < count]
+
+
+def _searched(task: tuple[Drive, float, Array]) -> tuple[list[float], Certificate]:
+    drive, M_g, rotations = task
+    search = CycleSearch(drive, M_g)
+    found = [search.extremes(rotated(drive, rotation)) for rotation in rotations]
+    return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
+
+
+def _solved(task: tuple[Drive, float, str | None, int]) -> tuple[float, Certificate, CrossCheck | None]:
+    drive, M_g, cross_check, seed = task
     error = kinematic_error(drive, M_g, cross_check=cross_check, sample=SAMPLE, seed=seed)
     return error.F_ior_arcsec, error.certificate, error.cross_check

@@ -14,6 +14,9 @@ def command(
     preset: o.Preset,
     torque: o.Torques = [],  # noqa: B006 (typer copies it)
     step: Annotated[float, typer.Option(metavar="DEG", help="Step between positions; a divisor of 360.")] = 10.0,
+    every_state: Annotated[
+        bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
+    ] = False,
     jobs: Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")] = 0,
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
     json: o.Json = False,
@@ -37,10 +40,12 @@ def command(
       hdassist mount vzp160 --torque 80 --csv curve.csv
       hdassist mount my-drive.yaml --json
 
-    Each position is a full cycle, every state solved and proven: vzp160 with 36 positions and two torques
-    takes a minute or two. The best position is that in which the torque served worst gains most.
+    The extremes of the full cycle are searched for at each position; where the wheel stands, and at the best
+    and the worst positions, every state is solved and proven, and should the search have missed anything there,
+    everywhere. The best position is that in which the torque served worst gains most. Ctrl-C ends the work early
+    and prints what is done (exit code 130).
     """
-    from hdassist.analysis.mounting import mounting_curve
+    from hdassist.analysis.mounting import mounting_curve, work
     from hdassist.cli.output import Output, note, warn
     from hdassist.cli.workers import workers
     from hdassist.preset.library import load_preset
@@ -52,19 +57,20 @@ def command(
     rotations = _rotations(step)
     begun = time.monotonic()
     with (
-        out.progress(drive.name, len(rotations) * len(drive.operation.M_g)) as progress,
+        out.progress(drive.name, work(drive, drive.operation.M_g, rotations, every_state=every_state)) as progress,
         workers(jobs) as executor,
     ):
         result = mounting_curve(
             drive,
             drive.operation.M_g,
             rotations,
+            every_state=every_state,
             cross_check=cross_check,
             seed=seed,
             executor=executor,
             progress=progress,
         )
-    for text in drive.origin.warnings:
+    for text in report.warnings(drive, result):
         warn(text)
     if verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.certificate}")
@@ -73,6 +79,7 @@ def command(
     else:
         out.human(report.brief(result) if quiet else report.render(drive, result, out.look, plots=plot))
     out.figures(report.csv(result))
+    raise typer.Exit(report.exit_code(result))
 
 
 def _rotations(step: float) -> list[float]:

@@ -32,6 +32,14 @@ class Kinematics:
         return moving / (self.z_g - self.z_b)
 
     @property
+    def error_sign(self) -> float:
+        """Sign of F_kpp against the flexspline's rotation.
+
+        The rotation is the flexspline's against the rigid wheel; the latter's is its opposite.
+        """
+        return -1.0 if self.fixed == "rigid" else 1.0
+
+    @property
     def teeth_fixed(self) -> int:
         """Teeth of the fixed wheel: states per cam revolution."""
         return self.z_b if self.fixed == "rigid" else self.z_g

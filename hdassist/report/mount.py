@@ -27,6 +27,20 @@ def _hole(drive: Drive, position: Position) -> int | None:
     return round(holes) if drive.mounting.holes and abs(holes - round(holes)) < 1e-9 else None
 
 
+def warnings(drive: Drive, result: MountingCurve) -> tuple[str, ...]:
+    """What a reader should know beside the numbers."""
+    total = result.missing + len(result.rotation_deg)
+    undone = f"interrupted: {len(result.rotation_deg)} of {total} positions were done"
+    if result.interrupted and not result.missing:
+        undone = "interrupted: positions were searched, but not all of those named were solved in every state"
+    return (*drive.origin.warnings, *([undone] if result.interrupted else []))
+
+
+def exit_code(result: MountingCurve) -> int:
+    """Exit code of the command: 130 where it was interrupted."""
+    return 130 if result.interrupted else 0
+
+
 def render(drive: Drive, result: MountingCurve, look: Look, *, plots: bool = True) -> RenderableType:
     """A plot per torque, the best and worst position for each, and the recommendation for all."""
     wheel = "rigid wheel" if drive.mounting.fixed == "rigid" else "flexspline"
@@ -41,7 +55,10 @@ def render(drive: Drive, result: MountingCurve, look: Look, *, plots: bool = Tru
             parts.append(Text(curve(look, result.phase_deg[order], values[order], x_label=label, y_label=title)))
     parts += [_torques(result, look), _positions(drive, result, look)]
     proof = certificate_object(result.certificate, result.cross_checks)
+    solved, places = int(result.every_state.sum()), result.every_state.size
     words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
+    if solved < places:
+        words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
     if cross := proof["cross_check"]:
         words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
     turns = "Rotations are counter-clockwise seen from the cam side, from where the wheel stands."
@@ -85,7 +102,7 @@ def gain(result: MountingCurve, position: Position) -> float:
     return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
 
 
-def answer(drive: Drive, result: MountingCurve, seed: int, exit_code: int = 0) -> dict[str, Any]:
+def answer(drive: Drive, result: MountingCurve, seed: int) -> dict[str, Any]:
     """The curves and positions as a JSON object."""
 
     def position(p: Position) -> dict[str, Any]:
@@ -97,10 +114,16 @@ def answer(drive: Drive, result: MountingCurve, seed: int, exit_code: int = 0) -
         }
 
     return {
-        **envelope("mount", drive, exit_code, drive.origin.warnings),
+        **envelope("mount", drive, exit_code(result), warnings(drive, result)),
+        "complete": not result.interrupted,
         "curves": [
-            {"M_g_Nm": M_g, "phase_deg": result.phase_deg.tolist(), "F_ior_arcsec": values.tolist()}
-            for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
+            {
+                "M_g_Nm": M_g,
+                "phase_deg": result.phase_deg.tolist(),
+                "F_ior_arcsec": values.tolist(),
+                "every_state": every.tolist(),
+            }
+            for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         ],
         "rotation_deg": result.rotation_deg.tolist(),
         "current": position(result.current),
@@ -115,11 +138,11 @@ def answer(drive: Drive, result: MountingCurve, seed: int, exit_code: int = 0) -
 def csv(result: MountingCurve) -> str:
     """One row per torque and position."""
     rows = [
-        [M_g, float(rotation), float(phase), float(value)]
-        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
-        for rotation, phase, value in zip(result.rotation_deg, result.phase_deg, values, strict=True)
+        [M_g, float(rotation), float(phase), float(value), int(every)]
+        for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
+        for rotation, phase, value, every in zip(result.rotation_deg, result.phase_deg, values, solved, strict=True)
     ]
-    return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec"], rows)
+    return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
 
 
 def brief(result: MountingCurve) -> str:

@@ -1,9 +1,12 @@
 """Turning the fixed wheel on its seat."""
 
+from concurrent.futures import Executor
+
 import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
+from hdassist.analysis import extremes, mounting
 from hdassist.analysis.mounting import MountingCurve, mounting_curve, phase_deg, rotated
 from hdassist.errors import UsageError
 from hdassist.solve.answers import EMPTY
@@ -49,7 +52,8 @@ def test_phase_counts_from_the_offset_and_knows_marks(reference):
 def curve_of(*values: list[float]) -> MountingCurve:
     rotations = np.arange(len(values[0])) * 30.0
     torques = tuple(float(k + 1) for k in range(len(values)))
-    return MountingCurve(torques, rotations, rotations, np.array(values), EMPTY, ())
+    every = np.ones(np.shape(values), dtype=bool)
+    return MountingCurve(torques, rotations, rotations, np.array(values), every, 0, False, EMPTY, ())
 
 
 def test_the_recommendation_serves_the_torque_served_worst():
@@ -73,3 +77,62 @@ def test_of_equals_the_least_turn():
 def test_the_present_position_comes_first(reference, rotations):
     with pytest.raises(UsageError, match="first rotation"):
         mounting_curve(reference, [80.0], rotations)
+
+
+ROTATIONS = [30.0 * k for k in range(12)]
+
+
+@pytest.fixture(scope="module")
+def every_state():
+    return mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+
+
+def test_searched_curves_are_those_of_every_state(every_state, monkeypatch):
+    monkeypatch.setattr(extremes, "WORTH", 0)
+    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+    assert searched.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=0.01)
+    # what is named is proven: present, best and worst of each torque and of both
+    for torque in range(2):
+        solved = set(np.flatnonzero(searched.every_state[torque]))
+        assert solved == searched.named_for(torque)
+    assert 0 < searched.every_state.sum() < 24
+    assert every_state.every_state.all()
+    assert searched.recommended.rotation_deg == every_state.recommended.rotation_deg
+
+
+def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
+    monkeypatch.setattr(extremes, "WORTH", 0)
+    real = mounting._searched
+    monkeypatch.setattr(mounting, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+    assert curve.every_state.all()
+    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=1e-9)
+
+
+class Impatient(Executor):
+    """Someone presses Ctrl-C after so many tasks."""
+
+    def __init__(self, patience):
+        self.patience = patience
+
+    def map(self, function, tasks):
+        for task in tasks:
+            if self.patience == 0:
+                raise KeyboardInterrupt
+            self.patience -= 1
+            yield function(task)
+
+
+def test_an_interrupt_keeps_what_is_done_for_all_torques(every_state):
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None, executor=Impatient(7))
+    assert curve.interrupted
+    assert (len(curve.rotation_deg), curve.missing) == (3, 9)
+    # spread over the turn, not its first part
+    assert curve.rotation_deg.tolist() == [0, 120, 240]
+    kept = [ROTATIONS.index(r) for r in curve.rotation_deg]
+    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, kept], abs=1e-9)
+
+
+def test_an_interrupt_with_nothing_done_is_just_that():
+    with pytest.raises(KeyboardInterrupt):
+        mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None, executor=Impatient(1))

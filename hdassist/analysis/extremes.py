@@ -1,0 +1,181 @@
+"""F'_ior by search: the greatest and the least error of the full cycle, without solving every state.
+
+In state j each wheel stands j of its pitches on in the cam's frame, so the state is the point
+(j mod z_b, j mod z_g) of a torus on which the error is continuous: neighbours there have nearly the same
+deviations, however far apart they lie in the cycle. A coarse grid over the torus, climbs from its best points
+and a close look around the best of those find what solving every state finds (compared in the tests, and on
+random drives in benchmarks/).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.analysis.kinematic_error import N_MM, place
+from hdassist.errors import UsageError
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import gaps
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, solve_states
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How thorough a search is.
+
+    cells: least number of coarse points around each wheel; climbs: coarse points that are climbed from,
+    towards each extreme; reach: half width of the last close look, in pitches.
+    """
+
+    cells: int
+    climbs: int
+    reach: int
+
+
+THOROUGH = Effort(cells=25, climbs=8, reach=7)
+QUICK = Effort(cells=12, climbs=3, reach=0)  # within about a hundredth: for searching among drives
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """F'_ior as found [arcsec], and the states j of the greatest and of the least error."""
+
+    F_ior_arcsec: float
+    at_max: int
+    at_min: int
+    certificate: Certificate
+
+
+WORTH = 4000  # states of a cycle from which on a search solves fewer
+
+
+def searchable(drive: Drive) -> bool:
+    """Whether the error is continuous on the torus: rolling balls do not come back with the wheels."""
+    return drive.bearing.ball_motion == "locked"
+
+
+def worth_searching(drive: Drive) -> bool:
+    """Whether a search is possible and solves fewer states than the cycle has."""
+    return searchable(drive) and Kinematics.of(drive).cycle_states >= WORTH
+
+
+class CycleSearch:
+    """The full cycle of a drive at a torque M_g [N*m], searched for its extremes.
+
+    Raises UsageError for a drive that is not searchable.
+    """
+
+    def __init__(self, drive: Drive, M_g: float) -> None:
+        if not searchable(drive):
+            raise UsageError("with rolling balls every state has to be solved")
+        self._M_g = M_g
+        self._system = contact_system(drive)
+        self._formulation = formulate(self._system)
+        # never solves a state: every search starts from it alike and so gives the same digits
+        self._fresh = Engine(self._formulation, M_g * N_MM)
+        self._kinematics = Kinematics.of(drive)
+        self._states = pitch_locked_states(self._kinematics)
+
+    def extremes(self, drive: Drive, effort: Effort = THOROUGH) -> Extremes:
+        """Extremes of a drive that differs from the first at most in its deviations and their phases.
+
+        Raises UntrustedError where an answer cannot be trusted.
+        """
+        torque = self._M_g * N_MM
+        engine = Engine(self._formulation, torque, like=self._fresh)
+        proofs = []
+
+        def error(j: Indices) -> Array:
+            states = self._states.take(j)
+            delta_p = gaps(drive, self._system, states)
+            answers = solve_states(self._system, engine, torque, delta_p, partial(place, states, self._M_g))
+            proofs.append(answers.certificate)
+            return self._kinematics.error_sign * answers.rotation * ARCSEC
+
+        torus = _Torus(self._kinematics, error)
+        grid = torus.grid(effort.cells)
+        (greatest, at_max), (least, at_min) = (torus.top(grid, effort, sign) for sign in (1, -1))
+        return Extremes(greatest + least, at_max, at_min, sum(proofs, EMPTY))
+
+
+class _Torus:
+    """The states by their coordinates (k, l) = (j mod z_b, j mod z_g), each solved once, when asked for."""
+
+    def __init__(self, kinematics: Kinematics, solve: Callable[[Indices], Array]) -> None:
+        self._shape = np.array([kinematics.z_b, kinematics.z_g])
+        self._solve = solve
+        j = np.arange(kinematics.cycle_states)
+        self._state = np.full(self._shape, -1, dtype=np.int64)
+        self._state[tuple(j % z for z in self._shape)] = j
+        # both numbers of teeth even: k and l of every state are both even or both odd
+        self._sparse = self._state[0, 1] < 0
+        self._value = np.full(kinematics.cycle_states, np.nan)
+
+    def at(self, points: Indices) -> Array:
+        """Error at points, shape (..., 2)."""
+        j = self._state[tuple(np.moveaxis(points % self._shape, -1, 0))]
+        fresh, first = np.unique(j[np.isnan(self._value[j])], return_index=True)
+        if len(fresh):
+            fresh = fresh[np.argsort(first)]  # in the order asked for, in which neighbours follow each other
+            self._value[fresh] = self._solve(fresh)
+        return np.asarray(self._value[j])
+
+    def around(self, reach: int) -> Indices:
+        """Steps to the states at most so far away, the far ones first, shape (steps, 2)."""
+        steps = [s for s in product(range(-reach, reach + 1), repeat=2) if any(s)]
+        return np.array([s for s in steps if not (self._sparse and sum(s) % 2)], dtype=np.int64).reshape(-1, 2)
+
+    def grid(self, cells: int) -> Indices:
+        """Points of a coarse grid with an even, binary step, shape (rows, columns, 2)."""
+        step = 2 ** max(1, int(np.log2(max(self._shape.min() / cells, 2))))
+        k, l = (np.arange(0, z - step // 2, step) for z in self._shape)
+        points = np.stack(np.meshgrid(k, l, indexing="ij"), axis=-1)
+        points[1::2] = points[1::2, ::-1]  # there and back, so that neighbours follow each other
+        self.at(points)
+        points[1::2] = points[1::2, ::-1]
+        return points
+
+    def top(self, grid: Indices, effort: Effort, sign: int) -> tuple[float, int]:
+        """Greatest value of sign * error that climbs from the grid find, and its state."""
+        values = sign * self.at(grid)
+        step = int(grid[1, 0, 0] - grid[0, 0, 0])
+        # half the way up to a neighbour is as much as may hide between two points
+        rise = np.max([np.abs(np.roll(values, shift, (0, 1)) - values) for shift in _ALL_SIDES], axis=0) / 2
+        promising = np.argwhere(values + rise >= values.max())
+        order = np.argsort([-values[tuple(p)] for p in promising], kind="stable")[: effort.climbs]
+        found = [self._climb(grid[tuple(p)], step // 2, sign) for p in promising[order]]
+        point = max(found, key=lambda p: float(sign * self.at(p)))
+        if effort.reach:
+            point = self._look(point, self.around(effort.reach), sign)
+        return float(sign * self.at(point)), int(self._state[tuple(point % self._shape)])
+
+    def _climb(self, point: Indices, step: int, sign: int) -> Indices:
+        while step:
+            point = self._look(point, step * _DIAGONALS, sign)
+            step //= 2
+        return point
+
+    def _look(self, point: Indices, steps: Indices, sign: int) -> Indices:
+        """Go to the best of the points around as long as there is a better one."""
+        while True:
+            values = sign * self.at(point + steps)
+            best = int(np.argmax(values))
+            if values[best] <= sign * self.at(point):
+                return point
+            point = point + steps[best]
+
+
+_ALL_SIDES = [s for s in product((-1, 0, 1), repeat=2) if any(s)]
+_DIAGONALS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1), (2, 0), (-2, 0), (0, 2), (0, -2)])
