@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import add
 
+from hdassist.analysis.extremes import SEARCHED, searchable
 from hdassist.analysis.kinematic_error import CrossCheck, KinematicError, kinematic_error
 from hdassist.analysis.self_error import SelfError, self_error
+from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.analysis.verdict import Verdict, worst
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
@@ -23,11 +25,18 @@ class OperatingPoint:
     error: KinematicError
     self_error: SelfError
     limit_arcsec: float | None
+    sensitivity: Sensitivity | None = None
 
     @property
     def F_ior_upper_arcsec(self) -> float:
         """F'_ior with the self error on top [arcsec]: the value held against the limit."""
         return self.error.F_ior_arcsec + self.self_error.range_arcsec
+
+    @property
+    def certificates(self) -> tuple[Certificate, ...]:
+        """Certificates of all states that stand behind the point."""
+        parts = (self.error, self.self_error, self.sensitivity)
+        return tuple(part.certificate for part in parts if part is not None)
 
     @property
     def verdict(self) -> Verdict:
@@ -57,7 +66,7 @@ class Check:
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of the self error included."""
-        return reduce(add, (part for p in self.points for part in (p.error.certificate, p.self_error.certificate)))
+        return reduce(add, (part for point in self.points for part in point.certificates))
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -76,7 +85,8 @@ class Check:
 
 def work(drive: Drive) -> int:
     """Number of states that a check solves, for a progress bar."""
-    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2)
+    searched = SEARCHES * SEARCHED if searchable(drive) else 0
+    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
 
 
 def check(
@@ -94,7 +104,6 @@ def check(
         for M_g in torques
     ]
     own = self_error(drive, torques, progress=progress)
-    return Check(
-        drive,
-        tuple(OperatingPoint(M_g, e, s, drive.limit(M_g)) for M_g, e, s in zip(torques, errors, own, strict=True)),
-    )
+    slopes = sensitivities([(drive, M_g) for M_g in torques], progress=progress)
+    limits = [drive.limit(M_g) for M_g in torques]
+    return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)))

@@ -58,7 +58,8 @@ class Extremes:
     certificate: Certificate
 
 
-WORTH = 4000  # states of a cycle from which on a search solves fewer
+SEARCHED = 900  # states that a thorough search solves, about
+WORTH = 4000  # states of a cycle from which on that pays
 
 
 def searchable(drive: Drive) -> bool:

@@ -14,8 +14,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.analysis.extremes import CycleSearch, worth_searching
+from hdassist.analysis.extremes import SEARCHED, CycleSearch, searchable, worth_searching
 from hdassist.analysis.kinematic_error import CrossCheck, kinematic_error
+from hdassist.analysis.sensitivity import SEARCHES
 from hdassist.errors import UsageError
 from hdassist.model.deviations import tooth_phases
 from hdassist.model.geometry import Array
@@ -26,7 +27,7 @@ from hdassist.solve.answers import EMPTY, Certificate, Progress
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 GROUP = 6  # positions that one task searches
-SEARCHED, NAMED = 900, 5  # states of a search and positions that a curve names at each torque, about
+NAMED = 5  # positions that a curve names at each torque, about
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
@@ -58,11 +59,11 @@ class MountingCurve:
     rotation_deg: Array
     phase_deg: Array
     F_ior_arcsec: Array
-    every_state: NDArray[np.bool_]
-    missing: int
-    interrupted: bool
     certificate: Certificate
     cross_checks: tuple[CrossCheck, ...]
+    every_state: NDArray[np.bool_]
+    missing: int = 0
+    interrupted: bool = False
 
     def at(self, place: int) -> Position:
         """One of the positions."""
@@ -127,11 +128,12 @@ def phase_deg(drive: Drive) -> float:
 
 
 def work(drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], *, every_state: bool) -> int:
-    """Number of states that a mounting curve solves, about, for a progress bar."""
+    """Number of states that a mounting curve and its sensitivities solve, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
+    slopes = 2 * SEARCHES * SEARCHED if searchable(drive) else 0
     if every_state or not worth_searching(drive):
-        return len(rotations_deg) * len(torques) * cycle
-    return len(torques) * (len(rotations_deg) * SEARCHED + NAMED * cycle)
+        return len(torques) * (len(rotations_deg) * cycle + slopes)
+    return len(torques) * (len(rotations_deg) * SEARCHED + NAMED * cycle + slopes)
 
 
 def mounting_curve(

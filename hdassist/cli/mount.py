@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import time
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdassist.cli import options as o
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from hdassist.analysis.mounting import MountingCurve
+    from hdassist.analysis.sensitivity import Sensitivity
+    from hdassist.preset.drive import Drive
+    from hdassist.solve.answers import Progress
 
 
 def command(
@@ -70,16 +78,39 @@ def command(
             executor=executor,
             progress=progress,
         )
+        slopes = _slopes(drive, result, executor, progress)
     for text in report.warnings(drive, result):
         warn(text)
     if verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.certificate}")
     if json:
-        out.text(to_json(report.answer(drive, result, seed)))
+        out.text(to_json(report.answer(drive, result, slopes, seed)))
     else:
-        out.human(report.brief(result) if quiet else report.render(drive, result, out.look, plots=plot))
+        out.human(report.brief(result) if quiet else report.render(drive, result, slopes, out.look, plots=plot))
     out.figures(report.csv(result))
     raise typer.Exit(report.exit_code(result))
+
+
+def _slopes(
+    drive: Drive, result: MountingCurve, executor: Executor, progress: Progress
+) -> dict[str, list[Sensitivity]]:
+    """What a micrometre does where the wheel stands and where it should; empty if that cannot be had."""
+    from hdassist.analysis.mounting import rotated
+    from hdassist.analysis.sensitivity import sensitivities
+    from hdassist.report.mount import BEST, NOW
+
+    positions = {NOW: result.current, BEST: result.recommended}
+    if result.interrupted:
+        return {}
+    if result.current == result.recommended:
+        del positions[BEST]
+    cases = [(rotated(drive, p.rotation_deg), M_g) for p in positions.values() for M_g in result.torques]
+    try:
+        found = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
+    except KeyboardInterrupt:
+        return {}
+    many = len(result.torques)
+    return {name: found[k * many : (k + 1) * many] for k, name in enumerate(positions)} if found else {}
 
 
 def _rotations(step: float) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,20 @@ POINT: tuple[Quantity[OperatingPoint], ...] = (
 )
 
 
+def _slope(name: str) -> Callable[[OperatingPoint], float | None]:
+    return lambda point: getattr(point.sensitivity, name) if point.sensitivity else None
+
+
+SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
+    Quantity(f"sensitivity.{name}_arcsec_per_um", words, "arcsec/um", "+.2f", _slope(name))
+    for name, words in (
+        ("j_n", "flank clearance j_n"),
+        ("W_0", "wave W_0"),
+        ("g_b", "bearing clearance g_b"),
+    )
+)
+
+
 def render(check: Check, look: Look, *, plots: bool = True) -> RenderableType:
     """Tables, and a plot per torque of the error over the full cycle."""
     parts: list[RenderableType] = [_heading(check, look), _geometry(check, look), *_points(check, look)]
@@ -68,7 +82,7 @@ def answer(check: Check, seed: int) -> dict[str, Any]:
             "cycle_states": k.cycle_states,
             "cycle_cam_revolutions": k.cycle_cam_revolutions,
         },
-        "operating_points": [as_object(POINT, point) for point in check.points],
+        "operating_points": [as_object((*POINT, *SLOPES), point) for point in check.points],
         "certificate": certificate_object(check.certificate, check.cross_checks),
         "seed": seed,
         "verdict": str(check.verdict),
@@ -77,8 +91,8 @@ def answer(check: Check, seed: int) -> dict[str, Any]:
 
 def csv(checks: list[Check]) -> str:
     """One row per drive and torque."""
-    rows = [[c.drive.name, *(q.value(p) for q in POINT)] for c in checks for p in c.points]
-    return to_csv(["preset", *(q.key for q in POINT)], rows)
+    rows = [[c.drive.name, *(q.value(p) for q in (*POINT, *SLOPES))] for c in checks for p in c.points]
+    return to_csv(["preset", *(q.key for q in (*POINT, *SLOPES))], rows)
 
 
 def brief(check: Check) -> str:
@@ -116,14 +130,20 @@ def _geometry(check: Check, look: Look) -> Table:
 
 
 def _points(check: Check, look: Look) -> Iterator[Table]:
-    """One column per torque; as many tables as the width needs."""
-    many = max(1, (look.width - LABEL_WIDTH) // (NUMBER_WIDTH + 2))
     moving = "phi_g" if check.kinematics.fixed == "rigid" else "phi_b"
     still = "phi_b" if moving == "phi_g" else "phi_g"
     shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
+    yield from _columns(check, look, "kinematic error", shown)
+    if any(point.sensitivity for point in check.points):
+        yield from _columns(check, look, "what a micrometre more does to F'_ior", SLOPES)
+
+
+def _columns(check: Check, look: Look, title: str, shown: Sequence[Quantity[OperatingPoint]]) -> Iterator[Table]:
+    """One column per torque; as many tables as the width needs."""
+    many = max(1, (look.width - LABEL_WIDTH) // (NUMBER_WIDTH + 2))
     for first in range(0, len(check.points), many):
         points = check.points[first : first + many]
-        grid = table(look, "kinematic error")
+        grid = table(look, title)
         grid.add_column(look.text(POINT[0].words), overflow="fold")
         for point in points:
             grid.add_column(POINT[0].text(point), justify="right", no_wrap=True, min_width=8)
@@ -146,12 +166,12 @@ def _plot(point: OperatingPoint, look: Look) -> str:
 def _certificate(check: Check, look: Look) -> Table:
     certificate = check.certificate
     crosses = certificate_object(certificate, check.cross_checks)["cross_check"]
-    grid = table(look, "certificate: every state solved", header=False)
+    grid = table(look, "certificate: every state of the cycle solved", header=False)
     grid.add_column(overflow="fold")
     grid.add_column(justify="right", no_wrap=True)
     grid.add_column(overflow="fold")
     for words, value, limit in (
-        ("states solved, self error included", f"{certificate.states}", ""),
+        ("states solved for all of the above", f"{certificate.states}", ""),
         ("negative force, share of scale", f"{certificate.negative_force:.1e}", f"<= {TOLERANCE:.0e}"),
         ("negative gap", f"{certificate.negative_gap:.1e}", f"<= {TOLERANCE:.0e}"),
         ("force on an open gap", f"{certificate.complementarity:.1e}", f"<= {TOLERANCE:.0e}"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,15 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.analysis.mounting import MountingCurve, Position
+from hdassist.analysis.sensitivity import Sensitivity
 from hdassist.preset.drive import Drive
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import certificate_object, envelope
 from hdassist.report.plot import curve
+
+NOW, BEST = "now", "best"
+Slopes = Mapping[str, Sequence[Sensitivity]]  # of a position, one for each torque
 
 
 def _phase_words(drive: Drive) -> str:
@@ -41,7 +46,7 @@ def exit_code(result: MountingCurve) -> int:
     return 130 if result.interrupted else 0
 
 
-def render(drive: Drive, result: MountingCurve, look: Look, *, plots: bool = True) -> RenderableType:
+def render(drive: Drive, result: MountingCurve, slopes: Slopes, look: Look, *, plots: bool = True) -> RenderableType:
     """A plot per torque, the best and worst position for each, and the recommendation for all."""
     wheel = "rigid wheel" if drive.mounting.fixed == "rigid" else "flexspline"
     parts: list[RenderableType] = [
@@ -54,6 +59,8 @@ def render(drive: Drive, result: MountingCurve, look: Look, *, plots: bool = Tru
             label = f"phase {_phase_words(drive)}, deg"
             parts.append(Text(curve(look, result.phase_deg[order], values[order], x_label=label, y_label=title)))
     parts += [_torques(result, look), _positions(drive, result, look)]
+    if any(slopes.values()):
+        parts.append(_slopes(result, slopes, look))
     proof = certificate_object(result.certificate, result.cross_checks)
     solved, places = int(result.every_state.sum()), result.every_state.size
     words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
@@ -89,11 +96,22 @@ def _positions(drive: Drive, result: MountingCurve, look: Look) -> Table:
     grid.add_column("position")
     for words in ("turn, deg", f"phase {_phase_words(drive)}, deg", "F'_ior, arcsec", "against now"):
         grid.add_column(words, justify="right")
-    for words, position in (("now", result.current), ("best", result.recommended), ("worst", result.worst)):
+    for words, position in ((NOW, result.current), (BEST, result.recommended), ("worst", result.worst)):
         values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
         grid.add_row(
             words, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{gain(result, position):+.0%}"
         )
+    return grid
+
+
+def _slopes(result: MountingCurve, slopes: Slopes, look: Look) -> Table:
+    grid = table(look, "what a micrometre more does to F'_ior, arcsec")
+    grid.add_column("position")
+    for words in ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b"):
+        grid.add_column(look.text(words), justify="right")
+    for words, values in slopes.items():
+        for M_g, slope in zip(result.torques, values, strict=True):
+            grid.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
     return grid
 
 
@@ -102,15 +120,21 @@ def gain(result: MountingCurve, position: Position) -> float:
     return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
 
 
-def answer(drive: Drive, result: MountingCurve, seed: int) -> dict[str, Any]:
+def answer(drive: Drive, result: MountingCurve, slopes: Slopes, seed: int) -> dict[str, Any]:
     """The curves and positions as a JSON object."""
 
-    def position(p: Position) -> dict[str, Any]:
+    def position(p: Position, name: str = "") -> dict[str, Any]:
+        told = {
+            f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes[name]]
+            for field in ("j_n", "W_0", "g_b")
+            if name in slopes
+        }
         return {
             "rotation_deg": p.rotation_deg,
             "phase_deg": p.phase_deg,
             "hole": _hole(drive, p),
             "F_ior_arcsec": list(p.F_ior_arcsec),
+            **({"sensitivity": told} if told else {}),
         }
 
     return {
@@ -126,8 +150,8 @@ def answer(drive: Drive, result: MountingCurve, seed: int) -> dict[str, Any]:
             for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         ],
         "rotation_deg": result.rotation_deg.tolist(),
-        "current": position(result.current),
-        "recommended": position(result.recommended),
+        "current": position(result.current, NOW),
+        "recommended": position(result.recommended, BEST),
         "worst": position(result.worst),
         "gain": -gain(result, result.recommended),
         "certificate": certificate_object(result.certificate, result.cross_checks),

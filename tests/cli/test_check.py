@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import signal
 import subprocess
 import time
@@ -40,7 +41,8 @@ def test_json_has_what_others_build_on(answer):
     assert result["kinematics"]["u_hg"] == -30
     assert result["kinematics"]["cycle_states"] == 1860
     certificate = result["certificate"]
-    assert certificate["states"] == 2 * (1860 + 16)
+    # every state of both cycles, both self errors, and the searches for what a micrometre does
+    assert certificate["states"] > 2 * (1860 + 16) + 2 * 6 * 250
     assert 0 <= certificate["max_residual"] <= 1e-8
     assert set(certificate["cross_check"]) == {"solver", "states", "max_difference_arcsec"}
     assert certificate["cross_check"]["max_difference_arcsec"] <= 0.01
@@ -50,6 +52,8 @@ def test_json_has_what_others_build_on(answer):
     }  # fmt: skip
     for point in result["operating_points"]:
         assert keys <= set(point)
+        slopes = point["sensitivity"]
+        assert set(slopes) == {"j_n_arcsec_per_um", "W_0_arcsec_per_um", "g_b_arcsec_per_um"}
         assert {"phi_h_deg", "phi_g_deg"} <= set(point["at_max"]) & set(point["at_min"])
 
 
@@ -132,7 +136,8 @@ def test_many_torques_stay_within_the_width():
     page = run("check", SMALL, "--set", "operation.M_g=[1, 1.5, 2, 2.5, 3, 3.5, 4]", "--no-plot").stdout
     assert max(map(len, page.splitlines())) <= 80
     heads = [line.split("N·m")[1].split() for line in page.splitlines() if "torque M_g" in line]
-    assert [float(n) for row in heads for n in row] == [1, 1.5, 2, 2.5, 3, 3.5, 4]
+    # the error, then what a micrometre does
+    assert [float(n) for row in heads for n in row] == 2 * [1, 1.5, 2, 2.5, 3, 3.5, 4]
 
 
 def test_torques_from_the_command_line_take_the_presets_place():
@@ -151,7 +156,7 @@ def test_quiet_prints_the_answer_alone(human):
 
 def test_verbose_tells_timings_on_stderr():
     told = run("check", SMALL, "-q", "-v").stderr
-    assert "3752 states" in told
+    assert re.search(r"\d{4,} states", told)
     assert "equilibrium" in told
     assert " s, " in told
 

@@ -200,8 +200,8 @@ def test_more_phases_find_more_of_the_self_error(reference):
 def test_holes_number_the_positions(reference, holes, hole):
     drive = changed(reference, mounting__holes=holes)
     rotations = np.array([0.0, 150.0])
-    curve = MountingCurve((80.0,), rotations, rotations, np.array([[2.0, 1.0]]), EMPTY, ())
-    assert answer(drive, curve, 0)["recommended"]["hole"] == hole
+    curve = MountingCurve((80.0,), rotations, rotations, np.array([[2.0, 1.0]]), EMPTY, (), np.ones((1, 2), dtype=bool))
+    assert answer(drive, curve, {}, 0)["recommended"]["hole"] == hole
 
 
 def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> OperatingPoint:
