@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates, nominal_shape
+from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates
+from hdassist.model.nominal import nominal_shape
 from hdassist.model.rings import flexspline_ring, outer_ring
 from hdassist.preset.drive import Drive
 

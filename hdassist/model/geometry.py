@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
+from hdassist.model.nominal import Array as Array
+from hdassist.model.nominal import NominalCurve, nominal_shape
 from hdassist.preset.drive import Drive
-
-Array = NDArray[np.float64]
 
 FLANK_SAMPLES = 401  # heights tried on each flank; 4001 move no gap of the shipped presets by 1e-9 mm
 BISECTIONS = 60  # halvings when looking for a radius: beyond double precision
@@ -68,6 +68,7 @@ class Geometry:
     r_raceway: float  # its raceway
     W_0: float
     j_n: float
+    curve: NominalCurve
 
     @classmethod
     def of(cls, drive: Drive) -> Geometry:
@@ -88,15 +89,8 @@ class Geometry:
             r_raceway=bore - drive.bearing.ring_h,
             W_0=drive.cam.W_0,
             j_n=drive.gears.j_n * 1e-3,
+            curve=drive.numerics.nominal_curve,
         )
-
-
-def nominal_shape(theta: Array, W_0: float, r_m: float) -> tuple[Array, Array, Array]:
-    """Shape that the cam gives the unloaded rim: radial w, tangential v [mm], section rotation chi [rad]."""
-    w = W_0 * np.cos(2 * theta)
-    v = -W_0 / 2 * np.sin(2 * theta)
-    chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
-    return w, v, chi
 
 
 @dataclass(frozen=True)
@@ -156,7 +150,7 @@ def flank_point(geometry: Geometry, r_y: Array, theta: Array, side: Array) -> tu
 
     The section's origin lies at radius r_m + w and angle theta + v/r_m.
     """
-    w, v, chi = nominal_shape(theta, geometry.W_0, geometry.r_m)
+    w, v, chi = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
     psi = geometry.flexspline.half_angle(r_y)
     along, across = side * r_y * np.sin(psi), r_y * np.cos(psi) - geometry.r_m
     tangential = along * np.cos(chi) + across * np.sin(chi)

@@ -1,0 +1,61 @@
+"""The shape that the cam gives the unloaded rim, in two conventions.
+
+Both give, for sections at angles theta [rad] of the undeformed mid-line, the radial displacement w [mm], the
+tangential v [mm], so that the section stands at radius r_m + w and angle theta + v/r_m, and its turn chi [rad]
+there.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+NominalCurve = Literal["linear", "inextensible"]
+
+HARMONICS = 32  # of the arc length; the eighth is below 1e-16 of the first for any wave a drive could have
+ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round
+
+
+def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "linear") -> tuple[Array, Array, Array]:
+    """Shape (w, v, chi) of the rim on a cam of wave W_0 [mm], mid-line radius r_m [mm].
+
+    linear: the bending mode n = 2 of a ring, w = W_0 cos 2 theta. inextensible: the closed curve
+    r_0 + A cos 2 phi that has the length of the undeformed mid-line and stands off by W_0 at the major axis;
+    sections keep their arc length and stay normal to it.
+    """
+    return _linear(theta, W_0, r_m) if curve == "linear" else _inextensible(theta, W_0, r_m)
+
+
+def _linear(theta: Array, W_0: float, r_m: float) -> tuple[Array, Array, Array]:
+    w = W_0 * np.cos(2 * theta)
+    v = -W_0 / 2 * np.sin(2 * theta)
+    chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
+    return w, v, chi
+
+
+def _inextensible(theta: Array, W_0: float, r_m: float) -> tuple[Array, Array, Array]:
+    r_0, wave, ripple = _closed_curve(W_0, r_m)
+    k = 2 * np.arange(1, HARMONICS)
+    phi = np.asarray(theta, dtype=float)
+    for _ in range(ROUNDS):
+        # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
+        phi = theta - np.sin(phi[..., None] * k) @ ripple / r_m
+    radius, slope = r_0 + wave * np.cos(2 * phi), -2 * wave * np.sin(2 * phi)
+    return radius - r_m, r_m * (phi - theta), -np.arctan2(slope, radius)
+
+
+@cache
+def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
+    """Mean radius and wave of the inextensible curve [mm], and the sine series of its arc length [mm]."""
+    phi = np.pi * np.arange(2 * HARMONICS) / (2 * HARMONICS)  # a half turn, its period
+    shrink = 0.0
+    for _ in range(ROUNDS):
+        r_0, wave = r_m - shrink, W_0 + shrink
+        speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
+        shrink += float(speed.mean()) - r_m
+    series = np.fft.rfft(speed).real / HARMONICS
+    return r_0, wave, series[1:HARMONICS] / (2 * np.arange(1, HARMONICS))
