@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
     from hdassist.analysis.mounting import MountingCurve, mounting_curve
     from hdassist.analysis.self_error import SelfError, self_error
+    from hdassist.analysis.stiffness import Stiffness, stiffness
     from hdassist.analysis.trace import Trace, trace
     from hdassist.errors import HdassistError
     from hdassist.model.deviations import ToothDeviations
@@ -29,6 +30,8 @@ _HOMES = {
     "mounting_curve": "hdassist.analysis.mounting",
     "SelfError": "hdassist.analysis.self_error",
     "self_error": "hdassist.analysis.self_error",
+    "Stiffness": "hdassist.analysis.stiffness",
+    "stiffness": "hdassist.analysis.stiffness",
     "Trace": "hdassist.analysis.trace",
     "trace": "hdassist.analysis.trace",
     "HdassistError": "hdassist.errors",
@@ -44,6 +47,7 @@ __all__ = [
     "KinematicError",
     "MountingCurve",
     "SelfError",
+    "Stiffness",
     "ToothDeviations",
     "Trace",
     "__version__",
@@ -53,6 +57,7 @@ __all__ = [
     "mounting_curve",
     "preset_names",
     "self_error",
+    "stiffness",
     "trace",
 ]
 

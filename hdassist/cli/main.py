@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import check, mount, presets, self_error, trace
+from hdassist.cli import check, mount, presets, self_error, stiffness, trace
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 
@@ -27,6 +27,7 @@ app = typer.Typer(
 app.command("check")(check.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)
+app.command("stiffness")(stiffness.command)
 app.command("trace")(trace.command)
 app.add_typer(presets.app, name="presets")
 
