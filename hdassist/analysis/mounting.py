@@ -22,11 +22,13 @@ from hdassist.model.deviations import tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
+from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 GROUP = 6  # positions that one task searches
+FREE = 12  # positions tried where the seat has no holes
 NAMED = 5  # positions that a curve names at each torque, about
 
 _Task = TypeVar("_Task")
@@ -130,7 +132,8 @@ def phase_deg(drive: Drive) -> float:
 def work(drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], *, every_state: bool) -> int:
     """Number of states that a mounting curve and its sensitivities solve, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
-    slopes = 2 * SEARCHES * SEARCHED if searchable(drive) else 0
+    others = 2 * SEARCHES + len(drive.alternatives) * (drive.mounting.holes or FREE)
+    slopes = others * SEARCHED if searchable(drive) else 0
     if every_state or not worth_searching(drive):
         return len(torques) * (len(rotations_deg) * cycle + slopes)
     return len(torques) * (len(rotations_deg) * SEARCHED + NAMED * cycle + slopes)
@@ -173,6 +176,35 @@ def mounting_curve(
         everywhere = set(product(range(len(torques)), range(len(rotations_deg))))
         job.solve(sorted(everywhere - set(named)))
     return job.curve()
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The best position under other values of identified fields that agree with the same targets."""
+
+    values: dict[str, float]
+    recommended: Position
+
+
+def alternatives(
+    drive: Drive, torques: Sequence[float], *, executor: Executor | None = None, progress: Progress | None = None
+) -> list[Alternative]:
+    """Best position under each of the preset's alternatives, in steps of a seat hole, or of 30 deg.
+
+    Fields that were overridden keep their override. Arguments and errors as in mounting_curve.
+    """
+    count = drive.mounting.holes or FREE
+    rotations = np.arange(count, dtype=float) * 360 / count
+    found = []
+    for given in drive.alternatives:
+        values = {p: v for p, v in given.items() if not is_overridden(p, drive.origin.overrides)}
+        job = _Job(drive.with_values(values), tuple(torques), rotations, None, 0, executor, progress)
+        if searchable(drive):
+            job.search()
+        else:
+            job.solve(product(range(len(torques)), range(count)))
+        found.append(Alternative(values, job.curve().recommended))
+    return found
 
 
 class _Job:

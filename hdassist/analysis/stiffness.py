@@ -128,10 +128,10 @@ def stiffness(
     formulation = formulate(system)
     contact, proof = _twist(system, formulation, torque, progress)
     tube = torque * N_MM / shell_twist_stiffness(drive, system.geometry) * ARCSEC
-    twist = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
-    centre = (twist[near_zero] + twist[-near_zero]) / 2
+    at = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
+    centre = (at[near_zero] + at[-near_zero]) / 2
     positive, negative = (
-        tuple(_segments([sign * T for T in ends[1:]], [twist[sign * T] for T in ends[1:]], centre)) for sign in (1, -1)
+        tuple(_segments([sign * T for T in ends[1:]], [at[sign * T] for T in ends[1:]], centre)) for sign in (1, -1)
     )
     check = None
     if cross_check:
@@ -140,18 +140,29 @@ def stiffness(
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
 
 
+def twist(drive: Drive, torques: Sequence[float]) -> Array:
+    """Twist [arcsec] of a drive without deviations at torques [N*m], the shell's tube included.
+
+    Raises UntrustedError where an answer cannot be trusted.
+    """
+    system = contact_system(drive)
+    torque = np.array(torques, dtype=float)
+    tube = torque * N_MM / shell_twist_stiffness(drive, system.geometry) * ARCSEC
+    return _twist(system, formulate(system), torque, None)[0] + tube
+
+
 def _twist(
     system: ContactSystem, formulation: Formulation, torque: Array, progress: Progress | None
 ) -> tuple[Array, Certificate]:
     engine = Engine(formulation, float(torque[0]) * N_MM)
-    twist, proof = np.empty(len(torque)), EMPTY
+    found, proof = np.empty(len(torque)), EMPTY
     for k, M_g in enumerate(torque.tolist()):
         engine.load(M_g * N_MM)
         place = partial(_place, M_g)
         answers = solve_states(system, engine, M_g * N_MM, system.delta_p[None], place, progress)
-        twist[k] = answers.rotation[0] * ARCSEC
+        found[k] = answers.rotation[0] * ARCSEC
         proof += answers.certificate
-    return twist, proof
+    return found, proof
 
 
 def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) -> list[Segment]:
@@ -160,9 +171,9 @@ def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) 
     return [Segment(T, T_next, (T_next - T) / (x_next - x) * ARCSEC) for (T, x), (T_next, x_next) in pairwise(points)]
 
 
-def _solve_again(formulation: Formulation, torque: Array, twist: Array, solver: str) -> CrossCheck:
+def _solve_again(formulation: Formulation, torque: Array, contact: Array, solver: str) -> CrossCheck:
     system, worst = formulation.system, 0.0
-    for M_g, expected in zip(torque.tolist(), twist.tolist(), strict=True):
+    for M_g, expected in zip(torque.tolist(), contact.tolist(), strict=True):
         _, free = solve_through_cvxpy(formulation, system.delta_p, M_g * N_MM, solver)
         difference = abs(float(free[system.free_rotation]) * ARCSEC - expected)
         if not difference <= CROSS_TOLERANCE:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import check, mount, presets, self_error, stiffness, trace
+from hdassist.cli import calibrate, check, mount, presets, self_error, stiffness, trace
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 
@@ -24,6 +24,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)

@@ -53,7 +53,7 @@ def command(
     everywhere. The best position is that in which the torque served worst gains most. Ctrl-C ends the work early
     and prints what is done (exit code 130).
     """
-    from hdassist.analysis.mounting import mounting_curve, work
+    from hdassist.analysis.mounting import alternatives, mounting_curve, work
     from hdassist.cli.output import Output, note, warn
     from hdassist.cli.workers import workers
     from hdassist.preset.library import load_preset
@@ -79,12 +79,13 @@ def command(
             progress=progress,
         )
         slopes = _slopes(drive, result, executor, progress)
-    for text in report.warnings(drive, result):
+        others = [] if result.interrupted else alternatives(drive, result.torques, executor=executor, progress=progress)
+    for text in report.warnings(drive, result, others):
         warn(text)
     if verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.certificate}")
     if json:
-        out.text(to_json(report.answer(drive, result, slopes, seed)))
+        out.text(to_json(report.answer(drive, result, slopes, others, seed)))
     else:
         out.human(report.brief(result) if quiet else report.render(drive, result, slopes, out.look, plots=plot))
     out.figures(report.csv(result))

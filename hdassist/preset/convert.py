@@ -45,6 +45,8 @@ class Converter:
                 self._section(values, key, tables[key], value)
             elif key == "uncertainty":
                 self._uncertainty(values, value)
+            elif key == "alternatives":
+                self._alternatives(values, value)
             elif key == "source":
                 self._source(values, value)
             else:
@@ -131,6 +133,27 @@ class Converter:
                     self.findings.add(path, "names no field", self._near_path(key, known), self._key(key), key=True)
             else:
                 self._put(values["uncertainty"], path, self.number, value, unit_of(known[key]))
+
+    def _alternatives(self, values: Values, data: Any) -> None:
+        if not isinstance(data, list):
+            if data is not None:
+                self.findings.add(("alternatives",), "must be a list of tables", "like - {gears.j_n: 6.1}")
+            return
+        known = {path: info for path, info in field_table().items() if kind_of(info) == "number"}
+        sets: list[Values] = []
+        for index, item in enumerate(data):
+            at: Path = ("alternatives", index)
+            if (table := self._table(at, item)) is None:
+                continue
+            converted: Values = {}
+            sets.append(converted)
+            for key, value in table.items():
+                if key not in known:
+                    hint = self._near_path(key, known)
+                    self.findings.add((*at, key), "names no measure of a preset", hint, self._key(key), key=True)
+                else:
+                    self._put(converted, (*at, key), self.number, value, unit_of(known[key]))
+        values["alternatives"] = tuple(sets)
 
     def _source(self, values: Values, data: Any) -> None:
         if (table := self._table(("source",), data)) is None:

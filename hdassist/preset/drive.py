@@ -7,13 +7,13 @@ Numbers are held in the unit of their field; the model converts them.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError
 from pydantic.fields import FieldInfo
 
 SCHEMA = "hdassist.preset/1"
@@ -225,6 +225,9 @@ class Drive(Section):
     operation: Operation
     acceptance: Acceptance = Acceptance()
     numerics: Numerics = Numerics()
+    alternatives: tuple[dict[str, float], ...] = field(
+        "other values of identified fields that agree with the same targets", default=()
+    )
     source: dict[str, Source] = field("origin of single values", default={})
 
     _origin: Origin = PrivateAttr(default=Origin())
@@ -241,6 +244,30 @@ class Drive(Section):
             if key != "all" and float(key) == torque:
                 return value
         return limits.get("all")
+
+    def value(self, path: str) -> Any:
+        """Value of a field, by path ("gears.j_n")."""
+        section, name = path.split(".")
+        return getattr(getattr(self, section), name)
+
+    def allows(self, path: str, value: float) -> bool:
+        """Whether a value is within the range of a field, by path ("gears.j_n")."""
+        section, name = path.split(".")
+        table = getattr(self, section)
+        try:
+            type(table).model_validate({**table.model_dump(), name: value})
+        except ValidationError:
+            return False
+        return True
+
+    def with_values(self, values: Mapping[str, float]) -> Drive:
+        """The drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
+        changes: dict[str, dict[str, float]] = {}
+        for path, value in values.items():
+            section, name = path.split(".")
+            changes.setdefault(section, {})[name] = value
+        tables = {section: getattr(self, section).model_copy(update=change) for section, change in changes.items()}
+        return self.model_copy(update=tables)
 
 
 def sections() -> Iterator[tuple[str, type[Section]]]:

@@ -72,7 +72,17 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
         paths = [tuple(path.split(".")) for path in (conflict.path, *involved)]
         path = next((p for p in paths if findings.where(p)[0] == OVERRIDE), paths[0])
         findings.add(path, conflict.message, conflict.hint, conflict.got)
+    if drive is not None:
+        _check_alternatives(findings, drive)
     return drive, findings
+
+
+def _check_alternatives(findings: Findings, drive: Drive) -> None:
+    for index, values in enumerate(drive.alternatives):
+        for path, value in values.items():
+            if not drive.allows(path, value):
+                info = field_table()[path]
+                findings.add(("alternatives", index, path), f"out of range: {range_of(info, unit_of(info))}")
 
 
 def _check_schema(findings: Findings, data: dict[str, Any]) -> None:

@@ -27,7 +27,8 @@ def preset_schema() -> Schema:
             properties[name] = _section(definitions[tables[name].__name__], tables[name], info)
         else:
             properties[name] = {k: v for k, v in schema["properties"][name].items() if k in _KEPT}
-    properties["uncertainty"] |= _uncertainty()
+    properties["uncertainty"] |= _measures({"type": "number", "minimum": 0})
+    properties["alternatives"] |= {"type": ["array", "null"], "items": _measures({"type": "number"})}
     properties["source"] |= {
         "type": ["object", "null"],
         "propertyNames": {"enum": [path for path, _ in fields()]},
@@ -90,11 +91,10 @@ def _quantity(number: Schema, unit: str) -> list[Schema]:
     return [bare, text] if text else [bare]
 
 
-def _uncertainty() -> Schema:
+def _measures(number: Schema) -> Schema:
+    """A table of measures by path, each a number or a text with a unit."""
     entries = {
-        path: {"anyOf": _quantity({"type": "number", "minimum": 0}, unit_of(info))}
-        for path, info in fields()
-        if kind_of(info) == "number"
+        path: {"anyOf": _quantity(number, unit_of(info))} for path, info in fields() if kind_of(info) == "number"
     }
     return {"type": ["object", "null"], "additionalProperties": False, "properties": entries}
 

@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.analysis.mounting import MountingCurve, Position
+from hdassist.analysis.mounting import FREE, Alternative, MountingCurve, Position
 from hdassist.analysis.sensitivity import Sensitivity
 from hdassist.preset.drive import Drive
 from hdassist.report.console import Look, table
@@ -32,13 +32,21 @@ def _hole(drive: Drive, position: Position) -> int | None:
     return round(holes) if drive.mounting.holes and abs(holes - round(holes)) < 1e-9 else None
 
 
-def warnings(drive: Drive, result: MountingCurve) -> tuple[str, ...]:
+def warnings(drive: Drive, result: MountingCurve, others: Sequence[Alternative] = ()) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
+    hole = 360 / (drive.mounting.holes or FREE)
+    phases = [result.recommended.phase_deg, *(other.recommended.phase_deg for other in others)]
+    apart = [abs((phase - phases[0] + 180) % 360 - 180) for phase in phases]
+    unsure = (
+        "values that agree with the same calibration (alternatives) have their best position elsewhere, at the phases "
+        f"{', '.join(f'{phase:g}' for phase in phases[1:])} deg: measure before relying on {phases[0]:g} deg"
+    )
     total = result.missing + len(result.rotation_deg)
     undone = f"interrupted: {len(result.rotation_deg)} of {total} positions were done"
     if result.interrupted and not result.missing:
         undone = "interrupted: positions were searched, but not all of those named were solved in every state"
-    return (*drive.origin.warnings, *([undone] if result.interrupted else []))
+    found = [*([undone] if result.interrupted else []), *([unsure] if max(apart) > hole + 1e-9 else [])]
+    return (*drive.origin.warnings, *found)
 
 
 def exit_code(result: MountingCurve) -> int:
@@ -120,7 +128,9 @@ def gain(result: MountingCurve, position: Position) -> float:
     return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
 
 
-def answer(drive: Drive, result: MountingCurve, slopes: Slopes, seed: int) -> dict[str, Any]:
+def answer(
+    drive: Drive, result: MountingCurve, slopes: Slopes, others: Sequence[Alternative], seed: int
+) -> dict[str, Any]:
     """The curves and positions as a JSON object."""
 
     def position(p: Position, name: str = "") -> dict[str, Any]:
@@ -138,7 +148,7 @@ def answer(drive: Drive, result: MountingCurve, slopes: Slopes, seed: int) -> di
         }
 
     return {
-        **envelope("mount", drive, exit_code(result), warnings(drive, result)),
+        **envelope("mount", drive, exit_code(result), warnings(drive, result, others)),
         "complete": not result.interrupted,
         "curves": [
             {
@@ -153,6 +163,7 @@ def answer(drive: Drive, result: MountingCurve, slopes: Slopes, seed: int) -> di
         "current": position(result.current, NOW),
         "recommended": position(result.recommended, BEST),
         "worst": position(result.worst),
+        "alternatives": [{"values": o.values, **position(o.recommended)} for o in others],
         "gain": -gain(result, result.recommended),
         "certificate": certificate_object(result.certificate, result.cross_checks),
         "seed": seed,

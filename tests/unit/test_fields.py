@@ -208,7 +208,7 @@ def test_holes_number_the_positions(reference, holes, hole):
     drive = changed(reference, mounting__holes=holes)
     rotations = np.array([0.0, 150.0])
     curve = MountingCurve((80.0,), rotations, rotations, np.array([[2.0, 1.0]]), EMPTY, (), np.ones((1, 2), dtype=bool))
-    assert answer(drive, curve, {}, 0)["recommended"]["hole"] == hole
+    assert answer(drive, curve, {}, [], 0)["recommended"]["hole"] == hole
 
 
 def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> OperatingPoint:
