@@ -7,14 +7,14 @@ from the others is kept, and each value has an interval that says whether the ta
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 from scipy.stats import qmc
 
 from hdassist.analysis.evaluations import IMPOSSIBLE, Evaluations
-from hdassist.analysis.quantities import FINE, Quantities
+from hdassist.analysis.quantities import FINE, MEDIUM, Quantities
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.drive import Drive
@@ -23,7 +23,7 @@ from hdassist.preset.targets import Targets, Unknown
 POPULATION = 4  # points of the global search's generation for each unknown
 STARTS = 4  # points that least squares starts from
 APART = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
-STEP = 0.01  # of the range: step of difference quotients, above the roughness of a quick search
+STEP = 0.02  # of the range: step of difference quotients, above the roughness of a quick search
 ROUNDS = 12  # steps of a least-squares run at most
 DIGITS = 4  # of a found value
 TIGHT = 0.95  # correlation from which on two unknowns cannot be told apart
@@ -40,7 +40,7 @@ class Fit:
     values: tuple[float, ...]
     off: tuple[float, ...]
     found: tuple[float, ...]
-    best_deg: tuple[float, ...]
+    best_deg: tuple[float, ...] = ()
 
     @property
     def met(self) -> bool:
@@ -92,7 +92,7 @@ def moved(drive: Drive, unknowns: Sequence[Unknown], values: Sequence[float]) ->
 
 def work(targets: Targets, budget: int) -> int:
     """Number of drives that a calibration computes, about, for a progress bar."""
-    return budget + STARTS * ROUNDS // 2 * (2 * len(targets.unknowns) + 1)
+    return budget + STARTS * ROUNDS // 2 * (len(targets.unknowns) + 2)
 
 
 def calibrate(
@@ -124,7 +124,7 @@ def calibrate(
         return rows
 
     _search(unit, start, off, budget, seed)
-    if min(seen.values()) >= IMPOSSIBLE:
+    if min(seen.values()) >= IMPOSSIBLE**2:
         raise UntrustedError("no drive within the bounds could be computed", "look at the bounds, and check the preset")
     runs = [_settle(point, off) for point in _distant(seen)]
     runs.sort(key=lambda run: run.cost)
@@ -144,10 +144,11 @@ def calibrate(
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
     order = sorted(range(len(fits)), key=lambda k: float(np.sum(np.square(fits[k].off))))
     kept = _far_apart([(unit.point(fits[k].values), fits[k]) for k in order])
-    best = fits[order[0]]
+    best = kept[0]
     jacobian = _jacobian(unit.point(best.values), off)
     half, determined, correlation = _intervals(jacobian, unit, best.values)
-    return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, evaluations.computed, seed)
+    sets = tuple(replace(fit, best_deg=_best_phases(moved(drive, targets.unknowns, fit.values))) for fit in kept)
+    return Calibration(drive, targets, start, sets, half, determined, correlation, evaluations.computed, seed)
 
 
 class _Unit:
@@ -233,16 +234,10 @@ def _settle(point: Array, off: _Off) -> _Run:
 
 
 def _jacobian(point: Array, off: _Off) -> Array:
-    """Change of what is off over the unit cube, shape (targets, unknowns), by central differences."""
-    ends = []
-    for k in range(len(point)):
-        for side in (-1, 1):
-            end = point.copy()
-            end[k] = np.clip(point[k] + side * STEP, 0, 1)
-            ends.append(end)
-    rows = off(ends, "medium")
-    columns = [(rows[2 * k + 1] - rows[2 * k]) / (ends[2 * k + 1][k] - ends[2 * k][k]) for k in range(len(point))]
-    return np.stack(columns, axis=1)
+    """Change of what is off over the unit cube, shape (targets, unknowns), by differences towards its middle."""
+    steps = np.where(point < 0.5, STEP, -STEP)
+    here, *ends = off([point, *(point + np.diag(steps))], "medium")
+    return np.stack([(end - here) / step for end, step in zip(ends, steps, strict=True)], axis=1)
 
 
 def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
@@ -252,8 +247,12 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
         values=values,
         off=tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in off),
         found=tuple(quantities.value(target) for target in targets.targets),
-        best_deg=tuple(quantities.scan(M_g).best_deg for M_g in drive.operation.M_g),
     )
+
+
+def _best_phases(drive: Drive) -> tuple[float, ...]:
+    quantities = Quantities(drive, MEDIUM)
+    return tuple(quantities.scan(M_g).best_deg for M_g in drive.operation.M_g)
 
 
 def _far_apart(sets: list[tuple[Array, Fit]]) -> list[Fit]:

@@ -22,7 +22,7 @@ from hdassist.preset.drive import Drive, fields
 from hdassist.preset.targets import Target, Targets
 
 LEVELS: dict[str, Accuracy] = {"rough": ROUGH, "medium": MEDIUM}
-IMPOSSIBLE = 1e3  # tolerances off each target, where a drive cannot be computed
+IMPOSSIBLE = 1e6  # tolerances off each target, where a drive cannot be computed
 
 Values = tuple[float, ...]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -12,7 +13,7 @@ from hdassist.analysis.extremes import QUICK, THOROUGH, CycleSearch, Effort, sea
 from hdassist.analysis.kinematic_error import kinematic_error
 from hdassist.analysis.mounting import phase_deg, rotated
 from hdassist.analysis.self_error import self_error
-from hdassist.analysis.stiffness import twist
+from hdassist.analysis.stiffness import Twist
 from hdassist.analysis.trace import trace
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
@@ -37,7 +38,7 @@ class Accuracy:
 
 
 ROUGH = Accuracy(QUICK, phases=8, refine=0.0, n_phase=5)
-MEDIUM = Accuracy(QUICK, phases=8, refine=3.0, n_phase=10)
+MEDIUM = Accuracy(QUICK, phases=8, refine=6.0, n_phase=12)
 FINE = Accuracy(THOROUGH, phases=18, refine=0.5, n_phase=200)
 
 
@@ -89,11 +90,9 @@ class Quantities:
             case "self_error":
                 return self.self_error(asked["M_g"])
             case "torsional_stiffness":
-                low, high = twist(self._drive, [asked["from"], asked["to"]])
-                return float((asked["to"] - asked["from"]) / (high - low) * ARCSEC)
+                return float((asked["to"] - asked["from"]) / self._twist.between(asked["from"], asked["to"]) * ARCSEC)
             case "lost_motion":
-                low, high = twist(self._drive, [-asked["M_g"], asked["M_g"]])
-                return float(high - low)
+                return self._twist.between(-asked["M_g"], asked["M_g"])
             case _:
                 return float(np.sqrt(np.mean(self._off_trace(target) ** 2)))
 
@@ -123,8 +122,15 @@ class Quantities:
             phases = min(self._drive.numerics.n_phase, self._accuracy.n_phase)
             coarse = self._drive.numerics.model_copy(update={"n_phase": phases})
             drive = self._drive.model_copy(update={"numerics": coarse})
-            self._self_errors[M_g] = self_error(drive, [M_g])[0].range_arcsec
+            # most of the work is the same for all torques
+            torques = sorted({M_g, *drive.operation.M_g})
+            results = self_error(drive, torques)
+            self._self_errors |= {M: result.range_arcsec for M, result in zip(torques, results, strict=True)}
         return self._self_errors[M_g]
+
+    @cached_property
+    def _twist(self) -> Twist:
+        return Twist(self._drive)
 
     def _extreme(self, M_g: float, sign: int) -> tuple[float, float]:
         """Phase [deg] of the least sign * F'_ior, and that value."""

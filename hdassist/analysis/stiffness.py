@@ -15,7 +15,7 @@ import numpy as np
 
 from hdassist.analysis.kinematic_error import CROSS_TOLERANCE, N_MM, CrossCheck
 from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import ContactSystem, contact_system
+from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.drive import Drive
@@ -124,10 +124,8 @@ def stiffness(
     ends = [near_zero, *(T for T in (T_1, T_2) if T_max > T), T_max]
     side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, POINTS + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
-    system = contact_system(drive)
-    formulation = formulate(system)
-    contact, proof = _twist(system, formulation, torque, progress)
-    tube = torque * N_MM / shell_twist_stiffness(drive, system.geometry) * ARCSEC
+    twist = Twist(drive)
+    contact, tube, proof = twist.at(torque, progress)
     at = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
     centre = (at[near_zero] + at[-near_zero]) / 2
     positive, negative = (
@@ -136,33 +134,38 @@ def stiffness(
     check = None
     if cross_check:
         rows = [int(np.flatnonzero(torque == sign * T)[0]) for T in ends for sign in (1, -1)]
-        check = _solve_again(formulation, torque[rows], contact[rows], cross_check)
+        check = _solve_again(twist.formulation, torque[rows], contact[rows], cross_check)
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
 
 
-def twist(drive: Drive, torques: Sequence[float]) -> Array:
-    """Twist [arcsec] of a drive without deviations at torques [N*m], the shell's tube included.
+class Twist:
+    """Twist of a drive without deviations, at tooth phase 0 and its ball phase."""
 
-    Raises UntrustedError where an answer cannot be trusted.
-    """
-    system = contact_system(drive)
-    torque = np.array(torques, dtype=float)
-    tube = torque * N_MM / shell_twist_stiffness(drive, system.geometry) * ARCSEC
-    return _twist(system, formulate(system), torque, None)[0] + tube
+    def __init__(self, drive: Drive) -> None:
+        self.system = contact_system(drive)
+        self.formulation = formulate(self.system)
+        self._tube = shell_twist_stiffness(drive, self.system.geometry)
+        self._engine: Engine | None = None
 
+    def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:
+        """Twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
 
-def _twist(
-    system: ContactSystem, formulation: Formulation, torque: Array, progress: Progress | None
-) -> tuple[Array, Certificate]:
-    engine = Engine(formulation, float(torque[0]) * N_MM)
-    found, proof = np.empty(len(torque)), EMPTY
-    for k, M_g in enumerate(torque.tolist()):
-        engine.load(M_g * N_MM)
-        place = partial(_place, M_g)
-        answers = solve_states(system, engine, M_g * N_MM, system.delta_p[None], place, progress)
-        found[k] = answers.rotation[0] * ARCSEC
-        proof += answers.certificate
-    return found, proof
+        Raises UntrustedError where an answer cannot be trusted.
+        """
+        contact, proof = np.empty(len(torque)), EMPTY
+        for k, M_g in enumerate(torque.tolist()):
+            self._engine = self._engine or Engine(self.formulation, M_g * N_MM)
+            self._engine.load(M_g * N_MM)
+            gaps, place = self.system.delta_p[None], partial(_place, M_g)
+            answers = solve_states(self.system, self._engine, M_g * N_MM, gaps, place, progress)
+            contact[k] = answers.rotation[0] * ARCSEC
+            proof += answers.certificate
+        return contact, torque * N_MM / self._tube * ARCSEC, proof
+
+    def between(self, low: float, high: float) -> float:
+        """Twist [arcsec] from one torque to another [N*m]."""
+        contact, tube, _ = self.at(np.array([low, high]))
+        return float(contact[1] + tube[1] - contact[0] - tube[0])
 
 
 def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) -> list[Segment]:

