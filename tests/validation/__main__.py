@@ -1,0 +1,84 @@
+"""docs/validation.md from the cases of the tests: `python -m tests.validation [--check]`."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from math import isinf
+from pathlib import Path
+
+from tests.validation.case import Case
+
+PAGE = Path(__file__).parents[2] / "docs/validation.md"
+SOURCES = (
+    "test_lyuminarsky_2019",
+    "test_catalogue_stiffness",
+    "test_bearing_theory",
+    "test_ring_closed_forms",
+    "test_convergence",
+)
+HEAD = """\
+# Validation
+
+What the model is compared with, what comes out, and what that is worth. This page is made by
+`python -m tests.validation` from the cases that the tests run; CI fails when the two differ.
+
+- **fitted**: the value was used to find others. Agreement proves nothing.
+- **bound of the fit**: it kept the fit within a range, and is evidence only as far as it lies inside it.
+- **predicted**: nothing was tuned towards it. This is what the model can be judged by.
+- **closed form**, **convergence**: the equations were written down and solved right; that they describe a drive is
+  another matter.
+- **model result**: nobody has measured it; it says what the model says.
+
+A row that misses says so, with the reason, and a test fails should it cease to miss. That the equations were written
+down right is also held by reference numbers that two independent implementations gave
+(`tests/validation/test_model_reference.py`) and by identities: homogeneity, half turn, mirror, rigid turn, Castigliano,
+cam torque (`tests/property`).
+
+Absolute values hinge on single micrometres of clearance and need one measurement of the real drive; trends, ratios and
+the effect of turning a wheel are what can be relied on.
+"""
+
+
+def expected(case: Case) -> str:
+    """The expected range in words."""
+    if case.kind.value == "model result" and (isinf(case.high) or case.high == 360):
+        return "-"
+    low, high = format(case.low, ".4g"), format(case.high, ".4g")
+    return f"{low} or more" if isinf(case.high) else f"{low} to {high}"
+
+
+def row(case: Case) -> str:
+    """One line of a table."""
+    verdict = "-" if expected(case) == "-" else "yes" if case.agrees else "**no**"
+    unit = f" {case.unit}" if case.unit else ""
+    cells = (case.quantity, f"{case.source}", expected(case) + (unit if expected(case) != "-" else ""))
+    return f"| {' | '.join(cells)} | {format(case.got, case.digits)}{unit} | {verdict} | {case.kind} |"
+
+
+def page() -> str:
+    """The page as text. Raises AssertionError where a case does not come out as it says."""
+    parts = [HEAD]
+    for name in SOURCES:
+        module = import_module(f"tests.validation.{name}")
+        for case in module.CASES:
+            case.check()
+        reasons = dict.fromkeys(f"- {case.quantity}: {case.why}." for case in module.CASES)
+        misses = [f"- **{case.quantity}** is missed: {case.miss}." for case in module.CASES if case.miss]
+        table = ["| quantity | source | expected | got | agrees | worth |", "| --- | --- | --- | --- | --- | --- |"]
+        table += [row(case) for case in module.CASES]
+        parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *table, "", *misses, *reasons, ""]))
+    return "\n".join(parts)
+
+
+def main() -> None:
+    """Write the page, or compare it with --check."""
+    text = page()
+    if "--check" not in sys.argv:
+        PAGE.write_text(text, encoding="utf-8")
+    elif PAGE.read_text(encoding="utf-8") != text:
+        sys.exit("docs/validation.md is not what the cases give: run python -m tests.validation")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""One comparison of the model with something outside of it: a test, and a row of docs/validation.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import pytest
+
+
+class Kind(StrEnum):
+    """What an agreement is worth."""
+
+    PREDICTED = "predicted"
+    FITTED = "fitted"
+    BOUND = "bound of the fit"
+    CLOSED_FORM = "closed form"
+    CONVERGENCE = "convergence"
+    MODEL = "model result"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A quantity, where its expected range low..high comes from, why the range is so wide, and what we get.
+
+    miss: the reason where the model is known to miss it. A case with a miss has to miss, one without has to agree.
+    """
+
+    quantity: str
+    unit: str
+    source: str
+    low: float
+    high: float
+    why: str
+    kind: Kind
+    value: Callable[[], float]
+    digits: str = ".3g"
+    miss: str = ""
+    slow: bool = False
+
+    @cached_property
+    def got(self) -> float:
+        """What the model gives; computed once."""
+        return float(self.value())
+
+    @property
+    def agrees(self) -> bool:
+        """Whether it lies in the expected range."""
+        return self.low <= self.got <= self.high
+
+    def check(self) -> None:
+        """Fail where the page would lie: a miss not said, or an agreement called a miss."""
+        words = f"{self.quantity}: {self.got:g} {self.unit}, expected {self.low:g} to {self.high:g}"
+        assert self.agrees != bool(self.miss), words
+
+
+def about(value: float, tolerance: float) -> dict[str, float]:
+    """Range of a value with a tolerance."""
+    return {"low": value - tolerance, "high": value + tolerance}
+
+
+def parameters(cases: Iterable[Case]) -> list[object]:
+    """Cases as parameters of a test, the slow ones marked."""
+    slow = pytest.mark.slow
+    return [pytest.param(case, id=case.quantity, marks=[slow] if case.slow else []) for case in cases]
