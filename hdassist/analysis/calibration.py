@@ -7,7 +7,7 @@ from the others is kept, and each value has an interval that says whether the ta
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import differential_evolution, least_squares
@@ -34,18 +34,19 @@ class Fit:
     """One set of found values, in the order of the unknowns.
 
     off: how far from each target, in its tolerances (0 inside a range); found: the quantity of each target,
-    in its unit; best_deg: per torque of the preset, the mounting phase with the least F'_ior.
+    in its unit; best_deg: per torque of the preset, the mounting phase with the least F'_ior; met: which targets are.
     """
 
     values: tuple[float, ...]
     off: tuple[float, ...]
     found: tuple[float, ...]
-    best_deg: tuple[float, ...] = ()
+    best_deg: tuple[float, ...]
+    met: tuple[bool, ...]
 
     @property
-    def met(self) -> bool:
-        """Whether every target is met within its tolerance."""
-        return max(map(abs, self.off)) <= 1
+    def all_met(self) -> bool:
+        """Whether every target is met."""
+        return all(self.met)
 
 
 @dataclass(frozen=True)
@@ -133,13 +134,10 @@ def calibrate(
             "the fit did not come to rest",
             "run again with the same --state and more --evaluations: what was computed is kept",
         )
-    fits = []
-    for run in runs:
-        values = unit.values(run.point)
-        try:
-            fits.append(_fit(moved(drive, targets.unknowns, values), targets, values))
-        except HdassistError:
-            continue  # the quick search had not seen what all states show
+    sets = [unit.values(run.point) for run in runs]
+    answers = evaluations.run(_fit, [(moved(drive, targets.unknowns, v), targets, v) for v in sets])
+    # a quick search may not have seen what a thorough one does
+    fits = [fit for fit in answers if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
     order = sorted(range(len(fits)), key=lambda k: float(np.sum(np.square(fits[k].off))))
@@ -147,8 +145,7 @@ def calibrate(
     best = kept[0]
     jacobian = _jacobian(unit.point(best.values), off)
     half, determined, correlation = _intervals(jacobian, unit, best.values)
-    sets = tuple(replace(fit, best_deg=_best_phases(moved(drive, targets.unknowns, fit.values))) for fit in kept)
-    return Calibration(drive, targets, start, sets, half, determined, correlation, evaluations.computed, seed)
+    return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, evaluations.computed, seed)
 
 
 class _Unit:
@@ -240,25 +237,27 @@ def _jacobian(point: Array, off: _Off) -> Array:
     return np.stack([(end - here) / step for end, step in zip(ends, steps, strict=True)], axis=1)
 
 
-def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
-    quantities = Quantities(drive, FINE)
-    off = (quantities.off(target) for target in targets.targets)
-    return Fit(
-        values=values,
-        off=tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in off),
-        found=tuple(quantities.value(target) for target in targets.targets),
-    )
-
-
-def _best_phases(drive: Drive) -> tuple[float, ...]:
-    quantities = Quantities(drive, MEDIUM)
-    return tuple(quantities.scan(M_g).best_deg for M_g in drive.operation.M_g)
+def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
+    drive, targets, values = task
+    exact, quick = Quantities(drive, FINE), Quantities(drive, MEDIUM)
+    try:
+        rows = [exact.off(target) for target in targets.targets]
+        off = tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in rows)
+        return Fit(
+            values=values,
+            off=off,
+            met=tuple(t.is_met(x) for t, x in zip(targets.targets, off, strict=True)),
+            found=tuple(exact.value(target) for target in targets.targets),
+            best_deg=tuple(quick.scan(M_g).best_deg for M_g in drive.operation.M_g),
+        )
+    except HdassistError:
+        return None
 
 
 def _far_apart(sets: list[tuple[Array, Fit]]) -> list[Fit]:
     kept = sets[:1]
     for point, fit in sets[1:]:
-        if fit.met and all(np.abs(point - other).max() > APART for other, _ in kept):
+        if fit.all_met and all(np.abs(point - other).max() > APART for other, _ in kept):
             kept.append((point, fit))
     return [fit for _, fit in kept]
 

@@ -7,10 +7,11 @@ points by a seed asks for the same ones again, and finds them here.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +26,8 @@ LEVELS: dict[str, Accuracy] = {"rough": ROUGH, "medium": MEDIUM}
 IMPOSSIBLE = 1e6  # tolerances off each target, where a drive cannot be computed
 
 Values = tuple[float, ...]
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
 
 
 class Evaluations:
@@ -45,6 +48,7 @@ class Evaluations:
             "preset": drive.origin.sha256,
             "overrides": list(drive.origin.overrides),
             "targets": targets.sha256,
+            "levels": {name: asdict(level) for name, level in LEVELS.items()},
         }
         if file is not None:
             self._resume(file)
@@ -62,12 +66,15 @@ class Evaluations:
         fresh = list(dict.fromkeys(p for p in points if (level, p) not in self._known))
         paths = [unknown.path for unknown in self._targets.unknowns]
         tasks = [(self._drive, dict(zip(paths, p, strict=True)), self._targets.targets, LEVELS[level]) for p in fresh]
-        rows = self._executor.map(_off, tasks) if self._executor else map(_off, tasks)
-        for point, row in zip(fresh, rows, strict=True):
+        for point, row in zip(fresh, self.run(_off, tasks), strict=True):
             self._known[level, point] = row
             self.computed += 1
             self._write({"level": level, "values": point, "off": row})
         return [np.array(self._known[level, p]) for p in points]
+
+    def run(self, function: Callable[[_Task], _Result], tasks: Sequence[_Task]) -> Iterator[_Result]:
+        """Results of a function over tasks, on the executor."""
+        return self._executor.map(function, tasks) if self._executor else map(function, tasks)
 
     def _resume(self, file: Path) -> None:
         if not file.exists():

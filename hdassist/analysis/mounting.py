@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from hdassist.analysis.extremes import SEARCHED, CycleSearch, searchable, worth_searching
 from hdassist.analysis.kinematic_error import CrossCheck, kinematic_error
@@ -28,7 +29,9 @@ from hdassist.solve.answers import EMPTY, Certificate, Progress
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 GROUP = 6  # positions that one task searches
-FREE = 12  # positions tried where the seat has no holes
+FREE_STEP = 5.0  # deg between positions where the seat has no holes
+FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
+FREE = 12  # positions tried under alternatives where the seat has no holes
 NAMED = 5  # positions that a curve names at each torque, about
 
 _Task = TypeVar("_Task")
@@ -39,12 +42,19 @@ _Result = TypeVar("_Result")
 class Position:
     """The fixed wheel turned by rotation_deg from where it stands, and F'_ior [arcsec] there at each torque.
 
-    phase_deg: direction of the fixed wheel's deviation from the cam offset that stands with it, in 0..360.
+    phase_deg: direction of the fixed wheel's deviation from the cam offset that stands with it, in 0..360;
+    hole: seat holes that it is turned by, None where that is no whole number of them.
     """
 
     rotation_deg: float
     phase_deg: float
+    hole: int | None
     F_ior_arcsec: tuple[float, ...]
+
+    @property
+    def short_way_deg(self) -> float:
+        """The same turn by the shorter way, in -180..180: negative is clockwise."""
+        return self.rotation_deg - 360 if self.rotation_deg > 180 else self.rotation_deg
 
 
 @dataclass(frozen=True)
@@ -53,8 +63,9 @@ class MountingCurve:
 
     torques [N*m]; rotation_deg, shape (rotations,), counter-clockwise seen from the cam side, the present
     position first; phase_deg, the same positions as phases; F_ior_arcsec, shape (torques, rotations);
-    every_state, same shape: where all states were solved, not searched; missing: positions asked for that an
-    interrupt left undone.
+    every_state, same shape: where all states were solved, not searched; holes of the seat, 0 for a free angle;
+    allowed: hole numbers that may be used, None for all; weights of the torques; missing: positions asked for that
+    an interrupt left undone.
     """
 
     torques: tuple[float, ...]
@@ -64,18 +75,32 @@ class MountingCurve:
     certificate: Certificate
     cross_checks: tuple[CrossCheck, ...]
     every_state: NDArray[np.bool_]
+    holes: int = 0
+    allowed: tuple[int, ...] | None = None
+    weights: tuple[float, ...] | None = None
     missing: int = 0
     interrupted: bool = False
 
     def at(self, place: int) -> Position:
         """One of the positions."""
         values = tuple(float(v) for v in self.F_ior_arcsec[:, place])
-        return Position(float(self.rotation_deg[place]), float(self.phase_deg[place]), values)
+        rotation = float(self.rotation_deg[place])
+        return Position(rotation, float(self.phase_deg[place]), hole_of(rotation, self.holes), values)
 
     @property
     def relative(self) -> Array:
-        """Greatest over the torques of F'_ior against that of the present position, shape (rotations,)."""
-        return np.asarray((self.F_ior_arcsec / self.F_ior_arcsec[:, :1]).max(axis=0))
+        """Greatest over the torques of F'_ior against that of the present position, shape (rotations,).
+
+        Each torque counts by its weight, the greatest weight being 1.
+        """
+        return merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0], self.weights)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Which positions the wheel can be mounted in, shape (rotations,)."""
+        if not self.holes:
+            return np.ones(len(self.rotation_deg), dtype=bool)
+        return np.array([_is_usable(hole_of(float(r), self.holes), self.allowed) for r in self.rotation_deg])
 
     @property
     def current(self) -> Position:
@@ -84,13 +109,18 @@ class MountingCurve:
 
     @property
     def recommended(self) -> Position:
-        """The position that is best for the torque it serves worst; the least turn of equals."""
-        return self.at(self._best)
+        """The usable position that is best for the torque it serves worst; the first of equals."""
+        return self.at(self._ranked[0])
+
+    @property
+    def ranked(self) -> list[Position]:
+        """The usable positions, best first."""
+        return [self.at(place) for place in self._ranked]
 
     @property
     def worst(self) -> Position:
-        """The position that is worst for some torque."""
-        return self.at(self._worst)
+        """The usable position that is worst for some torque."""
+        return self.at(self._ranked[-1])
 
     def extremes(self, torque: int) -> tuple[Position, Position]:
         """Best and worst position for one torque alone, by its place."""
@@ -99,19 +129,46 @@ class MountingCurve:
 
     def named_for(self, torque: int) -> set[int]:
         """Places of all positions above, at one torque."""
-        return {0, self._best, self._worst, *self._extremes(torque)}
+        ranked = self._ranked
+        return {0, *ranked[:2], ranked[-1], *self._extremes(torque)}
 
     @property
-    def _best(self) -> int:
-        return int(np.argmin(self.relative))
-
-    @property
-    def _worst(self) -> int:
-        return int(np.argmax(self.relative))
+    def _ranked(self) -> list[int]:
+        """Places of the usable positions, best first."""
+        places = np.flatnonzero(self.usable)
+        return [int(p) for p in places[np.argsort(self.relative[places], kind="stable")]]
 
     def _extremes(self, torque: int) -> tuple[int, int]:
         values = self.F_ior_arcsec[torque]
         return int(np.argmin(values)), int(np.argmax(values))
+
+
+def merit(F_ior: Array, now: Array, weights: Sequence[float] | None = None) -> Array:
+    """Greatest over the torques of F'_ior against now, each counted by its weight; shape (...,).
+
+    Arguments: F_ior, shape (torques, ...); now, shape (torques,).
+    """
+    share = np.ones(len(now)) if weights is None else np.array(weights) / max(weights)
+    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / now * share, axis=-1))
+
+
+def hole_of(rotation_deg: float, holes: int) -> int | None:
+    """Holes of a seat that a turn [deg] is, None where it is no whole number of them."""
+    turned = rotation_deg * holes / 360
+    return round(turned) if holes and abs(turned - round(turned)) < 1e-9 else None
+
+
+def _is_usable(hole: int | None, allowed: tuple[int, ...] | None) -> bool:
+    return hole is not None and (allowed is None or hole in allowed)
+
+
+def seat_positions(drive: Drive) -> list[float]:
+    """Turns of the fixed wheel [deg] to try, 0 first: the usable holes, or 5 degree steps where the angle is free."""
+    holes = drive.mounting.holes
+    if not holes:
+        return [FREE_STEP * k for k in range(round(360 / FREE_STEP))]
+    allowed = drive.mounting.allowed
+    return [360 * k / holes for k in range(holes) if k == 0 or allowed == "all" or k in allowed]
 
 
 def rotated(drive: Drive, rotation_deg: float) -> Drive:
@@ -145,6 +202,7 @@ def mounting_curve(
     rotations_deg: Sequence[float],
     *,
     every_state: bool = False,
+    weights: Sequence[float] | None = None,
     cross_check: str | None = "CLARABEL",
     seed: int = 0,
     executor: Executor | None = None,
@@ -156,25 +214,32 @@ def mounting_curve(
     state, and should a search have missed more than SEARCH_TOLERANCE there, all of them are. An interrupt ends
     the work early: the curve has what was done, if the present position was.
 
+    Where the seat has no holes, every valley of the curve is searched for its bottom and that position added.
+
     Arguments: rotations_deg, 0 first, which is where the wheel stands; every_state, solve all states of all
-    positions; executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on
-    it); progress, told how many states were solved. Raises UsageError where the present position is not the
-    first, UntrustedError where an answer cannot be trusted.
+    positions; weights of the torques in the choice of the best position, one each; executor, to spread the work
+    over (any concurrent.futures executor; the numbers do not depend on it); progress, told how many states were
+    solved. Raises UsageError where the present position is not the first or weights are not one positive number a
+    torque, UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
+    if weights is not None and (len(weights) != len(torques) or not all(0 < w < np.inf for w in weights)):
+        raise UsageError(f"weights must be {len(torques)} positive numbers, one for each torque")
     job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
+    job.weights = None if weights is None else tuple(weights)
     if every_state or not worth_searching(drive):
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
-        return job.curve()
-    job.search()
+    else:
+        job.search()
+    if not drive.mounting.holes and searchable(drive):
+        job.refine()
     named = job.named()
     found = job.values.copy()
     job.solve(named)
     missed = max((abs(job.values[n] - found[n]) for n in named), default=0.0)
     if missed > SEARCH_TOLERANCE:
-        everywhere = set(product(range(len(torques)), range(len(rotations_deg))))
-        job.solve(sorted(everywhere - set(named)))
+        job.solve(job.unsolved())
     return job.curve()
 
 
@@ -226,6 +291,7 @@ class _Job:
         self._certificate, self._checks = EMPTY, list[CrossCheck]()
         self._cross_check, self._seed, self._executor, self._progress = cross_check, seed, executor, progress
         self._interrupted = False
+        self.weights: tuple[float, ...] | None = None
 
     def search(self) -> None:
         """Search the extremes at every position."""
@@ -235,6 +301,22 @@ class _Job:
         tasks = [(self.drive, self.torques[t], self.rotations[group]) for t, group in places]
         for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
             self.values[t, group] = values
+            self._take(proof)
+
+    def refine(self) -> None:
+        """Add the bottom of every valley of the curve."""
+        if self._interrupted or len(self.rotations) < 3:
+            return
+        value = merit(self.values, self.values[:, 0], self.weights)
+        step = 360 / len(self.rotations)
+        valleys = np.flatnonzero((value <= np.roll(value, 1)) & (value <= np.roll(value, -1)))
+        tasks = [
+            (self.drive, self.torques, self.weights, tuple(self.values[:, 0]), self.rotations[k], step) for k in valleys
+        ]
+        for rotation, values, proof in self._run(_bottom, tasks):
+            self.rotations = np.append(self.rotations, rotation)
+            self.values = np.column_stack([self.values, values])
+            self.solved = np.column_stack([self.solved, np.zeros(len(self.torques), dtype=bool)])
             self._take(proof)
 
     def solve(self, places: Iterable[tuple[int, int]]) -> None:
@@ -248,12 +330,16 @@ class _Job:
             self._take(proof)
             self._checks += [check] if check else []
 
+    def unsolved(self) -> list[tuple[int, int]]:
+        """Places (torque, rotation) where not every state was solved."""
+        return [(int(t), int(r)) for t, r in np.argwhere(~self.solved)]
+
     def named(self) -> list[tuple[int, int]]:
-        """Places (torque, rotation) that the curve will name."""
+        """Places of those that the curve will name."""
         curve = self.curve()
         done = np.flatnonzero(~np.isnan(self.values).any(axis=0))
         places = {(t, r) for t in range(len(self.torques)) for r in curve.named_for(t)}
-        return sorted((t, int(done[r])) for t, r in places)
+        return sorted({(t, int(done[r])) for t, r in places} & set(self.unsolved()))
 
     def curve(self) -> MountingCurve:
         """What is known so far, at the positions that are known for all torques."""
@@ -266,6 +352,9 @@ class _Job:
             phase_deg=np.array([phase_deg(rotated(self.drive, r)) for r in self.rotations[done]]),
             F_ior_arcsec=self.values[:, done],
             every_state=self.solved[:, done],
+            holes=self.drive.mounting.holes,
+            allowed=None if self.drive.mounting.allowed == "all" else self.drive.mounting.allowed,
+            weights=self.weights,
             missing=int(np.count_nonzero(~done)),
             interrupted=self._interrupted,
             certificate=self._certificate,
@@ -298,6 +387,30 @@ def _searched(task: tuple[Drive, float, Array]) -> tuple[list[float], Certificat
     search = CycleSearch(drive, M_g)
     found = [search.extremes(rotated(drive, rotation)) for rotation in rotations]
     return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
+
+
+_Valley = tuple[Drive, tuple[float, ...], tuple[float, ...] | None, tuple[float, ...], float, float]
+
+
+def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
+    """Rotation [deg] at the bottom of a valley of the merit, F'_ior there at each torque."""
+    drive, torques, weights, now, middle, step = task
+    searches = [CycleSearch(drive, M_g) for M_g in torques]
+    proofs: list[Certificate] = []
+
+    def at(rotation: float) -> list[float]:
+        found = [search.extremes(rotated(drive, rotation)) for search in searches]
+        proofs.extend(f.certificate for f in found)
+        return [f.F_ior_arcsec for f in found]
+
+    answer = minimize_scalar(
+        lambda rotation: float(merit(np.array(at(rotation)), np.array(now), weights)),
+        bounds=(middle - step, middle + step),
+        method="bounded",
+        options={"xatol": FREE_TOLERANCE},
+    )
+    rotation = round(float(answer.x), 1)  # finer than anyone can turn a wheel
+    return rotation % 360, at(rotation), sum(proofs, EMPTY)
 
 
 def _solved(task: tuple[Drive, float, str | None, int]) -> tuple[float, Certificate, CrossCheck | None]:

@@ -28,18 +28,20 @@ class Accuracy:
 
     effort of each search for F'_ior; phases: mounting positions tried around the turn; refine: how closely
     [deg] the extremes over the phase are then looked for, 0: a parabola through the positions tried; n_phase:
-    tooth and ball phases of the self error, at most.
+    tooth and ball phases of the self error, at most; margin: by how many tolerances a range that should hold
+    something is held narrower, because a coarse look sees less than there is.
     """
 
     effort: Effort
     phases: int
     refine: float
     n_phase: int
+    margin: float
 
 
-ROUGH = Accuracy(QUICK, phases=8, refine=0.0, n_phase=5)
-MEDIUM = Accuracy(QUICK, phases=8, refine=6.0, n_phase=12)
-FINE = Accuracy(THOROUGH, phases=18, refine=0.5, n_phase=200)
+ROUGH = Accuracy(QUICK, phases=8, refine=0.0, n_phase=5, margin=0.5)
+MEDIUM = Accuracy(QUICK, phases=8, refine=6.0, n_phase=12, margin=0.5)
+FINE = Accuracy(THOROUGH, phases=18, refine=1.0, n_phase=200, margin=0.0)
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,10 @@ class Quantities:
             difference = self._off_trace(target)
             return np.asarray(difference / target.tolerance / np.sqrt(len(difference)))
         value = self.value(target)
-        wanted = float(np.clip(value, target.low, target.high)) if target.value is None else target.value
+        wanted = target.value
+        if wanted is None:
+            inside = min(self._accuracy.margin * target.tolerance, (target.high - target.low) / 2)
+            wanted = float(np.clip(value, target.low + inside, target.high - inside))
         return np.array([(value - wanted) / target.tolerance])
 
     def value(self, target: Target) -> float:

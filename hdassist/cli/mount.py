@@ -1,4 +1,4 @@
-"""`hdassist mount`: F'_ior against the mounting angle of the fixed wheel."""
+"""`hdassist mount`: the position in which to mount the fixed wheel."""
 
 from __future__ import annotations
 
@@ -10,18 +10,23 @@ import typer
 from hdassist.cli import options as o
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
-    from hdassist.analysis.mounting import MountingCurve
-    from hdassist.analysis.sensitivity import Sensitivity
     from hdassist.preset.drive import Drive
-    from hdassist.solve.answers import Progress
 
 
 def command(
     preset: o.Preset,
     torque: o.Torques = [],  # noqa: B006 (typer copies it)
-    step: Annotated[float, typer.Option(metavar="DEG", help="Step between positions; a divisor of 360.")] = 10.0,
+    step: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360; without it the holes alone."),
+    ] = None,
+    weights: Annotated[
+        str | None, typer.Option(metavar="W,W", help="Weights of the torques in the choice, in their order.")
+    ] = None,
+    criterion: Annotated[
+        str, typer.Option(metavar="NAME", help="Under uncertainty: expected, worst, or quantile:0.9.")
+    ] = "expected",
+    samples: Annotated[int, typer.Option(min=0, help="Samples of what is uncertain (0: none).")] = 200,
     every_state: Annotated[
         bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
     ] = False,
@@ -40,20 +45,22 @@ def command(
     verbose: o.Verbose = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
-    """Largest error F'_ior over the positions of the fixed wheel on its seat.
+    """Where to mount the fixed wheel: the hole of its seat with the least error F'_ior.
 
     \b
     Examples:
-      hdassist mount vzp160 --step 30
-      hdassist mount vzp160 --torque 80 --csv curve.csv
-      hdassist mount my-drive.yaml --json
+      hdassist mount vzp160
+      hdassist mount vzp160 --step 10 --csv curve.csv
+      hdassist mount my-drive.yaml --set uncertainty.phases.xi_b=10 --set uncertainty.tolerances.e_hb=15
+      hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
 
-    The extremes of the full cycle are searched for at each position; where the wheel stands, and at the best
-    and the worst positions, every state is solved and proven, and should the search have missed anything there,
-    everywhere. The best position is that in which the torque served worst gains most. Ctrl-C ends the work early
-    and prints what is done (exit code 130).
+    Turns are counter-clockwise seen from the cam side, from where the wheel stands. The best position is that in
+    which the torque served worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a
+    free angle. What the preset gives an uncertainty (k = 2) for is sampled. At the positions that are named every
+    state is solved and proven, elsewhere the extremes are searched for. -q prints the hole (or the angle) alone, 0
+    for "leave it". Ctrl-C ends the work early and prints what is done (exit code 130).
     """
-    from hdassist.analysis.mounting import alternatives, mounting_curve, work
+    from hdassist.analysis.advice import advise, work
     from hdassist.cli.output import Output, note, warn
     from hdassist.cli.workers import workers
     from hdassist.preset.library import load_preset
@@ -62,62 +69,57 @@ def command(
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
     drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
-    rotations = _rotations(step)
+    torques, rotations, shares = drive.operation.M_g, _rotations(drive, step), _weights(weights)
     begun = time.monotonic()
-    with (
-        out.progress(drive.name, work(drive, drive.operation.M_g, rotations, every_state=every_state)) as progress,
-        workers(jobs) as executor,
-    ):
-        result = mounting_curve(
+    total = work(drive, torques, rotations, every_state=every_state, samples=samples)
+    with out.progress(drive.name, total) as progress, workers(jobs) as executor:
+        advice = advise(
             drive,
-            drive.operation.M_g,
+            torques,
             rotations,
             every_state=every_state,
+            weights=shares,
+            samples=samples,
+            criterion=criterion,
             cross_check=cross_check,
             seed=seed,
             executor=executor,
             progress=progress,
         )
-        slopes = _slopes(drive, result, executor, progress)
-        others = [] if result.interrupted else alternatives(drive, result.torques, executor=executor, progress=progress)
-    for text in report.warnings(drive, result, others):
+    for text in report.warnings(advice):
         warn(text)
     if verbose:
-        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.certificate}")
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     if json:
-        out.text(to_json(report.answer(drive, result, slopes, others, seed)))
+        out.text(to_json(report.answer(advice, seed)))
     else:
-        out.human(report.brief(result) if quiet else report.render(drive, result, slopes, out.look, plots=plot))
-    out.figures(report.csv(result))
-    raise typer.Exit(report.exit_code(result))
+        out.human(report.brief(advice) if quiet else report.render(advice, out.look, plots=plot))
+    out.figures(report.csv(advice))
+    raise typer.Exit(report.exit_code(advice))
 
 
-def _slopes(
-    drive: Drive, result: MountingCurve, executor: Executor, progress: Progress
-) -> dict[str, list[Sensitivity]]:
-    """What a micrometre does where the wheel stands and where it should; empty if that cannot be had."""
-    from hdassist.analysis.mounting import rotated
-    from hdassist.analysis.sensitivity import sensitivities
-    from hdassist.report.mount import BEST, NOW
-
-    positions = {NOW: result.current, BEST: result.recommended}
-    if result.interrupted:
-        return {}
-    if result.current == result.recommended:
-        del positions[BEST]
-    cases = [(rotated(drive, p.rotation_deg), M_g) for p in positions.values() for M_g in result.torques]
-    try:
-        found = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
-    except KeyboardInterrupt:
-        return {}
-    many = len(result.torques)
-    return {name: found[k * many : (k + 1) * many] for k, name in enumerate(positions)} if found else {}
-
-
-def _rotations(step: float) -> list[float]:
+def _rotations(drive: Drive, step: float | None) -> list[float]:
+    from hdassist.analysis.mounting import seat_positions
     from hdassist.errors import UsageError
 
+    positions = seat_positions(drive)
+    if step is None:
+        return positions
     count = round(360 / step) if 0 < step <= 360 else 0
     if not count or abs(count * step - 360) > 1e-6:
         raise UsageError(f"--step must divide 360 degrees, not {step:g}", "30 is the step of 12 seat holes")
-    return [360 * k / count for k in range(count)]
+    grid = [360 * k / count for k in range(count)]
+    if not drive.mounting.holes:
+        return grid
+    return sorted({round(angle, 9) for angle in (*positions, *grid)})
+
+
+def _weights(text: str | None) -> list[float] | None:
+    from hdassist.errors import UsageError
+
+    if text is None:
+        return None
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise UsageError(f"--weights must be numbers with commas between, not {text!r}", "like --weights 2,1") from None

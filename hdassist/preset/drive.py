@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -17,9 +17,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 
 SCHEMA = "hdassist.preset/1"
-
-# Fields that a preset may give and no command uses so far: kept, with a warning.
-NOT_YET_USED = ("uncertainty", "mounting.first_hole", "mounting.allowed")
 
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits"]
 
@@ -334,6 +331,12 @@ def _limits(info: FieldInfo) -> Iterator[object]:
         for extra in getattr(annotation, "__metadata__", ()):
             yield from extra.metadata if isinstance(extra, FieldInfo) else ()
         waiting.extend(get_args(annotation))
+
+
+def least_of(info: FieldInfo) -> float:
+    """Least value that a field takes."""
+    bounds = (getattr(limit, "ge", None) for limit in _limits(info))
+    return next((float(bound) for bound in bounds if bound is not None), -inf)
 
 
 def plain(number: float) -> str:

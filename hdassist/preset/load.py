@@ -14,7 +14,6 @@ from hdassist.preset import yamltext
 from hdassist.preset.consistency import conflicts
 from hdassist.preset.convert import Converter, Values, field_table
 from hdassist.preset.drive import (
-    NOT_YET_USED,
     SCHEMA,
     Drive,
     Origin,
@@ -172,10 +171,6 @@ def _warnings(drive: Drive, findings: Findings) -> Iterator[Finding]:
         file, mark = findings.where(path, key=True)
         found.append(Finding(file, *mark, yamltext.path_text(path), message, hint=hint))
 
-    for name in NOT_YET_USED:
-        path = tuple(name.split("."))
-        if path in findings.places:
-            warn(path, "kept, but no command of this version uses it")
     used = set(drive.operation.M_g)
     torques = yamltext.shown(", ".join(map(plain, drive.operation.M_g[:20])))
     for key in drive.acceptance.F_ior:

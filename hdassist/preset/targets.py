@@ -88,6 +88,10 @@ class Target:
     tolerance: float
     trace: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
+    def is_met(self, off: float) -> bool:
+        """Whether a drive that is so many tolerances off meets it: within the tolerance, or inside the range."""
+        return abs(off) <= 1 if self.value is not None else off == 0
+
     @property
     def words(self) -> str:
         """The target in short: quantity and what it is asked with."""

@@ -22,7 +22,7 @@ UNSEEN = 0.1  # a value whose interval the targets have narrowed by less is the 
 def warnings(result: Calibration) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     best, drive = result.best, result.drive
-    missed = [t.words for t, off in zip(result.targets.targets, best.off, strict=True) if abs(off) > 1]
+    missed = [t.words for t, met in zip(result.targets.targets, best.met, strict=True) if not met]
     words = list(drive.origin.warnings)
     if missed:
         words.append(f"not met together: {'; '.join(missed)}; the values are the nearest that were found")
@@ -62,9 +62,9 @@ def _targets(result: Calibration, look: Look) -> Table:
     for words in ("unit", "wanted", "found", "off, tolerances", ""):
         grid.add_column(words, justify="right")
     best = result.best
-    for target, found, off in zip(result.targets.targets, best.found, best.off, strict=True):
+    for target, found, off, met in zip(result.targets.targets, best.found, best.off, best.met, strict=True):
         unit = KINDS[target.quantity].unit
-        row = (target.words, unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", "met" if abs(off) <= 1 else "MISSED")
+        row = (target.words, unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", "met" if met else "MISSED")
         grid.add_row(*map(look.text, row))
     return grid
 
@@ -108,7 +108,8 @@ def answer(result: Calibration) -> dict[str, Any]:
             "off_tolerances": list(fit.off),
             "found": list(fit.found),
             "best_phase_deg": list(fit.best_deg),
-            "met": fit.met,
+            "targets_met": list(fit.met),
+            "met": fit.all_met,
         }
 
     return {

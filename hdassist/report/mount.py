@@ -1,8 +1,8 @@
-"""F'_ior against the mounting angle as plots and tables, as JSON, and as CSV."""
+"""The mounting advice as an instruction, plots and tables, as JSON, and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,65 +10,73 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.analysis.mounting import FREE, Alternative, MountingCurve, Position
+from hdassist.analysis.advice import Advice
+from hdassist.analysis.mounting import MountingCurve, Position
 from hdassist.analysis.sensitivity import Sensitivity
 from hdassist.preset.drive import Drive
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import certificate_object, envelope
 from hdassist.report.plot import curve
-
-NOW, BEST = "now", "best"
-Slopes = Mapping[str, Sequence[Sensitivity]]  # of a position, one for each torque
+from hdassist.report.seat import circle, instruction, wheel
 
 
 def _phase_words(drive: Drive) -> str:
     return "xi_b - phi_hb" if drive.mounting.fixed == "rigid" else "xi_g - phi_hg"
 
 
-def _hole(drive: Drive, position: Position) -> int | None:
-    """Holes that the wheel is turned by, where it is a whole number of them."""
-    holes = position.rotation_deg * drive.mounting.holes / 360
-    return round(holes) if drive.mounting.holes and abs(holes - round(holes)) < 1e-9 else None
-
-
-def warnings(drive: Drive, result: MountingCurve, others: Sequence[Alternative] = ()) -> tuple[str, ...]:
+def warnings(advice: Advice) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    hole = 360 / (drive.mounting.holes or FREE)
-    phases = [result.recommended.phase_deg, *(other.recommended.phase_deg for other in others)]
-    apart = [abs((phase - phases[0] + 180) % 360 - 180) for phase in phases]
-    unsure = (
-        "values that agree with the same calibration (alternatives) have their best position elsewhere, at the phases "
-        f"{', '.join(f'{phase:g}' for phase in phases[1:])} deg: measure before relying on {phases[0]:g} deg"
-    )
-    total = result.missing + len(result.rotation_deg)
-    undone = f"interrupted: {len(result.rotation_deg)} of {total} positions were done"
-    if result.interrupted and not result.missing:
-        undone = "interrupted: positions were searched, but not all of those named were solved in every state"
-    found = [*([undone] if result.interrupted else []), *([unsure] if max(apart) > hole + 1e-9 else [])]
-    return (*drive.origin.warnings, *found)
+    result, found = advice.curve, list(advice.drive.origin.warnings)
+    done = len(result.rotation_deg)
+    if result.missing:
+        found.append(f"interrupted: {done} of {result.missing + done} positions were done")
+    elif result.interrupted:
+        found.append("interrupted: positions were searched, but not all of those named were solved in every state")
+    if advice.disagreeing:
+        phases = ", ".join(f"{other.recommended.phase_deg:g}" for other in advice.disagreeing)
+        found.append(
+            "values that agree with the same calibration (alternatives) have their best position more than a hole "
+            f"away, at the phase {phases} deg: measure before relying on {advice.chosen.phase_deg:g} deg"
+        )
+    return tuple(found)
 
 
-def exit_code(result: MountingCurve) -> int:
+def exit_code(advice: Advice) -> int:
     """Exit code of the command: 130 where it was interrupted."""
-    return 130 if result.interrupted else 0
+    return 130 if advice.curve.interrupted else 0
 
 
-def render(drive: Drive, result: MountingCurve, slopes: Slopes, look: Look, *, plots: bool = True) -> RenderableType:
-    """A plot per torque, the best and worst position for each, and the recommendation for all."""
-    wheel = "rigid wheel" if drive.mounting.fixed == "rigid" else "flexspline"
-    parts: list[RenderableType] = [
-        Text(look.text(f"{drive.name}: turning the fixed {wheel} on its seat"), style="bold")
-    ]
+def render(advice: Advice, look: Look, *, plots: bool = True) -> RenderableType:
+    """The instruction, the seat, a plot per torque, and tables of the positions."""
+    drive, result = advice.drive, advice.curve
+    heading = f"{drive.name}: turning the fixed {wheel(drive)} on its seat"
+    parts: list[RenderableType] = [Text(look.text(heading), style="bold"), Text(look.text(instruction(advice)))]
+    if plots:
+        parts.append(Text(circle(advice, look)))
+        parts += [Text(drawn) for drawn in _curves(drive, result, look)]
+    parts += [_positions(advice, look), _torques(result, look)]
+    if advice.robust:
+        parts += [_uncertain(advice, look)]
+    if advice.now:
+        parts.append(_slopes(advice, look))
+    turns = "Turns are counter-clockwise seen from the cam side, from where the wheel stands."
+    parts += [Text(look.text(turns)), Text(_proof(result))]
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _curves(drive: Drive, result: MountingCurve, look: Look) -> list[str]:
     order = np.argsort(result.phase_deg)
-    if plots and len(order) > 1:
-        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True):
-            title = f"F'_ior at {M_g:g} N·m, arcsec"
-            label = f"phase {_phase_words(drive)}, deg"
-            parts.append(Text(curve(look, result.phase_deg[order], values[order], x_label=label, y_label=title)))
-    parts += [_torques(result, look), _positions(drive, result, look)]
-    if any(slopes.values()):
-        parts.append(_slopes(result, slopes, look))
+    if len(order) < 2:
+        return []
+    label = f"phase {_phase_words(drive)}, deg"
+    return [
+        curve(look, result.phase_deg[order], values[order], x_label=label, y_label=f"F'_ior at {M_g:g} N·m, arcsec")
+        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
+    ]
+
+
+def _proof(result: MountingCurve) -> str:
     proof = certificate_object(result.certificate, result.cross_checks)
     solved, places = int(result.every_state.sum()), result.every_state.size
     words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
@@ -76,9 +84,30 @@ def render(drive: Drive, result: MountingCurve, slopes: Slopes, look: Look, *, p
         words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
     if cross := proof["cross_check"]:
         words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
-    turns = "Rotations are counter-clockwise seen from the cam side, from where the wheel stands."
-    parts += [Text(look.text(turns)), Text(words)]
-    return Group(*(line for part in parts for line in (part, Text(""))))
+    return words
+
+
+def _named(advice: Advice) -> list[tuple[str, Position]]:
+    result = advice.curve
+    rows = [("now", result.current), ("best", advice.chosen)]
+    second = next((p for p in result.ranked if p != advice.chosen), None)
+    if second is not None:
+        rows.append(("second", second))
+    return [*rows, ("worst", result.worst)]
+
+
+def _positions(advice: Advice, look: Look) -> Table:
+    result = advice.curve
+    grid = table(look, "positions (best for the torque served worst)")
+    grid.add_column("position")
+    for words in ("hole", "turn, deg", f"phase {_phase_words(advice.drive)}, deg", "F'_ior, arcsec", "against now"):
+        grid.add_column(words, justify="right")
+    for words, position in _named(advice):
+        values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
+        hole = "-" if position.hole is None else f"{position.hole}"
+        change = gain(result, position)
+        grid.add_row(words, hole, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{change:+.0%}")
+    return grid
 
 
 def _torques(result: MountingCurve, look: Look) -> Table:
@@ -99,26 +128,32 @@ def _torques(result: MountingCurve, look: Look) -> Table:
     return grid
 
 
-def _positions(drive: Drive, result: MountingCurve, look: Look) -> Table:
-    grid = table(look, "all torques together (best for the torque served worst)")
-    grid.add_column("position")
-    for words in ("turn, deg", f"phase {_phase_words(drive)}, deg", "F'_ior, arcsec", "against now"):
+def _uncertain(advice: Advice, look: Look) -> Table:
+    sampled, result = advice.robust, advice.curve
+    assert sampled is not None
+    grid = table(look, f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}")
+    for words in ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %"):
         grid.add_column(words, justify="right")
-    for words, position in ((NOW, result.current), (BEST, result.recommended), ("worst", result.worst)):
-        values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
-        grid.add_row(
-            words, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{gain(result, position):+.0%}"
-        )
+    low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
+    for k in np.argsort(sampled.value, kind="stable")[:SHOWN]:
+        position = result.at(sampled.places[k])
+        hole = "-" if position.hole is None else f"{position.hole}"
+        numbers = (f"{sampled.merits[:, k].mean():.2f}", f"{low[k]:.2f}", f"{high[k]:.2f}")
+        share = f"{sampled.probability_best[k]:.0%}".rstrip("%")
+        grid.add_row(hole, f"{position.rotation_deg:g}", share, *numbers)
     return grid
 
 
-def _slopes(result: MountingCurve, slopes: Slopes, look: Look) -> Table:
+SHOWN = 6  # positions that the table of uncertainty lists, best first
+
+
+def _slopes(advice: Advice, look: Look) -> Table:
     grid = table(look, "what a micrometre more does to F'_ior, arcsec")
     grid.add_column("position")
     for words in ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b"):
         grid.add_column(look.text(words), justify="right")
-    for words, values in slopes.items():
-        for M_g, slope in zip(result.torques, values, strict=True):
+    for words, values in (("now", advice.now), ("best", advice.best)):
+        for M_g, slope in zip(advice.curve.torques, values, strict=True):
             grid.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
     return grid
 
@@ -128,28 +163,15 @@ def gain(result: MountingCurve, position: Position) -> float:
     return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
 
 
-def answer(
-    drive: Drive, result: MountingCurve, slopes: Slopes, others: Sequence[Alternative], seed: int
-) -> dict[str, Any]:
+def answer(advice: Advice, seed: int) -> dict[str, Any]:
     """The curves and positions as a JSON object."""
-
-    def position(p: Position, name: str = "") -> dict[str, Any]:
-        told = {
-            f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes[name]]
-            for field in ("j_n", "W_0", "g_b")
-            if name in slopes
-        }
-        return {
-            "rotation_deg": p.rotation_deg,
-            "phase_deg": p.phase_deg,
-            "hole": _hole(drive, p),
-            "F_ior_arcsec": list(p.F_ior_arcsec),
-            **({"sensitivity": told} if told else {}),
-        }
-
+    result = advice.curve
+    second = next((p for p in result.ranked if p != advice.chosen), None)
     return {
-        **envelope("mount", drive, exit_code(result), warnings(drive, result, others)),
+        **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
         "complete": not result.interrupted,
+        "instruction": instruction(advice),
+        "turn": advice.worth_turning,
         "curves": [
             {
                 "M_g_Nm": M_g,
@@ -160,18 +182,61 @@ def answer(
             for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         ],
         "rotation_deg": result.rotation_deg.tolist(),
-        "current": position(result.current, NOW),
-        "recommended": position(result.recommended, BEST),
-        "worst": position(result.worst),
-        "alternatives": [{"values": o.values, **position(o.recommended)} for o in others],
-        "gain": -gain(result, result.recommended),
+        "current": _position(result.current, advice.now),
+        "recommended": _position(advice.chosen, advice.best),
+        "second": None if second is None else _position(second),
+        "worst": _position(result.worst),
+        "weights": None if result.weights is None else list(result.weights),
+        "uncertainty": _robust(advice),
+        "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
+        "gain": advice.gain,
         "certificate": certificate_object(result.certificate, result.cross_checks),
         "seed": seed,
     }
 
 
-def csv(result: MountingCurve) -> str:
+def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> dict[str, Any]:
+    told = {
+        f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in ("j_n", "W_0", "g_b")
+    }
+    return {
+        "rotation_deg": position.rotation_deg,
+        "phase_deg": position.phase_deg,
+        "hole": position.hole,
+        "F_ior_arcsec": list(position.F_ior_arcsec),
+        **({"sensitivity": told} if slopes else {}),
+    }
+
+
+def _robust(advice: Advice) -> dict[str, Any] | None:
+    sampled, result = advice.robust, advice.curve
+    if sampled is None:
+        return None
+    low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
+    return {
+        "samples": len(sampled.merits),
+        "criterion": sampled.criterion.name,
+        "fields": dict(advice.drive.uncertainty),
+        "probability_gain": sampled.probability_gain,
+        "positions": [
+            {
+                "rotation_deg": result.at(place).rotation_deg,
+                "hole": result.at(place).hole,
+                "probability_best": float(sampled.probability_best[k]),
+                "expected_relative": float(sampled.merits[:, k].mean()),
+                "relative_5_percent": float(low[k]),
+                "relative_95_percent": float(high[k]),
+                "expected_loss": sampled.loss(place),
+                "F_ior_expected_arcsec": sampled.F_ior_arcsec[:, :, k].mean(axis=0).tolist(),
+            }
+            for k, place in enumerate(sampled.places)
+        ],
+    }
+
+
+def csv(advice: Advice) -> str:
     """One row per torque and position."""
+    result = advice.curve
     rows = [
         [M_g, float(rotation), float(phase), float(value), int(every)]
         for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
@@ -180,6 +245,7 @@ def csv(result: MountingCurve) -> str:
     return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
 
 
-def brief(result: MountingCurve) -> str:
-    """The answer alone: the rotation to make, in degrees."""
-    return f"{result.recommended.rotation_deg:g}"
+def brief(advice: Advice) -> str:
+    """The answer alone: the hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
+    chosen = advice.chosen if advice.worth_turning else advice.curve.current
+    return f"{chosen.rotation_deg:g}" if chosen.hole is None else f"{chosen.hole}"

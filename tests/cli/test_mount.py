@@ -14,7 +14,7 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from tests.cli.process import CLEAN, COMMAND, SMALL, run
 
-QUICK = ("mount", SMALL, "--step", "60")
+QUICK = ("mount", SMALL, "--set", "mounting.holes=6")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_json_has_what_others_build_on(answer):
         assert "F_ior_j_n_arcsec_per_um" in told[name]["sensitivity"]
     assert (told["current"]["rotation_deg"], told["current"]["hole"]) == (0, 0)
     best = told["recommended"]
-    assert best["hole"] == best["rotation_deg"] / 30
+    assert best["hole"] == best["rotation_deg"] / 60
     now = told["current"]["F_ior_arcsec"]
     worst_served = max(b / n for b, n in zip(best["F_ior_arcsec"], now, strict=True))
     assert told["gain"] == pytest.approx(1 - worst_served)
@@ -65,7 +65,7 @@ def test_people_see_curve_and_tables(answer):
         assert words in page.stdout
     told = json.loads(answer.stdout)
     assert f"{told['recommended']['F_ior_arcsec'][0]:.2f} / {told['recommended']['F_ior_arcsec'][1]:.2f}" in page.stdout
-    assert run(*QUICK, "-q").stdout == f"{told['recommended']['rotation_deg']:g}\n"
+    assert run(*QUICK, "-q").stdout == f"{told['recommended']['hole']}\n"
 
 
 def test_figures_and_torques():

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.analysis.mounting import alternatives, mounting_curve
+from hdassist.analysis.advice import Advice
+from hdassist.analysis.mounting import Alternative, alternatives, mounting_curve
 from hdassist.errors import UsageError
 from hdassist.preset.schema import preset_schema
 from hdassist.report.mount import warnings
@@ -62,11 +63,11 @@ def test_mount_says_when_they_disagree_by_more_than_a_hole():
     drive = load_preset(SMALL, [TWO, "mounting.holes=2"])
     curve = mounting_curve(drive, [4.0], [0.0, 180.0], cross_check=None)
     found = alternatives(drive, [4.0])
-    assert not warnings(drive, curve, found)
-    elsewhere = [type(found[0])({}, curve.worst), found[1]]
+    elsewhere = (Alternative({}, curve.worst), found[1])
+    assert not warnings(Advice(drive, curve, None, tuple(found), (), ()))
     # opposite is one hole of two, and three of six
-    assert not warnings(drive, curve, elsewhere)
+    assert not warnings(Advice(drive, curve, None, elsewhere, (), ()))
     six = load_preset(SMALL, [TWO, "mounting.holes=6"])
-    (said,) = warnings(six, curve, elsewhere)
+    (said,) = warnings(Advice(six, curve, None, elsewhere, (), ()))
     assert "alternatives" in said
     assert f"{curve.worst.phase_deg:g}" in said

@@ -57,7 +57,7 @@ def test_hidden_values_are_recovered(recovered):
     for value, half, hidden in zip(recovered.best.values, recovered.half_width, HIDDEN.values(), strict=True):
         assert abs(value - hidden) <= 2 * half
         assert half < 0.03 * hidden
-    assert recovered.best.met
+    assert recovered.best.all_met
     assert min(recovered.determined) > 0.9
     assert recovered.alternatives == ()
     assert recovered.start == (6, 6e-5)
@@ -80,14 +80,14 @@ def test_intervals_are_those_of_linear_propagation(recovered):
 def test_one_target_cannot_tell_two_unknowns_apart(cheap):
     one = targets_of(drive_of(), [f"quantity: lost_motion, M_g: 7, value: {cheap.targets[0].value}, tolerance: 0.5"])
     found = calibrate(drive_of(), one, Evaluations(drive_of(), one), budget=64, seed=1)
-    assert found.best.met
+    assert found.best.all_met
     ((a, b, correlation),) = found.indistinct
     assert {a, b} == set(HIDDEN)
     # more clearance with stiffer teeth is the same twist
     assert correlation < -0.95
     assert found.alternatives
     for other in found.alternatives:
-        assert other.met
+        assert other.all_met
         apart = np.log(other.values[1] / found.best.values[1])
         assert abs(other.values[0] - found.best.values[0]) > 0.2 * 15 or abs(apart) > np.log(2)
 
@@ -97,7 +97,7 @@ def test_targets_that_cannot_be_met_get_the_nearest(cheap):
         drive_of(), [f"quantity: lost_motion, M_g: 7, value: {10 * cheap.targets[0].value}, tolerance: 1 %"]
     )
     found = calibrate(drive_of(), impossible, Evaluations(drive_of(), impossible), budget=32)
-    assert not found.best.met
+    assert not found.best.all_met
     # both unknowns at the bound that gives the most twist
     assert found.best.values == pytest.approx((15, 2e-4), rel=0.1)
 

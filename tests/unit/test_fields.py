@@ -6,17 +6,16 @@ The sizes are about half of what was seen; the signs are physics, each with its 
 import numpy as np
 import pytest
 
-from hdassist import kinematic_error, load_preset
+from hdassist import kinematic_error
 from hdassist.analysis.check import Check, OperatingPoint
 from hdassist.analysis.kinematic_error import KinematicError
-from hdassist.analysis.mounting import MountingCurve
+from hdassist.analysis.mounting import MountingCurve, seat_positions
 from hdassist.analysis.self_error import SelfError, self_error
 from hdassist.analysis.verdict import Verdict
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
-from hdassist.preset.drive import NOT_YET_USED, Drive, fields
-from hdassist.report.mount import answer
+from hdassist.preset.drive import Drive, fields
 from hdassist.solve.answers import EMPTY
 from tests.support import changed, solve_state, wind_up
 
@@ -103,14 +102,15 @@ ELSEWHERE = {
     "gears.z_g", "gears.z_b", "bearing.d_ball", "bearing.ball_motion", "phases.phi_hg", "mounting.fixed",
     "mounting.mark_kind", "operation.M_g", "operation.rated", "acceptance.F_ior", "numerics.n_beta",
     "mounting.holes", "numerics.n_phase",
-    "numerics.nominal_curve", "numerics.window",
+    "numerics.nominal_curve",
+    "mounting.first_hole",
+    "mounting.allowed", "numerics.window",
 }  # fmt: skip
 
 
 def test_no_field_is_left_out():
     moved = {path for path, *_ in MOVES} | ELSEWHERE
-    assert moved | set(NOT_YET_USED) == {path for path, _ in fields()} | {"uncertainty"}
-    assert not moved & set(NOT_YET_USED)
+    assert moved == {path for path, _ in fields()}
 
 
 @pytest.mark.parametrize(
@@ -205,10 +205,12 @@ def test_more_phases_find_more_of_the_self_error(reference):
 
 @pytest.mark.parametrize(("holes", "hole"), [(12, 5), (36, 15), (8, None), (0, None)])
 def test_holes_number_the_positions(reference, holes, hole):
-    drive = changed(reference, mounting__holes=holes)
+    assert len(seat_positions(changed(reference, mounting__holes=holes))) == (holes or 72)
     rotations = np.array([0.0, 150.0])
-    curve = MountingCurve((80.0,), rotations, rotations, np.array([[2.0, 1.0]]), EMPTY, (), np.ones((1, 2), dtype=bool))
-    assert answer(drive, curve, {}, [], 0)["recommended"]["hole"] == hole
+    every = np.ones((1, 2), dtype=bool)
+    curve = MountingCurve((80.0,), rotations, rotations, np.array([[2.0, 1.0]]), EMPTY, (), every, holes=holes)
+    assert curve.at(1).hole == hole
+    assert (curve.recommended == curve.at(1)) == (hole is not None or holes == 0)
 
 
 def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> OperatingPoint:
@@ -242,11 +244,3 @@ def test_rated_torque_warns(reference):
     points = (point(drive, 80.0, 1.0, 1.0), point(drive, 800.0, 1.0, 1.0))
     assert Check(drive, points).warnings == ("800 N*m is above the rated torque of 500 N*m",)
     assert Check(reference, points).warnings == ()
-
-
-@pytest.mark.parametrize("path", sorted(NOT_YET_USED))
-def test_fields_that_do_nothing_yet_say_so(path):
-    value = {"uncertainty": "{phases.xi_b: 10}", "mounting.allowed": "[0, 3]"}.get(path, "5")
-    warnings = load_preset("vzp160", [f"{path}={value}"]).origin.warnings
-    assert [w for w in warnings if path in w and "no command" in w]
-    assert not load_preset("vzp160").origin.warnings

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import PresetError, UsageError
-from hdassist.preset.drive import NOT_YET_USED, Drive, fields
+from hdassist.preset.drive import Drive, fields
 from hdassist.preset.load import load_text
 
 BASE = """\
@@ -275,14 +275,6 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
             else:
                 taken.add((path, value))
     assert taken == {("bearing.d_ball", "null"), ("operation.rated", "null")}
-
-
-def test_fields_that_nothing_uses_yet_are_kept_with_a_warning_each() -> None:
-    drive = load(more="uncertainty: {cam.W_0: 0.01}\nmounting: {holes: 8, first_hole: 5, allowed: [1, 2]}\n")
-    assert drive.mounting.allowed == (1, 2)
-    assert len(drive.origin.warnings) == len(NOT_YET_USED)
-    assert drive.origin.warnings[0] == "my.yaml:9:1: uncertainty: kept, but no command of this version uses it"
-    assert all("kept, but no command of this version uses it" in warning for warning in drive.origin.warnings)
 
 
 def test_a_limit_for_another_torque_is_a_warning() -> None:

@@ -53,7 +53,7 @@ def curve_of(*values: list[float]) -> MountingCurve:
     rotations = np.arange(len(values[0])) * 30.0
     torques = tuple(float(k + 1) for k in range(len(values)))
     every = np.ones(np.shape(values), dtype=bool)
-    return MountingCurve(torques, rotations, rotations, np.array(values), EMPTY, (), every)
+    return MountingCurve(torques, rotations, rotations, np.array(values), EMPTY, (), every, holes=12)
 
 
 def test_the_recommendation_serves_the_torque_served_worst():

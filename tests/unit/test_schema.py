@@ -9,7 +9,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from hdassist.errors import UsageError
-from hdassist.preset.drive import NOT_YET_USED, fields
+from hdassist.preset.drive import fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.load import load_text
 from hdassist.preset.schema import preset_schema
@@ -94,8 +94,3 @@ def test_schema_and_validation_agree(path: str, written: str, value: Any, good: 
     except UsageError:
         valid = False
     assert valid is good
-
-
-def test_fields_that_are_not_used_yet_exist() -> None:
-    known = {path for path, _ in fields()} | set(SCHEMA["properties"])
-    assert set(NOT_YET_USED) <= known

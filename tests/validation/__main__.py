@@ -7,6 +7,7 @@ from importlib import import_module
 from math import isinf
 from pathlib import Path
 
+from tests.validation import study
 from tests.validation.case import Case
 
 PAGE = Path(__file__).parents[2] / "docs/validation.md"
@@ -68,6 +69,7 @@ def page() -> str:
         table = ["| quantity | source | expected | got | agrees | worth |", "| --- | --- | --- | --- | --- | --- |"]
         table += [row(case) for case in module.CASES]
         parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *table, "", *misses, *reasons, ""]))
+    parts.append("\n".join([f"## {study.TITLE}", "", study.ABOUT, "", study.table(), ""]))
     return "\n".join(parts)
 
 

@@ -1,0 +1,126 @@
+"""Where to mount the fixed wheel: the curve, what is uncertain about it, and the position to choose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from hdassist.analysis.extremes import SEARCHED, searchable
+from hdassist.analysis.mounting import (
+    FREE,
+    Alternative,
+    MountingCurve,
+    Position,
+    alternatives,
+    mounting_curve,
+    rotated,
+)
+from hdassist.analysis.mounting import work as curve_work
+from hdassist.analysis.robust import Robust, robust
+from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import Progress
+
+NOTHING = 0.01  # of the error: a smaller gain is not worth a turn
+QUICK_SEARCH = 0.3  # of the states of a thorough one
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Advice on one drive.
+
+    robust: the positions under the preset's uncertainties, None without any; others: the best position under each
+    of the preset's alternatives; now and best: what a micrometre does where the wheel stands and at the chosen
+    position, one for each torque, empty where it cannot be had.
+    """
+
+    drive: Drive
+    curve: MountingCurve
+    robust: Robust | None
+    others: tuple[Alternative, ...]
+    now: tuple[Sensitivity, ...]
+    best: tuple[Sensitivity, ...]
+
+    @property
+    def chosen(self) -> Position:
+        """The position to choose."""
+        return self.curve.at(self.robust.recommended) if self.robust else self.curve.recommended
+
+    @property
+    def gain(self) -> float:
+        """What the chosen position takes off the error of the present one, as a share, for the torque served worst."""
+        F_ior = [new / now for new, now in zip(self.chosen.F_ior_arcsec, self.curve.current.F_ior_arcsec, strict=True)]
+        return 1 - max(F_ior)
+
+    @property
+    def worth_turning(self) -> bool:
+        """Whether the gain is more than nothing, and than its uncertainty; a forbidden position is always left."""
+        if self.chosen == self.curve.current:
+            return False
+        if not self.curve.usable[0]:
+            return True
+        return self.gain > NOTHING and (self.robust is None or self.robust.worth_turning)
+
+    @property
+    def disagreeing(self) -> tuple[Alternative, ...]:
+        """Alternatives whose best position is more than a hole from the chosen one."""
+        hole = 360 / (self.drive.mounting.holes or FREE)
+        return tuple(o for o in self.others if _apart(o.recommended, self.chosen) > hole + 1e-9)
+
+
+def work(drive: Drive, torques: Sequence[float], rotations: Sequence[float], *, every_state: bool, samples: int) -> int:
+    """Number of states that an advice solves, about, for a progress bar."""
+    others = len(drive.alternatives) * (drive.mounting.holes or FREE) + 2 * SEARCHES
+    drawn = samples * len(rotations) * QUICK_SEARCH if drive.uncertainty else 0.0
+    searched = SEARCHED * len(torques) * (others + drawn) if searchable(drive) else 0
+    return curve_work(drive, torques, rotations, every_state=every_state) + round(searched)
+
+
+def advise(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    *,
+    every_state: bool = False,
+    weights: Sequence[float] | None = None,
+    samples: int = 200,
+    criterion: str = "expected",
+    cross_check: str | None = "CLARABEL",
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Advice:
+    """Find the position in which to mount the fixed wheel of a drive.
+
+    Arguments: as in mounting_curve and, for a preset with uncertainties, robust. An interrupt ends the work early:
+    the advice has what was done. Raises UsageError and UntrustedError as those.
+    """
+    curve = mounting_curve(
+        drive,
+        torques,
+        rotations_deg,
+        every_state=every_state,
+        weights=weights,
+        cross_check=cross_check,
+        seed=seed,
+        executor=executor,
+        progress=progress,
+    )
+    if curve.interrupted:
+        return Advice(drive, curve, None, (), (), ())
+    sampled = None
+    if drive.uncertainty and samples:
+        sampled = robust(
+            drive, curve, samples=samples, criterion=criterion, seed=seed, executor=executor, progress=progress
+        )
+    others = tuple(alternatives(drive, torques, executor=executor, progress=progress))
+    chosen = Advice(drive, curve, sampled, others, (), ()).chosen
+    cases = [(rotated(drive, p.rotation_deg), M_g) for p in (curve.current, chosen) for M_g in torques]
+    slopes = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
+    many = len(torques)
+    return Advice(drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]))
+
+
+def _apart(one: Position, other: Position) -> float:
+    return abs((one.phase_deg - other.phase_deg + 180) % 360 - 180)

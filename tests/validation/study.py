@@ -1,0 +1,54 @@
+"""How far to trust an absolute value: F'_ior of vzp160 with single assumptions changed, as a table of the page."""
+
+from __future__ import annotations
+
+from scipy.optimize import brentq
+
+from hdassist import Drive, kinematic_error, load_preset
+from hdassist.analysis.extremes import CycleSearch, searchable
+from tests.support import changed
+
+TITLE = "How far to trust it"
+ABOUT = (
+    "F'_ior of `vzp160` in arcsec with one thing changed at a time. Micrometres decide, and so do conventions of "
+    "second order; refitting the clearance takes most of that back. So absolute values need one measurement. That the "
+    "wheel is better off at 180° than at 0° holds in every row."
+)
+POINTS = ((80.0, 0.0), (80.0, 180.0), (800.0, 0.0), (800.0, 180.0))
+
+
+def F_ior(drive: Drive, M_g: float, phase: float) -> float:
+    there = changed(drive, phases__xi_b=phase)
+    if searchable(there):
+        return CycleSearch(there, M_g).extremes(there).F_ior_arcsec
+    return kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
+
+
+def refitted(drive: Drive, to: float) -> float:
+    """The clearance [um] at which the first of the points has a given value."""
+    return float(brentq(lambda j_n: F_ior(changed(drive, gears__j_n=j_n), *POINTS[0]) - to, 0.5, 20, xtol=1e-2))
+
+
+def table() -> str:
+    """The table in Markdown."""
+    drive = load_preset("vzp160")
+    j_n, W_0 = drive.gears.j_n, drive.cam.W_0
+    curved = changed(drive, numerics__nominal_curve="inextensible")
+    base = [F_ior(drive, *point) for point in POINTS]
+    again = refitted(curved, base[0])
+    rows = {
+        "j_n - 1 µm": changed(drive, gears__j_n=j_n - 1),
+        "j_n + 1 µm": changed(drive, gears__j_n=j_n + 1),
+        "W_0 - 1 %": changed(drive, cam__W_0=0.99 * W_0),
+        "bearing clearance g_b 5 µm": changed(drive, bearing__g_b=5.0),
+        "c_ball 1/60 000 mm/N": changed(drive, contact__c_ball=1 / 60000),
+        "ball phase beta 0.5": changed(drive, bearing__beta=0.5),
+        "rolling balls": changed(drive, bearing__ball_motion="rolling"),
+        "inextensible nominal curve": curved,
+        f"the same, j_n refitted to {again:.1f} µm": changed(curved, gears__j_n=again),
+    }
+    head = [f"{M_g:g} N·m, {phase:g}°" for M_g, phase in POINTS]
+    lines = [f"| change | {' | '.join(head)} |", "| --- | --- | --- | --- | --- |"]
+    values = {"none": base, **{words: [F_ior(d, *point) for point in POINTS] for words, d in rows.items()}}
+    lines += [f"| {words} | {' | '.join(f'{value:.1f}' for value in found)} |" for words, found in values.items()]
+    return "\n".join(lines)
