@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from typing import Annotated
@@ -14,6 +15,7 @@ from hdassist.version import __version__
 
 INTERRUPTED = 130
 BUG = 1
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
     name="hdassist",
@@ -50,6 +52,8 @@ def _global(
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     try:
         app()
     except HdassistError as error:

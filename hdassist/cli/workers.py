@@ -9,17 +9,13 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
 
 @contextmanager
 def workers(jobs: int) -> Iterator[Executor]:
-    """An executor of so many processes (0: one for each core), each with one thread for linear algebra.
+    """An executor of so many processes (0: one for each core).
 
     One job is a process too: the same arithmetic, so the same digits for any number of jobs.
     """
-    for name in THREADS:
-        os.environ[name] = "1"  # read when a worker loads its BLAS
     pool = ProcessPoolExecutor(
         max_workers=jobs or len(os.sched_getaffinity(0)),
         mp_context=multiprocessing.get_context("spawn"),

@@ -11,6 +11,7 @@ import pytest
 
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.preset.library import load_preset, preset_names, read_preset
+from hdassist.preset.targets import read_targets
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,22 +43,24 @@ def test_the_synthetic_drive_says_what_it_is() -> None:
     assert {source.kind for source in drive.source.values()} == {"assumed"}
 
 
-def test_vzp160_has_the_values_of_the_frozen_reference() -> None:
-    """May be dropped on the day the preset is improved: only the reference is frozen."""
+def test_vzp160_differs_from_the_frozen_reference_where_it_was_identified_and_nowhere_else() -> None:
     reference = load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
     drive = load_preset("vzp160")
-    told = {"name", "description", "source"}
-    assert drive.model_dump(exclude=told) == reference.model_dump(exclude=told)
+    identified = {path for path, entry in drive.source.items() if entry.kind == "identified"}
+    back = drive.with_values({path: reference.value(path) for path in identified})
+    told = {"name", "description", "source", "alternatives"}
+    assert back.model_dump(exclude=told) == reference.model_dump(exclude=told)
 
 
-def test_tuned_values_of_vzp160_are_marked_as_identified() -> None:
-    source = load_preset("vzp160").source
-    identified = {path for path, entry in source.items() if entry.kind == "identified"}
-    assert identified == {
-        "supports.C_1", "supports.C_2", "supports.C_3", "gears.j_n", "contact.c_t", "contact.c_ball",
-        "flexspline.k_t",
-    }  # fmt: skip
-    assert all("Fig. 3" in source[path].ref for path in identified)
+def test_identified_values_of_vzp160_are_the_unknowns_of_its_targets_and_within_their_bounds() -> None:
+    drive = load_preset("vzp160")
+    text = (ROOT / "docs/vzp160.targets.yaml").read_bytes()
+    unknowns = {unknown.path: unknown for unknown in read_targets(text, "targets", drive).unknowns}
+    assert {path for path, entry in drive.source.items() if entry.kind == "identified"} == set(unknowns)
+    assert drive.alternatives
+    for path, unknown in unknowns.items():
+        for value in (drive.value(path), *(other[path] for other in drive.alternatives)):
+            assert unknown.low <= value <= unknown.high, path
 
 
 def test_a_path_is_read_and_named_as_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,6 +45,8 @@ def expected(case: Case) -> str:
     """The expected range in words."""
     if case.kind.value == "model result" and (isinf(case.high) or case.high == 360):
         return "-"
+    if case.centre is not None:
+        return f"{case.centre:.5g} ± {case.high - case.centre:.2g}"
     low, high = format(case.low, ".4g"), format(case.high, ".4g")
     return f"{low} or more" if isinf(case.high) else f"{low} to {high}"
 
@@ -64,7 +66,10 @@ def page() -> str:
         module = import_module(f"tests.validation.{name}")
         for case in module.CASES:
             case.check()
-        reasons = dict.fromkeys(f"- {case.quantity}: {case.why}." for case in module.CASES)
+        grouped: dict[str, list[str]] = {}
+        for case in module.CASES:
+            grouped.setdefault(case.why, []).append(case.quantity)
+        reasons = [f"- {'; '.join(quantities)}: {why}." for why, quantities in grouped.items()]
         misses = [f"- **{case.quantity}** is missed: {case.miss}." for case in module.CASES if case.miss]
         table = ["| quantity | source | expected | got | agrees | worth |", "| --- | --- | --- | --- | --- | --- |"]
         table += [row(case) for case in module.CASES]

@@ -38,6 +38,7 @@ class Case:
     value: Callable[[], float]
     digits: str = ".3g"
     miss: str = ""
+    centre: float | None = None
     slow: bool = False
 
     @cached_property
@@ -58,7 +59,7 @@ class Case:
 
 def about(value: float, tolerance: float) -> dict[str, float]:
     """Range of a value with a tolerance."""
-    return {"low": value - tolerance, "high": value + tolerance}
+    return {"low": value - tolerance, "high": value + tolerance, "centre": value}
 
 
 def parameters(cases: Iterable[Case]) -> list[object]:

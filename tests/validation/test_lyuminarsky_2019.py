@@ -18,7 +18,7 @@ ABOUT = (
     "The drive of the paper, preset `vzp160`. What the paper does not print was identified from the four values of its "
     "Fig. 3, within bounds and with the self error as a bound (`docs/vzp160.targets.yaml`): those rows are no evidence."
 )
-FIG_2 = {"p": "p. 6, Fig. 2 and the text below it", "starts": (20.0, 100.0, 300.0), "xi_b": 260.0}
+FIG_2 = {"p": "Fig. 2 and the text below it", "starts": (20.0, 100.0, 300.0), "xi_b": 260.0}
 
 
 @cache
@@ -57,7 +57,7 @@ def apart(M_g: float) -> float:
 
 def fig_3(quantity: str, M_g: float, value: float, tolerance: float, why: str, get: str) -> Case:
     return Case(
-        quantity, "arcsec", "p. 7, Fig. 3", **about(value, tolerance), why=why, kind=Kind.FITTED,
+        quantity, "arcsec", "Fig. 3", **about(value, tolerance), why=why, kind=Kind.FITTED,
         value=lambda: getattr(scan(M_g), get), digits=".2f", slow=True,
     )  # fmt: skip
 
@@ -70,7 +70,7 @@ CASES = [
     fig_3("least F'_ior over the phase, 800 N·m", 800.0, 2, 0.4, "printed without decimals", "least"),
     *(
         Case(
-            f"greatest over least F'_ior, {M_g:g} N·m", "", "p. 7: lowered more than 2 times", 2, np.inf,
+            f"greatest over least F'_ior, {M_g:g} N·m", "", "text below Fig. 3: lowered more than 2 times", 2, np.inf,
             why="follows from fitted values", kind=Kind.FITTED,
             value=lambda M_g=M_g: scan(M_g).greatest / scan(M_g).least, digits=".2f", slow=True,
         )
@@ -78,7 +78,7 @@ CASES = [
     ),
     *(
         Case(
-            f"self error, {M_g:g} N·m", "arcsec", "p. 4, list of causes: 0.25 to 2.00", 0.25, 2.00,
+            f"self error, {M_g:g} N·m", "arcsec", "list of causes of the error: 0.25 to 2.00", 0.25, 2.00,
             why="the paper's range for such drives", kind=Kind.BOUND,
             value=lambda M_g=M_g: own()[M_g].range_arcsec, digits=".2f", slow=True,
         )
@@ -97,14 +97,14 @@ CASES = [
     ),
     Case(
         "one-wave share at the worst phase less that at the best, 80 N·m", "",
-        "p. 6-7: one-wave meshing raises the error considerably", 0, 1,
+        "text below Fig. 2: one-wave meshing raises the error considerably", 0, 1,
         why="more of it where the error is greater", kind=Kind.PREDICTED,
         value=lambda: cycle(80.0, scan(80.0).worst_deg).one_wave_share
         - cycle(80.0, scan(80.0).best_deg).one_wave_share,
         digits=".2f", slow=True,
     ),
     Case(
-        "one-wave share at 800 N·m, worst phase", "", "p. 6-7: and the error is less at 800 N·m", 0, 0.05,
+        "one-wave share at 800 N·m, worst phase", "", "Fig. 3: the error is less at 800 N·m", 0, 0.05,
         why="both zones carry when the load has taken up the deviations", kind=Kind.PREDICTED,
         value=lambda: cycle(800.0, scan(800.0).worst_deg).one_wave_share, digits=".2f", slow=True,
     ),
