@@ -17,7 +17,7 @@ from hdassist.analysis.mounting import (
     rotated,
 )
 from hdassist.analysis.mounting import work as curve_work
-from hdassist.analysis.robust import Robust, robust
+from hdassist.analysis.robust import Criterion, Robust, robust
 from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
@@ -96,6 +96,7 @@ def advise(
     Arguments: as in mounting_curve and, for a preset with uncertainties, robust. An interrupt ends the work early:
     the advice has what was done. Raises UsageError and UntrustedError as those.
     """
+    Criterion.of(criterion)  # wrong before anything is computed, and without uncertainties too
     curve = mounting_curve(
         drive,
         torques,

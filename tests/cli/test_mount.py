@@ -79,6 +79,9 @@ def test_figures_and_torques():
     ("args", "code"),
     [
         (["--step", "7"], 2),
+        (["--criterion", "best"], 2),
+        (["--weights", "1"], 2),
+        (["--weights", "1,x"], 2),
         (["--step", "0"], 2),
         (["--step", "nan"], 2),
         (["--torque", "0"], 2),
