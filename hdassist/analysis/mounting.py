@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from hdassist.analysis.extremes import SEARCHED, CycleSearch, searchable, worth_searching
+from hdassist.analysis.extremes import QUICK, SEARCHED, THOROUGH, CycleSearch, Effort, searchable, worth_searching
 from hdassist.analysis.kinematic_error import CrossCheck, kinematic_error
 from hdassist.analysis.sensitivity import SEARCHES
 from hdassist.errors import UsageError
@@ -32,7 +32,7 @@ GROUP = 6  # positions that one task searches
 FREE_STEP = 5.0  # deg between positions where the seat has no holes
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
 FREE = 12  # positions tried under alternatives where the seat has no holes
-NAMED = 5  # positions that a curve names at each torque, about
+PROVEN = 2  # positions where every state is solved
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
@@ -127,10 +127,10 @@ class MountingCurve:
         best, worst = self._extremes(torque)
         return self.at(best), self.at(worst)
 
-    def named_for(self, torque: int) -> set[int]:
-        """Places of all positions above, at one torque."""
-        ranked = self._ranked
-        return {0, *ranked[:2], ranked[-1], *self._extremes(torque)}
+    @property
+    def decisive(self) -> set[int]:
+        """Places of the present and of the recommended position."""
+        return {0, self._ranked[0]}
 
     @property
     def _ranked(self) -> list[int]:
@@ -193,7 +193,7 @@ def work(drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float],
     slopes = others * SEARCHED if searchable(drive) else 0
     if every_state or not worth_searching(drive):
         return len(torques) * (len(rotations_deg) * cycle + slopes)
-    return len(torques) * (len(rotations_deg) * SEARCHED + NAMED * cycle + slopes)
+    return len(torques) * (len(rotations_deg) * SEARCHED + PROVEN * cycle + slopes)
 
 
 def mounting_curve(
@@ -210,9 +210,9 @@ def mounting_curve(
 ) -> MountingCurve:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
-    Extremes are searched for; the positions that the curve names (present, best, worst) are then solved in every
-    state, and should a search have missed more than SEARCH_TOLERANCE there, all of them are. An interrupt ends
-    the work early: the curve has what was done, if the present position was.
+    Extremes are searched for; where the wheel stands and at the recommended position every state is solved then,
+    and should a search have missed more than SEARCH_TOLERANCE there, everywhere. An interrupt ends the work early:
+    the curve has what was done, if the present position was.
 
     Where the seat has no holes, every valley of the curve is searched for its bottom and that position added.
 
@@ -234,10 +234,10 @@ def mounting_curve(
         job.search()
     if not drive.mounting.holes and searchable(drive):
         job.refine()
-    named = job.named()
+    decisive = job.decisive()
     found = job.values.copy()
-    job.solve(named)
-    missed = max((abs(job.values[n] - found[n]) for n in named), default=0.0)
+    job.solve(decisive)
+    missed = max((abs(job.values[place] - found[place]) for place in decisive), default=0.0)
     if missed > SEARCH_TOLERANCE:
         job.solve(job.unsolved())
     return job.curve()
@@ -265,7 +265,7 @@ def alternatives(
         values = {p: v for p, v in given.items() if not is_overridden(p, drive.origin.overrides)}
         job = _Job(drive.with_values(values), tuple(torques), rotations, None, 0, executor, progress)
         if searchable(drive):
-            job.search()
+            job.search(QUICK)  # which hole is asked, not how good it is
         else:
             job.solve(product(range(len(torques)), range(count)))
         found.append(Alternative(values, job.curve().recommended))
@@ -293,12 +293,12 @@ class _Job:
         self._interrupted = False
         self.weights: tuple[float, ...] | None = None
 
-    def search(self) -> None:
+    def search(self, effort: Effort = THOROUGH) -> None:
         """Search the extremes at every position."""
         order = _coarse_first(len(self.rotations))
         groups = [order[first : first + GROUP] for first in range(0, len(order), GROUP)]
         places = [(t, group) for group in groups for t in range(len(self.torques))]
-        tasks = [(self.drive, self.torques[t], self.rotations[group]) for t, group in places]
+        tasks = [(self.drive, self.torques[t], self.rotations[group], effort) for t, group in places]
         for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
             self.values[t, group] = values
             self._take(proof)
@@ -334,12 +334,11 @@ class _Job:
         """Places (torque, rotation) where not every state was solved."""
         return [(int(t), int(r)) for t, r in np.argwhere(~self.solved)]
 
-    def named(self) -> list[tuple[int, int]]:
-        """Places of those that the curve will name."""
-        curve = self.curve()
+    def decisive(self) -> list[tuple[int, int]]:
+        """Those of them on which the advice rests."""
         done = np.flatnonzero(~np.isnan(self.values).any(axis=0))
-        places = {(t, r) for t in range(len(self.torques)) for r in curve.named_for(t)}
-        return sorted({(t, int(done[r])) for t, r in places} & set(self.unsolved()))
+        rotations = {int(done[place]) for place in self.curve().decisive}
+        return [(t, r) for t, r in self.unsolved() if r in rotations]
 
     def curve(self) -> MountingCurve:
         """What is known so far, at the positions that are known for all torques."""
@@ -382,10 +381,10 @@ def _coarse_first(count: int) -> list[int]:
     return [n for n in mirrored if n < count]
 
 
-def _searched(task: tuple[Drive, float, Array]) -> tuple[list[float], Certificate]:
-    drive, M_g, rotations = task
+def _searched(task: tuple[Drive, float, Array, Effort]) -> tuple[list[float], Certificate]:
+    drive, M_g, rotations, effort = task
     search = CycleSearch(drive, M_g)
-    found = [search.extremes(rotated(drive, rotation)) for rotation in rotations]
+    found = [search.extremes(rotated(drive, rotation), effort) for rotation in rotations]
     return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
 
 

@@ -32,7 +32,7 @@ def warnings(advice: Advice) -> tuple[str, ...]:
     if result.missing:
         found.append(f"interrupted: {done} of {result.missing + done} positions were done")
     elif result.interrupted:
-        found.append("interrupted: positions were searched, but not all of those named were solved in every state")
+        found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
     if advice.disagreeing:
         phases = ", ".join(f"{other.recommended.phase_deg:g}" for other in advice.disagreeing)
         found.append(

@@ -51,7 +51,7 @@ def test_each_has_its_best_hole():
             drive.with_values(values), [4.0], np.arange(6) * 60.0, every_state=True, cross_check=None
         ).recommended
         assert other.recommended.rotation_deg == alone.rotation_deg
-        assert other.recommended.F_ior_arcsec == pytest.approx(alone.F_ior_arcsec, abs=0.01)
+        assert other.recommended.F_ior_arcsec == pytest.approx(alone.F_ior_arcsec, rel=0.02)
 
 
 def test_an_override_holds_in_them_too():
