@@ -13,7 +13,8 @@ from hdassist.version import __version__
 if TYPE_CHECKING:
     from hdassist.analysis.check import check
     from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
-    from hdassist.analysis.mounting import MountingCurve, mounting_curve
+    from hdassist.analysis.mounting import MountingCurve
+    from hdassist.analysis.mounting_curve import mounting_curve
     from hdassist.analysis.self_error import SelfError, self_error
     from hdassist.analysis.stiffness import Stiffness, stiffness
     from hdassist.analysis.trace import Trace, trace
@@ -27,7 +28,7 @@ _HOMES = {
     "KinematicError": "hdassist.analysis.kinematic_error",
     "kinematic_error": "hdassist.analysis.kinematic_error",
     "MountingCurve": "hdassist.analysis.mounting",
-    "mounting_curve": "hdassist.analysis.mounting",
+    "mounting_curve": "hdassist.analysis.mounting_curve",
     "SelfError": "hdassist.analysis.self_error",
     "self_error": "hdassist.analysis.self_error",
     "Stiffness": "hdassist.analysis.stiffness",

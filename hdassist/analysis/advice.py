@@ -7,16 +7,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from hdassist.analysis.extremes import SEARCHED, searchable
-from hdassist.analysis.mounting import (
-    FREE,
-    Alternative,
-    MountingCurve,
-    Position,
-    alternatives,
-    mounting_curve,
-    rotated,
-)
-from hdassist.analysis.mounting import work as curve_work
+from hdassist.analysis.mounting import MountingCurve, Position, rotated
+from hdassist.analysis.mounting_curve import FREE, Alternative, alternatives, mounting_curve
+from hdassist.analysis.mounting_curve import work as curve_work
 from hdassist.analysis.robust import Criterion, Robust, robust
 from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.preset.drive import Drive

@@ -57,8 +57,8 @@ def command(
     Turns are counter-clockwise seen from the cam side, from where the wheel stands. The best position is that in
     which the torque served worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a
     free angle. What the preset gives an uncertainty (k = 2) for is sampled. Where the wheel stands and at the
-    advised position every state is solved and proven, elsewhere the extremes are searched for. -q prints the hole (or the angle) alone, 0
-    for "leave it". Ctrl-C ends the work early and prints what is done (exit code 130).
+    advised position every state is solved and proven, elsewhere the extremes are searched for. -q prints the hole
+    (or the angle) alone, 0 for "leave it". Ctrl-C ends the work early and prints what is done (exit code 130).
     """
     from hdassist.analysis.advice import advise, work
     from hdassist.cli.output import Output, note, warn

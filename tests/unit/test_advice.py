@@ -9,7 +9,8 @@ from hdassist import load_preset
 from hdassist.analysis import mounting
 from hdassist.analysis.advice import Advice, advise
 from hdassist.analysis.extremes import QUICK, CycleSearch
-from hdassist.analysis.mounting import MountingCurve, mounting_curve, rotated, seat_positions
+from hdassist.analysis.mounting import MountingCurve, rotated, seat_positions
+from hdassist.analysis.mounting_curve import mounting_curve
 from hdassist.analysis.robust import Criterion, Robust, draw, robust
 from hdassist.errors import UsageError
 from hdassist.report.console import Look

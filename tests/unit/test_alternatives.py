@@ -6,7 +6,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.analysis.advice import Advice
-from hdassist.analysis.mounting import Alternative, alternatives, mounting_curve
+from hdassist.analysis.mounting_curve import Alternative, alternatives, mounting_curve
 from hdassist.errors import UsageError
 from hdassist.preset.schema import preset_schema
 from hdassist.report.mount import warnings

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.analysis import extremes, mounting
-from hdassist.analysis.mounting import MountingCurve, mounting_curve, phase_deg, rotated
+from hdassist.analysis import extremes
+from hdassist.analysis import mounting_curve as making
+from hdassist.analysis.mounting import MountingCurve, phase_deg, rotated
+from hdassist.analysis.mounting_curve import mounting_curve
 from hdassist.errors import UsageError
 from hdassist.solve.answers import EMPTY
 from tests.cli.process import SMALL
@@ -101,8 +103,8 @@ def test_searched_curves_are_those_of_every_state(every_state, monkeypatch):
 
 def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     monkeypatch.setattr(extremes, "WORTH", 0)
-    real = mounting._searched
-    monkeypatch.setattr(mounting, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
+    real = making._searched
+    monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
     curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
     assert curve.every_state.all()
     assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=1e-9)
