@@ -24,7 +24,7 @@ from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
 
 LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
-NEAR_ZERO = 1e-3  # of the rated torque: enough to close the play, too little to bend anything
+NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
 # Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
 T_58, D_58 = (168.0, 598.0), 147.32
@@ -119,7 +119,7 @@ def stiffness(
     if not (near_zero < T_1 < T_2 and near_zero < T_max < np.inf):
         raise UsageError(
             f"T_1 {T_1:g}, T_2 {T_2:g} and the end of the curve {T_max:g} N*m must be positive, T_1 the less",
-            f"at least {near_zero:g} N*m, a thousandth of the rated torque",
+            f"at least {near_zero:g} N*m, a hundred-thousandth of the rated torque",
         )
     ends = [near_zero, *(T for T in (T_1, T_2) if T_max > T), T_max]
     side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, POINTS + 1)[1:]])

@@ -68,16 +68,38 @@ def test_clearance_is_play_and_lost_motion(reference):
     per_um = 2e-3 / (82.5 * np.cos(np.radians(24.5))) * ARCSEC
     assert looser.play_arcsec - loose.play_arcsec == pytest.approx(per_um, rel=0.05)
     assert looser.lost_motion_arcsec - loose.lost_motion_arcsec == pytest.approx(per_um, rel=0.05)
-    assert of(reference).play_arcsec < 1
 
 
-def test_with_everything_else_stiff_only_the_tube_twists(reference):
-    stiff = changed(reference, contact__c_t=1e-8, contact__c_ball=1e-8, contact__c_bore=1e-9, gears__j_n=0.0)
-    curve = of(changed(stiff, material__E=2.06e5))
+def test_elastic_twist_is_no_play(reference):
+    # teeth touch on both flanks: all that is left between the least torques is elastic
+    tight = changed(reference, gears__j_n=0.0)
+    assert of(tight).play_arcsec < 0.01
+    assert of(reference).play_arcsec < 0.01
+
+
+def test_with_contacts_stiff_enough_to_lock_the_rim_only_the_tube_twists(reference):
+    part = reference.contact
+    stiff = {f"contact__{name}": getattr(part, name) / 1e4 for name in ("c_t", "c_ball", "c_bore")}
+    curve = of(changed(reference, gears__j_n=0.0, **stiff))
     tube = shell_twist_stiffness(reference, Geometry.of(reference)) / 1e3
-    assert 0.5 * tube < curve.positive[0].stiffness < tube
-    softer = of(reference)
-    assert softer.positive[1].stiffness < curve.positive[1].stiffness
+    assert [s.stiffness for s in curve.positive] == pytest.approx([tube] * 3, rel=0.01)
+    assert all(s.stiffness < tube for s in curve.positive)
+
+
+@pytest.mark.parametrize("name", ["c_t", "c_ball"])
+def test_stiffer_contacts_raise_each_segment(reference, plain, name):
+    stiffer = changed(reference, **{f"contact__{name}": getattr(reference.contact, name) / 2})
+    curve = of(stiffer, T_1=80.0, T_2=800.0)
+    assert all(new.stiffness > old.stiffness for new, old in zip(curve.positive, plain.positive, strict=True))
+
+
+def test_numbers_do_not_depend_on_how_many_torques_the_curve_has(reference, plain, monkeypatch):
+    monkeypatch.setattr("hdassist.analysis.stiffness.POINTS", 7)
+    coarse = of(reference, T_1=80.0, T_2=800.0)
+    assert len(coarse.torque) < len(plain.torque)
+    ours, theirs = ([s.stiffness for s in c.positive] for c in (coarse, plain))
+    assert ours == pytest.approx(theirs, rel=1e-9)
+    assert coarse.lost_motion_arcsec == pytest.approx(plain.lost_motion_arcsec, abs=1e-7)
 
 
 def test_catalogue_torques_follow_the_cube_of_the_diameter(reference):
