@@ -11,12 +11,12 @@ from hdassist.analysis.mounting import MountingCurve, Position, rotated
 from hdassist.analysis.mounting_curve import FREE, Alternative, alternatives, mounting_curve
 from hdassist.analysis.mounting_curve import work as curve_work
 from hdassist.analysis.robust import Criterion, Robust, robust
+from hdassist.analysis.robust import work as robust_work
 from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
 
 NOTHING = 0.01  # of the error: a smaller gain is not worth a turn
-QUICK_SEARCH = 0.3  # of the states of a thorough one
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,10 @@ class Advice:
 def work(drive: Drive, torques: Sequence[float], rotations: Sequence[float], *, every_state: bool, samples: int) -> int:
     """Number of states that an advice solves, about, for a progress bar."""
     others = len(drive.alternatives) * (drive.mounting.holes or FREE) + 2 * SEARCHES
-    drawn = samples * len(rotations) * QUICK_SEARCH if drive.uncertainty else 0.0
-    searched = SEARCHED * len(torques) * (others + drawn) if searchable(drive) else 0
-    return curve_work(drive, torques, rotations, every_state=every_state) + round(searched)
+    curve = curve_work(drive, torques, rotations, every_state=every_state)
+    if not searchable(drive):
+        return curve
+    return curve + len(torques) * (SEARCHED * others + robust_work(drive, samples, len(rotations) + 1))
 
 
 def advise(

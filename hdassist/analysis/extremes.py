@@ -59,6 +59,7 @@ class Extremes:
 
 
 SEARCHED = 900  # states that a thorough search solves, about
+QUICK_STATES = 270  # states that a quick one solves, about
 WORTH = 4000  # states of a cycle from which on that pays
 
 

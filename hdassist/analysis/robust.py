@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.analysis.extremes import QUICK, CycleSearch, searchable
+from hdassist.analysis.extremes import QUICK, QUICK_STATES, CycleSearch, searchable
 from hdassist.analysis.mounting import MountingCurve, merit, rotated
+from hdassist.analysis.response import DEVIATIONS, STATES, Response, responses, turns
 from hdassist.errors import UsageError
+from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.preset.convert import field_table
 from hdassist.preset.drive import Drive, least_of
@@ -53,7 +55,8 @@ class Robust:
     """Usable positions of a curve over samples of what is uncertain.
 
     places: of the positions on the curve, shape (positions,); F_ior_arcsec, shape (samples, torques, positions);
-    merits, shape (samples, positions), as the curve's relative; now, the present position's merit, shape (samples,).
+    merits, shape (samples, positions), as the curve's relative; now, the present position's merit, shape (samples,);
+    standard_error_arcsec of F_ior_arcsec at each torque where it was interpolated, else 0, shape (torques,).
     """
 
     criterion: Criterion
@@ -63,6 +66,7 @@ class Robust:
     now: Array
     seed: int
     certificate: Certificate
+    standard_error_arcsec: tuple[float, ...] = ()
 
     @property
     def value(self) -> Array:
@@ -125,16 +129,36 @@ def robust(
     places = tuple(int(p) for p in np.flatnonzero(curve.usable))
     rotations = [0.0, *(float(curve.rotation_deg[p]) for p in places)]
     drives = draw(drive, samples, seed)
-    tasks = [(sample, curve.torques, rotations) for sample in drives]
-    F_ior, proof = [], EMPTY
-    for values, certificate in (executor.map if executor else map)(_sampled, tasks):
-        F_ior.append(values)
-        proof += certificate
-        if progress:
-            progress(certificate.states)
-    found = np.array(F_ior)  # samples, torques, positions with the present one first
+    if interpolates(drive, samples, len(rotations)):
+        table = responses(drive, curve.torques, drives, executor=executor, progress=progress)
+        found = np.array([_interpolated(sample, table, rotations) for sample in drives])
+        proof, errors = sum((r.certificate for r in table), EMPTY), tuple(r.standard_error for r in table)
+    else:
+        tasks = [(sample, curve.torques, rotations) for sample in drives]
+        F_ior, proof, errors = [], EMPTY, tuple(0.0 for _ in curve.torques)
+        for values, certificate in (executor.map if executor else map)(_sampled, tasks):
+            F_ior.append(values)
+            proof += certificate
+            if progress:
+                progress(certificate.states)
+        found = np.array(F_ior)
+    # found: samples, torques, positions with the present one first
     merits = merit(np.moveaxis(found, 1, 0), curve.F_ior_arcsec[:, 0], curve.weights)
-    return Robust(how, places, found[:, :, 1:], merits[:, 1:], merits[:, 0], seed, proof)
+    return Robust(how, places, found[:, :, 1:], merits[:, 1:], merits[:, 0], seed, proof, errors)
+
+
+def interpolates(drive: Drive, samples: int, positions: int) -> bool:
+    """Whether samples differ in deviations alone and are so many that a table of the error pays."""
+    deviations = all(path.startswith(DEVIATIONS) for path in drive.uncertainty)
+    return deviations and samples * positions * QUICK_STATES > STATES
+
+
+def work(drive: Drive, samples: int, positions: int) -> int:
+    """Number of states that the samples take at one torque, about, for a progress bar."""
+    if not drive.uncertainty or not samples:
+        return 0
+    searched = samples * positions * QUICK_STATES
+    return STATES if interpolates(drive, samples, positions) else searched
 
 
 def draw(drive: Drive, samples: int, seed: int) -> list[Drive]:
@@ -162,3 +186,9 @@ def _sampled(task: tuple[Drive, Sequence[float], Sequence[float]]) -> tuple[list
         rows.append([f.F_ior_arcsec for f in found])
         proofs += [f.certificate for f in found]
     return rows, sum(proofs, EMPTY)
+
+
+def _interpolated(drive: Drive, table: Sequence[Response], rotations: Sequence[float]) -> Array:
+    """F'_ior [arcsec] from tables, shape (torques, rotations)."""
+    scalars = np.array([deviation_scalars(rotated(drive, rotation), *turns()) for rotation in rotations])
+    return np.array([response.F_ior(scalars) for response in table])

@@ -131,7 +131,11 @@ def _torques(result: MountingCurve, look: Look) -> Table:
 def _uncertain(advice: Advice, look: Look) -> Table:
     sampled, result = advice.robust, advice.curve
     assert sampled is not None
-    grid = table(look, f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}")
+    title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
+    if any(sampled.standard_error_arcsec):
+        errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
+        title += f"; interpolated, standard error {errors} arcsec"
+    grid = table(look, title)
     for words in ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %"):
         grid.add_column(words, justify="right")
     low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
@@ -216,6 +220,7 @@ def _robust(advice: Advice) -> dict[str, Any] | None:
     return {
         "samples": len(sampled.merits),
         "criterion": sampled.criterion.name,
+        "standard_error_arcsec": list(sampled.standard_error_arcsec),
         "fields": dict(advice.drive.uncertainty),
         "probability_gain": sampled.probability_gain,
         "positions": [
