@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from importlib import import_module
 from math import isinf
 from pathlib import Path
@@ -59,6 +60,14 @@ def row(case: Case) -> str:
     return f"| {' | '.join(cells)} | {format(case.got, case.digits)}{unit} | {verdict} | {case.kind} |"
 
 
+def grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """What stands second, by what stands first, both in their order."""
+    groups: dict[str, list[str]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups
+
+
 def page() -> str:
     """The page as text. Raises AssertionError where a case does not come out as it says."""
     parts = [HEAD]
@@ -66,11 +75,12 @@ def page() -> str:
         module = import_module(f"tests.validation.{name}")
         for case in module.CASES:
             case.check()
-        grouped: dict[str, list[str]] = {}
-        for case in module.CASES:
-            grouped.setdefault(case.why, []).append(case.quantity)
-        reasons = [f"- {'; '.join(quantities)}: {why}." for why, quantities in grouped.items()]
-        misses = [f"- **{case.quantity}** is missed: {case.miss}." for case in module.CASES if case.miss]
+        misses = [
+            f"- **{'**; **'.join(quantities)}** {'is' if len(quantities) == 1 else 'are'} missed: {miss}."
+            for miss, quantities in grouped((case.miss, case.quantity) for case in module.CASES if case.miss).items()
+        ]
+        whys = grouped((case.why, case.quantity) for case in module.CASES)
+        reasons = [f"- {'; '.join(quantities)}: {why}." for why, quantities in whys.items()]
         table = ["| quantity | source | expected | got | agrees | worth |", "| --- | --- | --- | --- | --- | --- |"]
         table += [row(case) for case in module.CASES]
         parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *table, "", *misses, *reasons, ""]))
