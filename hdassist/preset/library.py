@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import sys
 from collections.abc import Sequence
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -11,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError
+from hdassist.preset.textfile import STDIN, reason, standard_input
 
 if TYPE_CHECKING:
     from hdassist.preset.drive import Drive
 
-STDIN = "<stdin>"
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
 
@@ -43,7 +42,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     Raises DataError: no such preset, or a file that cannot be read.
     """
     if name_or_path == "-":
-        return _standard_input(), STDIN
+        return standard_input(READ_AT_MOST), STDIN
     library = _library()
     if not name_or_path:
         raise _unknown("", list(library))
@@ -58,17 +57,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     except IsADirectoryError:
         raise DataError(f"{name_or_path} is a directory, not a preset") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise DataError(f"cannot read {name_or_path}: {reason}") from None
-
-
-def _standard_input() -> bytes:
-    if sys.stdin is None:
-        raise DataError("cannot read standard input: it is closed")
-    try:
-        return sys.stdin.buffer.read(READ_AT_MOST)
-    except OSError as error:
-        raise DataError(f"cannot read standard input: {error.strerror}") from None
+        raise DataError(f"cannot read {name_or_path}: {reason(error)}") from None
 
 
 def _library() -> dict[str, Traversable]:
