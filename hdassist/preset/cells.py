@@ -10,11 +10,15 @@ from hdassist.preset.yamltext import NUMBER
 
 _QUOTED = r'"(?:[^"]|"")*"'
 _LIKE = r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?"
+_LIKE_A_NUMBER = re.compile(_LIKE)
 _MEANT = re.compile(r"[-+−.,]*[0-9]")
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:nan|inf|infinity)|[-+]?1\.#\w+", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[-+]?[0-9]+(?:[.,' ][0-9]+)*[.,][0-9]*")
 _COMMENT = re.compile(r"(?:#|//|%)[#/%]*")
 _APART = re.compile(rf"{_QUOTED}\s*[;,\t].*")
+_CELL = {mark: re.compile(rf" *({_QUOTED}(?= *(?:{mark}|$))|[^{mark}]*)") for mark in ";\t,"}
+_BETWEEN_BLANKS = re.compile(rf"{_QUOTED}(?!\S)|\S+")
+_WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))}
 _BY_BLANKS = re.compile(rf"(?:{_QUOTED}|{_LIKE})(?:\s+(?:{_QUOTED}|{_LIKE}))+")
 
 
@@ -59,17 +63,23 @@ def separator_of(lines: Sequence[str]) -> str:
 def _is_apart_by_blanks(line: str) -> bool:
     cells = line.split()
     return len(cells) > 1 and all(
-        re.fullmatch(_LIKE, cell) and not cell.startswith(",") and not cell.endswith(",") for cell in cells
+        _LIKE_A_NUMBER.fullmatch(cell) and not cell.startswith(",") and not cell.endswith(",") for cell in cells
     )
 
 
 def split(line: str, separator: str) -> list[Cell]:
     """Cells of a line; empty ones at its end are left out."""
+    cells: list[Cell]
     if separator == " ":
-        cells = [Cell(_unquoted(found[0]), found.start() + 1) for found in re.finditer(rf"{_QUOTED}(?!\S)|\S+", line)]
+        cells = [Cell(_unquoted(found[0]), found.start() + 1) for found in _BETWEEN_BLANKS.finditer(line)]
+    elif '"' not in line:
+        cells, at = [], len(line) - len(line.lstrip())
+        for text in line.strip().split(separator):
+            cells.append(Cell(text.strip(), at + len(text) - len(text.lstrip()) + 1))
+            at += len(text) + 1
     else:
         cells, at, end = [], len(line) - len(line.lstrip()), len(line.rstrip())
-        pattern = re.compile(rf" *({_QUOTED}(?= *(?:{separator}|$))|[^{separator}]*)")
+        pattern = _CELL[separator]
         while at <= end:
             found = pattern.match(line, at, end)
             assert found is not None
@@ -105,13 +115,14 @@ def is_meant_as_number(text: str) -> bool:
 
 def decimal_mark_in(text: str) -> str:
     """The one point or comma of a number; empty without one, and for what is no number."""
-    marks = {".", ","} & set(text)
-    return marks.pop() if len(marks) == 1 and re.fullmatch(_LIKE, text) else ""
+    if ("." in text) == ("," in text) or not _LIKE_A_NUMBER.fullmatch(text):
+        return ""
+    return "." if "." in text else ","
 
 
 def fault_of(text: str, decimal: str) -> tuple[str, str]:
     """Why a cell is no number, and a hint; both empty if it is one. Decimal is the mark of the file."""
-    if re.fullmatch(NUMBER, text.replace(decimal, ".")) and decimal_mark_in(text) in ("", decimal):
+    if _WRITTEN[decimal].fullmatch(text):
         return "", ""
     if not text:
         return "a number is missing", "a gap in the measurement cannot be filled here"

@@ -124,7 +124,7 @@ class _Parser:
         for number, row in cells:
             if number in texts and number != head[0]:
                 hint = "put # in front of it; only one line of names, above the rows"
-                self.table.add(number, row[0].column, "", "a line of text among the rows", row[0].text, hint)
+                self.table.add(number, row[0].column, "", "a line of text among the rows", _words(row), hint)
         self._rows([(number, row) for number, row in cells if number not in texts], head, separator)
 
     def _entry(self, number: int, line: str, comment: str) -> bool:
@@ -147,14 +147,14 @@ class _Parser:
         if width < len(self.needs):
             need = f"needs {len(self.needs)}: {', '.join(self.needs)}"
             hint = "columns stand apart by ; or , or tabs or blanks"
-            self.table.add(first, 1, "", f"{width} column, {need}", " ".join(cell.text for cell in cells), hint)
+            self.table.add(first, 1, "", f"{width} column, {need}", _words(cells), hint)
             return
         self._head(head, width, separator)
         for number, row in rows:
             if len(row) != width:
                 hint = "a decimal comma? separate the columns by ;" if separator == "," else "one cell for each column"
                 wrong = f"a row of {len(row)}, most rows have {width} columns"
-                self.table.add(number, row[0].column, "", wrong, " ".join(cell.text for cell in row), hint)
+                self.table.add(number, row[0].column, "", wrong, _words(row), hint)
         texts = [cell.text for _, row in rows for cell in row]
         if separator == "," and width > 2 and not self.table.names and not any(set(text) & set(".,") for text in texts):
             hint = "separate the columns by ; or write a line of names above them"
@@ -190,3 +190,7 @@ class _Parser:
         if message:
             self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
         return value
+
+
+def _words(row: list[Cell]) -> str:
+    return " ".join(cell.text for cell in row).strip()

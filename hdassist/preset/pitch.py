@@ -46,7 +46,7 @@ LEAST, MOST = 0.5, 1000.0  # um: range over a wheel that can be meant
 CLOSING = 0.2  # of the range: how far the single deviations may be from closing
 NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 
-Form = Literal["cumulative", "index", "single"]
+Form = Literal["cumulative", "single", "index"]
 Sense = Literal["ccw", "cw"]
 Sign = Literal["along", "ccw", "cw"]
 Flank = Literal["left", "right"]
@@ -115,7 +115,7 @@ def _checked(
     if teeth < 2:
         raise UsageError(f"a wheel has two teeth or more (got {teeth})")
     choices = (
-        ("form", form, ("cumulative", "index", "single")),
+        ("form", form, ("cumulative", "single", "index")),
         ("sense", sense, ("ccw", "cw")),
         ("sign", sign, ("along", "ccw", "cw")),
         ("flank", flank, ("left", "right")),
@@ -123,7 +123,7 @@ def _checked(
     for key, value, options in choices:
         if value is not None and value not in options:
             raise UsageError(f"{key} must be one of {', '.join(options)} (got {value})")
-    given = {"form": "index" if form == "single" else form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
+    given = {"form": "single" if form == "index" else form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
     return {key: value for key, value in given.items() if value is not None}
 
 
@@ -144,7 +144,7 @@ def _deviations(table: NumberTable, settings: Settings, order: list[int], notes:
     if settings.scale != 1:
         notes.append(f"{settings.unit} to um")
     gap = 0.0
-    if settings.form == "index":
+    if settings.form == "single":
         gap = float(values.sum())
         values = np.cumsum(values - gap / len(values))
     reach = float(np.ptp(values))
@@ -156,9 +156,9 @@ def _deviations(table: NumberTable, settings: Settings, order: list[int], notes:
             hint = "is it form cumulative? or rounded too far, or teeth measured in several passes?"
             table.add(*place, message, "", hint)
         else:
-            notes.append(f"index pitch summed up, closing error of {gap:.3g} um shared out")
-    elif settings.form == "index":
-        notes.append("index pitch summed up")
+            notes.append(f"single pitch deviations summed up, closing error of {gap:.3g} um shared out")
+    elif settings.form == "single":
+        notes.append("single pitch deviations summed up")
     if reach > MOST:
         hint = "is the unit right, and are these deviations, not places?"
         table.add(*place, f"{reach:.4g} um over the whole wheel", f"unit {settings.unit}", hint)

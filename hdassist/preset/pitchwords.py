@@ -29,7 +29,7 @@ _ANGLES = ("arcsec", "arcmin", "deg", "°", "rad", "mrad", "urad", "sec", "'", "
 
 
 def form_in(text: str) -> str:
-    """Form that a text names: cumulative, index (single pitch deviations), ambiguous, or empty for none.
+    """Form that a text names: cumulative, single, ambiguous, or empty for none.
 
     F_p is cumulative and f_p single, so capitals count. The bare word index is ambiguous: ANSI/AGMA calls
     the cumulative deviation of a tooth its index deviation.
@@ -38,11 +38,11 @@ def form_in(text: str) -> str:
     if _CUMULATIVE.search(low):
         return "cumulative"
     if _SINGLE.search(low):
-        return "index"
+        return "single"
     if _CUMULATIVE_SYMBOL.search(text):
         return "cumulative"
     if _SINGLE_SYMBOL.search(text):
-        return "index"
+        return "single"
     return AMBIGUOUS if _UNCLEAR.search(text) or _INDEX.search(low) else ""
 
 
@@ -111,7 +111,7 @@ def _mark(text: str) -> str:
 
 def _form(text: str) -> str:
     low = text.lower()
-    found = "index" if low in ("index", "single") else form_in(text)
+    found = "single" if low in ("index", "single") else form_in(text)
     return "" if found == AMBIGUOUS else found
 
 
@@ -121,7 +121,7 @@ def _unit(text: str) -> str:
 
 # Keys that a file may state: what they are written as, how their value is read, what it may be.
 KEYS: dict[str, tuple[tuple[str, ...], Callable[[str], str], str]] = {
-    "form": (("form", "форма"), _form, "cumulative or index (single pitch deviations)"),
+    "form": (("form", "форма"), _form, "cumulative or single"),
     "unit": (("unit", "units", "einheit", "единица", "единицы"), _unit, "um or mm"),
     "sense": (("sense", "drehsinn", "направление"), sense_in, "ccw or cw, seen from the cam side"),
     "sign": (("sign", "vorzeichen", "знак"), _sign, "along (the numbering), ccw or cw"),

@@ -21,11 +21,13 @@ def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
     name = str(path)
     if name == "-":
         return standard_input(at_most), STDIN
+    if not name:
+        raise DataError("no such file: an empty name", "- is standard input")
     try:
         with Path(name).open("rb") as stream:
             return stream.read(at_most), name
     except FileNotFoundError:
-        raise DataError(f"no such file: {name or 'an empty name'}", _near_by(Path(name))) from None
+        raise DataError(f"no such file: {name}", _near_by(Path(name))) from None
     except IsADirectoryError:
         raise DataError(f"{name} is a directory, not a file", "name the file in it") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
