@@ -105,6 +105,8 @@ class _Settler:
         shown = " and ".join(f'"{self.table.name(column)}"' for column in columns)
         if names and len({flank_in(names[column]) for column in columns}) > 1:
             hint = "ask for one flank: flank left or right"
+        elif names and len({form_in(names[column]) for column in columns}) > 1:
+            hint = "ask for one form: form cumulative or form single"
         else:
             hint = "name the columns in a line above the rows (left, right), or keep one of them"
         line = self.table.names_line if names else self.table.rows[0].line

@@ -48,7 +48,7 @@ def faults(data: str | bytes, teeth: int = 4, **asked: Any) -> list[str]:
     return [str(finding).removeprefix("<stdin>:") for finding in findings(data, teeth, **asked)]
 
 
-def free(values: NDArray[np.float64] | list[float]) -> Any:
+def free(values: Any) -> Any:
     return pytest.approx(np.asarray(values) - np.mean(values), abs=1e-12)
 
 
@@ -220,6 +220,8 @@ def test_a_flank_is_chosen_among_columns() -> None:
          "their curve spans 3 um (is it form cumulative? or rounded too far, or teeth measured in several passes?)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
          "ask for one flank: flank left or right)"),
+        ("tooth;fp;Fp\n1;2;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "fp" and "Fp"; '
+         "ask for one form: form cumulative or form single)"),
         ("1;2.0;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "column 2" and "column 3"; '
          "name the columns in a line above the rows (left, right), or keep one of them)"),
     ],
