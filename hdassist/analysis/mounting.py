@@ -140,6 +140,12 @@ def hole_of(rotation_deg: float, holes: int) -> int | None:
     return round(turned) if holes and abs(turned - round(turned)) < 1e-9 else None
 
 
+def hole_words(rotation_deg: float, holes: int) -> str:
+    """A position in words: hole 4 (120 deg), or the angle alone."""
+    hole = hole_of(rotation_deg, holes)
+    return f"{rotation_deg:g} deg" if hole is None else f"hole {hole} ({rotation_deg:g} deg)"
+
+
 def _is_usable(hole: int | None, allowed: tuple[int, ...] | None) -> bool:
     return hole is not None and (allowed is None or hole in allowed)
 

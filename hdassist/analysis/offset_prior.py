@@ -242,7 +242,9 @@ def _over_offsets(drive: Drive, names: OffsetNames, widest: float, response: Res
     phi = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     coarse = np.array(
         [
-            response.F_ior(np.array([nothing + s * (np.cos(p) * (x - nothing) + np.sin(p) * (y - nothing)) for p in phi]))
+            response.F_ior(
+                np.array([nothing + s * (np.cos(p) * (x - nothing) + np.sin(p) * (y - nothing)) for p in phi])
+            )
             for s in size
         ]
     )

@@ -27,6 +27,22 @@ def command(
         str, typer.Option(metavar="NAME", help="Under uncertainty: expected, worst, or quantile:0.9.")
     ] = "expected",
     samples: Annotated[int, typer.Option(min=0, help="Samples of what is uncertain (0: none).")] = 200,
+    trial: Annotated[
+        list[str],
+        typer.Option(
+            metavar="WHERE:F_IOR", help="F'_ior measured with the wheel turned: 120:17.3 (deg) or h4:17.3. Repeatable."
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
+    trial_torque: Annotated[
+        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
+    ] = None,
+    noise: Annotated[float, typer.Option(metavar="ARCSEC", help="Standard deviation of a measured F'_ior.")] = 1.0,
+    reseat: Annotated[
+        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
+    ] = 0.0,
+    verify: Annotated[
+        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
+    ] = None,
     every_state: Annotated[
         bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
     ] = False,
@@ -53,16 +69,24 @@ def command(
       hdassist mount vzp160 --step 10 --csv curve.csv
       hdassist mount my-drive.yaml --set uncertainty.phases.xi_b=10 --set uncertainty.tolerances.e_hb=15
       hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
+      hdassist mount vzp160 --trial h0:28.1 --trial h4:17.3 --trial h8:24.9
 
     Turns are counter-clockwise seen from the cam side, from where the wheel stands. The best position is that in
     which the torque served worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a
     free angle. What the preset gives an uncertainty (k = 2) for is sampled. Where the wheel stands and at the
     advised position every state is solved and proven, elsewhere the extremes are searched for. -q prints the hole
-    (or the angle) alone, 0 for "leave it". Ctrl-C ends the work early and prints what is done (exit code 130).
+    (or the angle) alone, 0 for "leave it".
+
+    Where the direction of the cam offset is not known, mount the wheel in a few positions (three, 120 deg apart, at a
+    light torque), measure F'_ior in each and give them as --trial: the offset is inferred, with all that is uncertain,
+    and the best position with it. --verify compares the outcome and says keep, or go back (exit code 3).
+
+    Ctrl-C ends the work early and prints what is done (exit code 130).
     """
     from hdassist.analysis.advice import advise, work
     from hdassist.cli.output import Output, note, warn
     from hdassist.cli.workers import workers
+    from hdassist.errors import UsageError
     from hdassist.preset.library import load_preset
     from hdassist.report import mount as report
     from hdassist.report.envelope import to_json
@@ -71,6 +95,17 @@ def command(
     drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
     torques, rotations, shares = drive.operation.M_g, _rotations(drive, step), _weights(weights)
     begun = time.monotonic()
+    if trial or verify is not None:
+        from hdassist.cli.trials import with_trials
+
+        if step is not None or every_state:
+            raise UsageError("--step and --every-state have no meaning with trials", "leave them out")
+        rig = (trial_torque, noise, reseat)
+        code = with_trials(
+            out, drive, trial, verify, rig,
+            weights=shares, criterion=criterion, seed=seed, jobs=jobs, json=json, quiet=quiet, verbose=verbose,
+        )  # fmt: skip
+        raise typer.Exit(code)
     total = work(drive, torques, rotations, every_state=every_state, samples=samples)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         advice = advise(

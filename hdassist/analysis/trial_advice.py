@@ -1,0 +1,93 @@
+"""Advice from trials: where to mount the fixed wheel when the direction of the cam offset is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from hdassist.analysis.mounting import Position, hole_of, phase_deg, rotated
+from hdassist.analysis.offset_posterior import NextTrial, Posterior, posterior, require_weights
+from hdassist.analysis.offset_prior import STATES as WORLD_STATES
+from hdassist.analysis.offset_prior import WORLDS, OffsetNames, offset_prior
+from hdassist.analysis.response import STATES
+from hdassist.analysis.robust import Criterion
+from hdassist.analysis.trials import Rig, Trial, trial_positions
+from hdassist.analysis.verification import Verification, verify
+from hdassist.errors import UsageError
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import Progress
+
+
+@dataclass(frozen=True)
+class TrialAdvice:
+    """What trials teach of a drive, the trial that would teach most, and an outcome compared with its prediction."""
+
+    drive: Drive
+    known: Posterior
+    next: NextTrial
+    outcome: Verification | None
+
+    def at(self, place: int) -> Position:
+        """One of the positions, with the F'_ior expected there; its phase is that of the likeliest direction."""
+        rotation = self.known.rotations_deg[place]
+        F_ior = self.known.expected_F_ior()[: self.known.deciding, place]
+        return Position(rotation, self.phase(rotation), hole_of(rotation, self.drive.mounting.holes), tuple(F_ior))
+
+    def phase(self, rotation_deg: float) -> float:
+        """Phase [deg] of a rotation if the offset points where it most likely does."""
+        facing = self.drive.with_values({OffsetNames.of(self.drive).direction: self.known.likeliest_deg})
+        return phase_deg(rotated(facing, rotation_deg))
+
+    @property
+    def chosen(self) -> Position:
+        """The position to choose."""
+        return self.at(self.known.best)
+
+    @property
+    def ranked(self) -> list[int]:
+        """Places of the positions, best first."""
+        return [int(place) for place in self.known.value.argsort(kind="stable")]
+
+
+def work(drive: Drive, torques: Sequence[float], rig: Rig) -> int:
+    """Number of states that advice from trials is worth, about, for a progress bar."""
+    models = 1 + len(drive.alternatives)
+    return len(_torques(torques, rig)) * models * (STATES + WORLDS * WORLD_STATES)
+
+
+def advise_from_trials(
+    drive: Drive,
+    torques: Sequence[float],
+    trials: Sequence[Trial],
+    rig: Rig,
+    *,
+    outcome: Trial | None = None,
+    criterion: str = "expected",
+    weights: Sequence[float] | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> TrialAdvice:
+    """Infer the cam offset from trials and choose the position of the fixed wheel.
+
+    Arguments: torques [N*m] that decide; trials, measured on the rig; outcome, measured in one more position, to be
+    compared with its prediction; the others as in offset_prior and posterior. Raises what those do, UsageError too
+    where only forbidden positions are left.
+    """
+    Criterion.of(criterion)  # wrong before anything is computed
+    rig.require_sound()
+    require_weights(weights, len(torques))
+    positions = trial_positions(drive.mounting.holes, drive.mounting.allowed)
+    if not positions:
+        raise UsageError("no position of the seat is allowed", "mounting.allowed lists the usable holes")
+    prior = offset_prior(
+        drive, _torques(torques, rig), reseat=rig.reseat_um > 0, seed=seed, executor=executor, progress=progress
+    )
+    known = posterior(prior, trials, rig, positions, criterion=criterion, deciding=len(torques), weights=weights)
+    compared = None if outcome is None else verify(known, outcome)
+    return TrialAdvice(drive, known, known.next_trial(seed), compared)
+
+
+def _torques(torques: Sequence[float], rig: Rig) -> list[float]:
+    return [*torques, *([] if rig.M_g in torques else [rig.M_g])]

@@ -1,0 +1,72 @@
+"""The part of `hdassist mount` that takes measured trials."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hdassist.cli.output import Output
+    from hdassist.preset.drive import Drive
+
+
+def with_trials(
+    out: Output,
+    drive: Drive,
+    trials: Sequence[str],
+    verify: str | None,
+    rig: tuple[float | None, float, float],
+    *,
+    weights: Sequence[float] | None,
+    criterion: str,
+    seed: int,
+    jobs: int,
+    json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    """Advise from trials; returns the exit code.
+
+    Arguments: trials and verify as on the command line; rig: torque of the trials [N*m] (None: the lightest), noise
+    [arcsec], error of the seat [um]. Raises UsageError for what is no trial, and what the analysis raises.
+    """
+    from hdassist.analysis.trial_advice import advise_from_trials, work
+    from hdassist.analysis.trials import Rig, read_trial
+    from hdassist.cli.output import note, warn
+    from hdassist.cli.workers import workers
+    from hdassist.errors import UsageError
+    from hdassist.report import trials as report
+    from hdassist.report.envelope import to_json
+
+    if not trials:
+        raise UsageError("--verify needs the trials that the prediction rests on", "--trial 0:28.1 --trial h4:17.3")
+    measured = [read_trial(text, drive.mounting.holes) for text in trials]
+    outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
+    torque, noise, reseat = rig
+    torques = drive.operation.M_g
+    how = Rig(min(torques, key=abs) if torque is None else torque, noise, reseat)
+    begun = time.monotonic()
+    with out.progress(drive.name, work(drive, torques, how)) as progress, workers(jobs) as executor:
+        advice = advise_from_trials(
+            drive,
+            torques,
+            measured,
+            how,
+            outcome=outcome,
+            criterion=criterion,
+            weights=weights,
+            seed=seed,
+            executor=executor,
+            progress=progress,
+        )
+    for text in report.warnings(advice):
+        warn(text)
+    if verbose:
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.known.prior.certificate}")
+    if json:
+        out.text(to_json(report.answer(advice, seed)))
+    else:
+        out.human(report.brief(advice) if quiet else report.render(advice, out.look))
+    out.figures(report.csv(advice))
+    return report.exit_code(advice)

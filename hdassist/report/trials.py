@@ -1,0 +1,290 @@
+"""What trials teach, as an instruction and tables, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.analysis.mounting import Position, hole_of, hole_words
+from hdassist.analysis.trial_advice import TrialAdvice
+from hdassist.analysis.trials import Trial
+from hdassist.report.console import Look, table
+from hdassist.report.csvtext import to_csv
+from hdassist.report.envelope import envelope
+from hdassist.report.seat import turn, wheel
+
+UNSURE = 0.05  # expected loss of the choice from which on a further trial is advised
+OPEN = 75.0  # deg: a direction that is known no better is open
+SHOWN = 6  # positions that are listed, best first
+GO_BACK = 3  # exit code, that of a verdict FAIL
+
+
+def warnings(advice: TrialAdvice) -> tuple[str, ...]:
+    """What a reader should know beside the numbers."""
+    known, found = advice.known, list(advice.drive.origin.warnings)
+    loss = known.expected_loss[known.best]
+    if loss > UNSURE:
+        found.append(
+            f"the trials do not settle it: the choice is expected to lose {loss:.0%} against the best position; "
+            f"measure at {_where(advice, advice.next.rotation_deg)} next"
+        )
+    if advice.outcome and not advice.outcome.as_predicted:
+        found.append(
+            f"{advice.outcome.trial.F_ior_arcsec:g} arcsec is outside of what the trials predict "
+            f"({advice.outcome.low_arcsec:.1f} to {advice.outcome.high_arcsec:.1f}): check the seat and the measurement"
+        )
+    return tuple(found)
+
+
+def exit_code(advice: TrialAdvice) -> int:
+    """Exit code of the command: 3 where an outcome says to go back."""
+    return GO_BACK if advice.outcome and not advice.outcome.keep else 0
+
+
+def instruction(advice: TrialAdvice) -> str:
+    """One sentence: what to do with the wheel."""
+    if advice.outcome:
+        return _verdict(advice)
+    chosen, known = advice.chosen, advice.known
+    gains = ", ".join(
+        f"F'_ior {now:.1f} -> {new:.1f} arcsec at {M_g:g} N·m"
+        for M_g, now, new in zip(
+            known.prior.torques, known.now_arcsec @ known.weight, chosen.F_ior_arcsec, strict=False
+        )
+    )
+    if not chosen.rotation_deg:
+        return f"Mount the {wheel(advice.drive)} at {_where(advice, 0)}, where it stood at first."
+    return (
+        f"Mount the {wheel(advice.drive)} {turn(chosen)} from {_where(advice, 0)}, seen from the cam side: expected "
+        f"{gains}."
+    )
+
+
+def render(advice: TrialAdvice, look: Look) -> RenderableType:
+    """The instruction, the trials, the offset they tell, the positions, and what to measure next."""
+    known = advice.known
+    heading = f"{advice.drive.name}: the cam offset from {_count(len(known.trials), 'trial')} at {known.rig.M_g:g} N·m"
+    parts: list[RenderableType] = [Text(look.text(heading), style="bold"), Text(look.text(instruction(advice)))]
+    parts += [_trials(advice, look), _offset(advice, look), _positions(advice, look)]
+    now, then = known.expected_loss[known.best], advice.next.loss
+    parts.append(
+        Text(
+            look.text(
+                f"A trial at {_where(advice, advice.next.rotation_deg)} would teach most: the choice is expected to "
+                f"lose {then:.1%} against the best position after it, {now:.1%} now."
+            )
+        )
+    )
+    parts.append(Text(look.text(_basis(advice))))
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _verdict(advice: TrialAdvice) -> str:
+    outcome = advice.outcome
+    assert outcome is not None
+    told = (
+        f"{outcome.trial.F_ior_arcsec:g} arcsec at {_where(advice, outcome.trial.rotation_deg)}, predicted "
+        f"{outcome.expected_arcsec:.1f} ({outcome.low_arcsec:.1f} to {outcome.high_arcsec:.1f})"
+    )
+    if outcome.keep:
+        return f"Keep it: {told}; the best measured so far."
+    best = outcome.best_tried
+    return f"Go back to {_where(advice, best.rotation_deg)}, where {best.F_ior_arcsec:g} was measured: {told}."
+
+
+def _where(advice: TrialAdvice, rotation_deg: float) -> str:
+    return hole_words(rotation_deg, advice.drive.mounting.holes)
+
+
+def _count(number: int, words: str) -> str:
+    return f"{number} {words}" + ("s" if number != 1 else "")
+
+
+def _trials(advice: TrialAdvice, look: Look) -> Table:
+    known = advice.known
+    seat = f", seat {known.rig.reseat_um:g} um" if known.rig.reseat_um else ""
+    grid = table(look, f"trials (standard deviations: noise {known.rig.noise_arcsec:g} arcsec{seat})")
+    grid.add_column("position")
+    for words in ("measured, arcsec", "as explained", "standard deviation"):
+        grid.add_column(words, justify="right")
+    for trial, mean, spread in zip(known.trials, known.predicted_arcsec, known.predicted_spread_arcsec, strict=True):
+        where = _where(advice, trial.rotation_deg)
+        grid.add_row(where, f"{trial.F_ior_arcsec:g}", f"{mean:.2f}", f"{spread:.2f}")
+    return grid
+
+
+def _offset(advice: TrialAdvice, look: Look) -> Table:
+    mean, spread = advice.known.offset_um
+    grid = table(look, f"cam offset: {mean:.0f} um, standard deviation {spread:.0f} um")
+    for words in ("direction, deg", "standard deviation", "probability, %", "size, um", "best position"):
+        grid.add_column(words, justify="left" if words == "best position" else "right")
+    for one in advice.known.directions():
+        facing = (f"{one.direction_deg:.0f}", f"{one.spread_deg:.0f}") if one.spread_deg < OPEN else ("open", "-")
+        best = _where(advice, one.recommended_deg)
+        grid.add_row(*facing, f"{one.share:.0%}".rstrip("%"), f"{one.size_um:.0f}", best)
+    return grid
+
+
+def _positions(advice: TrialAdvice, look: Look) -> Table:
+    known = advice.known
+    torques = " / ".join(f"{M_g:g}" for M_g in known.prior.torques[: known.deciding])
+    grid = table(look, f"positions, best first: F'_ior in arcsec at {torques} N·m")
+    grid.add_column("position")
+    for words in ("best, %", "expected", "5 %", "95 %", "expected loss, %"):
+        grid.add_column(words, justify="right")
+    levels = [known.expected_F_ior(level) for level in (None, 0.05, 0.95)]
+    for place in advice.ranked[:SHOWN]:
+        values = [" / ".join(f"{v:.1f}" for v in level[: known.deciding, place]) for level in levels]
+        share, loss = f"{known.probability_best[place]:.0%}", f"{known.expected_loss[place]:.1%}"
+        grid.add_row(_where(advice, known.rotations_deg[place]), share.rstrip("%"), *values, loss.rstrip("%"))
+    return grid
+
+
+def _basis(advice: TrialAdvice) -> str:
+    known = advice.known
+    errors = " / ".join(f"{error:.2f}" for error in known.prior.standard_error_arcsec)
+    words = (
+        f"Positions are turns from where the wheel stood at 0, counter-clockwise seen from the cam side. Offsets up to "
+        f"{known.prior.size_um[-1]:.0f} um were weighed in {_count(len(known.prior.model), 'world')} (the offset that "
+        f"turns with the cam and what is uncertain drawn anew in each"
+    )
+    sets = len(known.model_share)
+    if sets > 1:
+        shares = ", ".join(f"{share:.0%}" for share in known.model_share)
+        words += f"; {sets} sets of stiffnesses, which hold {shares}"
+    return f"{words}); F'_ior interpolated, standard error {errors} arcsec."
+
+
+def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
+    """What the trials teach as a JSON object."""
+    known, count = advice.known, advice.known.deciding
+    expected = known.expected_F_ior()
+    low, high = known.expected_F_ior(0.05), known.expected_F_ior(0.95)
+    places = range(len(known.rotations_deg))
+    return {
+        **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
+        "complete": True,
+        "instruction": instruction(advice),
+        "turn": bool(advice.chosen.rotation_deg),
+        "curves": [
+            {
+                "M_g_Nm": M_g,
+                "phase_deg": [advice.phase(rotation) for rotation in known.rotations_deg],
+                "F_ior_arcsec": expected[k].tolist(),
+                "F_ior_5_percent_arcsec": low[k].tolist(),
+                "F_ior_95_percent_arcsec": high[k].tolist(),
+            }
+            for k, M_g in enumerate(known.prior.torques[:count])
+        ],
+        "rotation_deg": list(known.rotations_deg),
+        "current": _position(_present(advice)),
+        "recommended": _position(advice.chosen),
+        "second": _position(advice.at(advice.ranked[1])) if len(advice.ranked) > 1 else None,
+        "worst": _position(advice.at(advice.ranked[-1])),
+        "weights": None if known.weights is None else list(known.weights),
+        "gain": 1 - float(np.max(np.array(advice.chosen.F_ior_arcsec) / _present(advice).F_ior_arcsec)),
+        "trials": {
+            "M_g_Nm": known.rig.M_g,
+            "noise_arcsec": known.rig.noise_arcsec,
+            "reseat_um": known.rig.reseat_um,
+            "measured": [
+                {**_trial(advice, trial), "explained_arcsec": float(mean), "explained_sd_arcsec": float(spread)}
+                for trial, mean, spread in zip(
+                    known.trials, known.predicted_arcsec, known.predicted_spread_arcsec, strict=True
+                )
+            ],
+            "offset_um": known.offset_um[0],
+            "offset_sd_um": known.offset_um[1],
+            "directions": [
+                {
+                    "probability": one.share,
+                    "direction_deg": one.direction_deg,
+                    "direction_sd_deg": one.spread_deg,
+                    "size_um": one.size_um,
+                    "recommended": _place(advice, one.recommended_deg),
+                }
+                for one in known.directions()
+            ],
+            "stiffness_sets": known.model_share.tolist(),
+            "criterion": known.criterion.name,
+            "positions": [
+                {
+                    **_place(advice, known.rotations_deg[place]),
+                    "probability_best": float(known.probability_best[place]),
+                    "expected_loss": float(known.expected_loss[place]),
+                }
+                for place in places
+            ],
+            "next": {**_place(advice, advice.next.rotation_deg), "expected_loss": advice.next.loss},
+            "standard_error_arcsec": known.prior.standard_error_arcsec.tolist(),
+            "verify": _outcome(advice),
+        },
+        "certificate": {
+            "states": known.prior.certificate.states,
+            "max_residual": known.prior.certificate.max_residual,
+            "fallbacks": known.prior.certificate.fallbacks,
+        },
+        "seed": seed,
+    }
+
+
+def _present(advice: TrialAdvice) -> Position:
+    known = advice.known
+    F_ior = (known.now_arcsec @ known.weight)[: known.deciding]
+    return Position(0.0, advice.phase(0.0), 0 if advice.drive.mounting.holes else None, tuple(F_ior))
+
+
+def _position(position: Position) -> dict[str, Any]:
+    return {
+        "rotation_deg": position.rotation_deg,
+        "phase_deg": position.phase_deg,
+        "hole": position.hole,
+        "F_ior_arcsec": [float(value) for value in position.F_ior_arcsec],
+    }
+
+
+def _place(advice: TrialAdvice, rotation_deg: float) -> dict[str, Any]:
+    return {"rotation_deg": rotation_deg, "hole": hole_of(rotation_deg, advice.drive.mounting.holes)}
+
+
+def _trial(advice: TrialAdvice, trial: Trial) -> dict[str, Any]:
+    return {**_place(advice, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec}
+
+
+def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:
+    outcome = advice.outcome
+    if outcome is None:
+        return None
+    return {
+        **_trial(advice, outcome.trial),
+        "expected_arcsec": outcome.expected_arcsec,
+        "low_arcsec": outcome.low_arcsec,
+        "high_arcsec": outcome.high_arcsec,
+        "as_predicted": outcome.as_predicted,
+        "verdict": "KEEP" if outcome.keep else "GO_BACK",
+        "best_tried": _trial(advice, outcome.best_tried),
+    }
+
+
+def csv(advice: TrialAdvice) -> str:
+    """One row per torque and position."""
+    known, expected = advice.known, advice.known.expected_F_ior()
+    rows = [
+        [M_g, rotation, float(expected[k, p]), float(known.probability_best[p]), float(known.expected_loss[p])]
+        for k, M_g in enumerate(known.prior.torques[: known.deciding])
+        for p, rotation in enumerate(known.rotations_deg)
+    ]
+    return to_csv(["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows)
+
+
+def brief(advice: TrialAdvice) -> str:
+    """The answer alone: the hole (or angle in degrees) to mount the wheel in, after an outcome the one to stay in."""
+    rotation = advice.chosen.rotation_deg
+    if advice.outcome:
+        rotation = (advice.outcome.trial if advice.outcome.keep else advice.outcome.best_tried).rotation_deg
+    hole = _place(advice, rotation)["hole"]
+    return f"{rotation:g}" if hole is None else f"{hole}"
