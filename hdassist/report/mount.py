@@ -14,6 +14,7 @@ from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import MountingCurve, Position
 from hdassist.analysis.sensitivity import Sensitivity
 from hdassist.preset.drive import Drive
+from hdassist.report.catalogue import Texts, texts
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import certificate_object, envelope
@@ -25,7 +26,7 @@ def _phase_words(drive: Drive) -> str:
     return "xi_b - phi_hb" if drive.mounting.fixed == "rigid" else "xi_g - phi_hg"
 
 
-def warnings(advice: Advice) -> tuple[str, ...]:
+def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     result, found = advice.curve, list(advice.drive.origin.warnings)
     done = len(result.rotation_deg)
@@ -34,11 +35,9 @@ def warnings(advice: Advice) -> tuple[str, ...]:
     elif result.interrupted:
         found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
     if advice.disagreeing:
-        phases = ", ".join(f"{other.recommended.phase_deg:g}" for other in advice.disagreeing)
-        found.append(
-            "values that agree with the same calibration (alternatives) have their best position more than a hole "
-            f"away, at the phase {phases} deg: measure before relying on {advice.chosen.phase_deg:g} deg"
-        )
+        say = say or texts()
+        phases = ", ".join(say.number(other.recommended.phase_deg) for other in advice.disagreeing)
+        found.append(say("warning.disagree", phases=phases, phase=say.number(advice.chosen.phase_deg)))
     return tuple(found)
 
 

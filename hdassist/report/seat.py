@@ -2,44 +2,49 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import ceil, cos, radians, sin
 
 from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import Position
 from hdassist.preset.drive import Drive
+from hdassist.report.catalogue import Texts, texts
 from hdassist.report.console import Look
+from hdassist.report.seat_facts import Seat, seat_of
 
 WIDE, HIGH = 41, 15  # of the drawing, in characters
+NUMBERED = 24  # holes that have room for their number
+REACH = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
 
 
-def wheel(drive: Drive) -> str:
+def wheel(drive: Drive, say: Texts | None = None) -> str:
     """The wheel that is fixed, in words."""
-    return "rigid wheel" if drive.mounting.fixed == "rigid" else "flexspline"
+    return (say or texts())(f"wheel.{drive.mounting.fixed}")
 
 
-def turn(position: Position) -> str:
+def turn(position: Position, say: Texts | None = None) -> str:
     """The turn to a position by the shorter way: holes, degrees and direction."""
+    say = say or texts()
     way = position.short_way_deg
-    direction = "counter-clockwise" if way > 0 else "clockwise"
-    angle = f"{abs(way):g} deg"
+    direction = say("turn.counter_clockwise" if way > 0 else "turn.clockwise")
+    angle = say.angle(abs(way))
     if position.hole is None:
-        return f"{angle} {direction}"
+        return say("turn.angle", angle=angle, direction=direction)
     per_hole = position.rotation_deg / position.hole if position.hole else 360.0
-    holes = round(abs(way) / per_hole)
-    return f"{holes} {'hole' if holes == 1 else 'holes'} ({angle}) {direction}"
+    return say("turn.holes", holes=say.holes(round(abs(way) / per_hole)), angle=angle, direction=direction)
 
 
-def instruction(advice: Advice) -> str:
+def instruction(advice: Advice, say: Texts | None = None) -> str:
     """One sentence: what to do with the wheel."""
+    say = say or texts()
     if not advice.worth_turning:
-        return f"Leave the {wheel(advice.drive)} as it is."
-    gains = ", ".join(
-        f"F'_ior {now:.2f} -> {new:.2f} arcsec at {M_g:g} N·m"
+        return say("instruction.leave", wheel=wheel(advice.drive, say))
+    gains = say("instruction.and").join(
+        say("instruction.gain", now=say.number(now, ".2f"), new=say.number(new, ".2f"), torque=say.torque(M_g))
         for M_g, now, new in zip(
             advice.curve.torques, advice.curve.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True
         )
     )
-    return f"Turn the {wheel(advice.drive)} by {turn(advice.chosen)}, seen from the cam side: {gains}."
+    return say("instruction.turn", wheel=wheel(advice.drive, say), turn=turn(advice.chosen, say), gains=gains)
 
 
 def circle(advice: Advice, look: Look) -> str:
@@ -47,25 +52,25 @@ def circle(advice: Advice, look: Look) -> str:
 
     Hole 0 is where the wheel stands; it lies at mounting.first_hole, counted counter-clockwise from the right.
     """
-    drive, curve = advice.drive, advice.curve
+    seat = seat_of(advice, texts(), advice.chosen)
+    return look.text(f"{drawing(seat)}\n\n{seat.legend}")
+
+
+def drawing(seat: Seat, *, pointers: bool = False) -> str:
+    """The seat in characters; pointers: with the directions of mark and cam."""
     canvas = [[" "] * WIDE for _ in range(HIGH)]
-    holes = drive.mounting.holes
-    marks = {round(p.rotation_deg, 3): letter for p, letter in (
-        (curve.worst, "W"), (curve.current, "N"), (advice.chosen, "B"),
-    )}  # fmt: skip
-    angles = [360 * k / (holes or 24) for k in range(holes or 24)]
-    for k, angle in enumerate(angles):
-        label = str(k) if holes else "."
-        usable = not holes or curve.allowed is None or k in curve.allowed
-        _put(canvas, drive.mounting.first_hole + angle, label if usable else "x", 1.0)
-    for angle, letter in marks.items():
-        _put(canvas, drive.mounting.first_hole + angle, letter, 0.72)
+    each = ceil(len(seat.holes) / NUMBERED)
+    for hole in seat.holes:
+        label = "." if hole.number % each else str(hole.number)
+        _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
+    for k in range(0 if seat.holes else NUMBERED):
+        _put(canvas, seat.first_deg + 360 * k / NUMBERED, ".", 1.0)
+    for place in seat.places:
+        _put(canvas, place.angle_deg, place.letter, 0.72)
+    for pointer in seat.pointers if pointers else ():
+        _put(canvas, pointer.angle_deg, pointer.letter, REACH[pointer.kind])
     _put(canvas, 0, "+", 0.0)
-    legend = "seat from the cam side: N now, B best, W worst; numbers count holes counter-clockwise from now"
-    if any(c == "x" for row in canvas for c in row):
-        legend += "; x not allowed"
-    lines = ["".join(row).rstrip() for row in canvas]
-    return look.text("\n".join([*lines, "", legend]))
+    return "\n".join("".join(row).rstrip() for row in canvas)
 
 
 def _put(canvas: list[list[str]], angle: float, text: str, radius: float) -> None:
