@@ -50,6 +50,9 @@ def command(
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
     json: o.Json = False,
     csv: o.Csv = None,
+    card: o.Card = None,
+    lang: o.Lang = None,
+    serial: o.Serial = None,
     output: o.Target = "-",
     force: o.Force = False,
     cross_check: o.CrossCheck = "clarabel",
@@ -70,6 +73,7 @@ def command(
       hdassist mount my-drive.yaml --set uncertainty.phases.xi_b=10 --set uncertainty.tolerances.e_hb=15
       hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
       hdassist mount vzp160 --trial h0:28.1 --trial h4:17.3 --trial h8:24.9
+      hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
 
     Turns are counter-clockwise seen from the cam side, from where the wheel stands. The best position is that in
     which the torque served worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a
@@ -84,6 +88,7 @@ def command(
     Ctrl-C ends the work early and prints what is done (exit code 130).
     """
     from hdassist.analysis.advice import advise, work
+    from hdassist.cli.card import CardFile
     from hdassist.cli.output import Output, note, warn
     from hdassist.cli.workers import workers
     from hdassist.errors import UsageError
@@ -92,6 +97,7 @@ def command(
     from hdassist.report.envelope import to_json
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
+    page = CardFile.open(card, lang, serial, out=out, ascii=ascii, instead=not (json or quiet))
     drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
     torques, rotations, shares = drive.operation.M_g, _rotations(drive, step), _weights(weights)
     begun = time.monotonic()
@@ -100,6 +106,8 @@ def command(
 
         if step is not None or every_state:
             raise UsageError("--step and --every-state have no meaning with trials", "leave them out")
+        if card is not None:
+            raise UsageError("trials have no card yet", "leave --card out")
         rig = (trial_torque, noise, reseat)
         code = with_trials(
             out, drive, trial, verify, rig,
@@ -127,9 +135,11 @@ def command(
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     if json:
         out.text(to_json(report.answer(advice, seed)))
-    else:
+    elif not (page and page.replaces(out)):
         out.human(report.brief(advice) if quiet else report.render(advice, out.look, plots=plot))
     out.figures(report.csv(advice))
+    if page:
+        page.write(advice)
     raise typer.Exit(report.exit_code(advice))
 
 

@@ -22,6 +22,14 @@ Target = Annotated[
     typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout)."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+Card = Annotated[
+    str | None,
+    typer.Option("--card", metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout)."),
+]
+Lang = Annotated[
+    str | None, typer.Option("--lang", metavar="NAME", help="Language of the card, such as ru (en without).")
+]
+Serial = Annotated[str | None, typer.Option("--serial", metavar="TEXT", help="Serial number on the card.")]
 Solver = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
