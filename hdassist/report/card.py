@@ -7,7 +7,7 @@ from datetime import date
 
 from hdassist.analysis.advice import Advice
 from hdassist.preset.drive import Drive
-from hdassist.report.card_tables import Table, other_positions, torques_shown, torques_table
+from hdassist.report.card_tables import BESIDE, Table, other_positions, torques_shown, torques_table
 from hdassist.report.catalogue import Texts
 from hdassist.report.mount import warnings
 from hdassist.report.seat import instruction, turn, wheel
@@ -62,7 +62,7 @@ def card_of(advice: Advice, say: Texts, *, serial: str = "", made: date) -> Card
         language=say.language,
         title=say("card.title"),
         subject=_subject(advice.drive, say, serial),
-        instruction=instruction(advice, say),
+        instruction=instruction(advice, say, room=BESIDE),
         seat=seat,
         directions=tuple(f"{p.letter}: {p.words}, {say.angle(p.angle_deg)}" for p in seat.pointers),
         torques=torques_table(advice, say),

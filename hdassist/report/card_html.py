@@ -6,11 +6,10 @@ from html import escape
 from importlib.resources import files
 
 from hdassist.report.card import Card, Lines
+from hdassist.report.card_size import scale
 from hdassist.report.card_svg import seat_svg
 from hdassist.report.card_tables import Table
 
-ROOMY, TIGHT = 34, 52  # lines of text up to which the letters can be large, and must not be the smallest
-ACROSS = 95  # letters in a line
 NARROW = "&nbsp;&rarr;&nbsp;"  # an arrow that no line breaks at
 
 
@@ -35,15 +34,8 @@ def render(card: Card) -> str:
         f'<!DOCTYPE html>\n<html lang="{escape(card.language)}">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(card.title)}: {escape(card.subject[0][1])}</title>\n<style>\n{style}</style>\n</head>\n"
-        f'<body class="{_size(card)}">\n' + "\n".join(filter(None, body)) + "\n</body>\n</html>\n"
+        f'<body style="--scale: {scale(card):g}">\n' + "\n".join(filter(None, body)) + "\n</body>\n</html>\n"
     )
-
-
-def _size(card: Card) -> str:
-    """How large the letters can be for the card to stay one page."""
-    texts = [card.instruction, *card.chance.lines, *card.warnings.lines, *card.foot, *(v for _, v in card.subject)]
-    lines = sum(1 + len(text) // ACROSS for text in texts) + len(card.torques.rows) + 2 * len(card.others.rows)
-    return "roomy" if lines <= ROOMY else "tight" if lines <= TIGHT else "tiny"
 
 
 def _subject(card: Card) -> str:

@@ -47,10 +47,14 @@ def at(angle_deg: float, radius: float) -> tuple[float, float]:
 def _holes(seat: Seat) -> Iterator[str]:
     count = len(seat.holes)
     each, radius = ceil(count / NUMBERED), _radius(seat)
-    best = {round(p.angle_deg % 360, 3) for p in seat.places if p.kind == "best"}
     for hole in seat.holes:
-        chosen = round(hole.angle_deg % 360, 3) in best
+        chosen = _is_goal(seat, hole.angle_deg)
         yield _hole(hole, radius, chosen=chosen, numbered=each == 1, beside=each > 1 and hole.number % each == 0)
+
+
+def _is_goal(seat: Seat, angle_deg: float) -> bool:
+    """Whether the wheel is to stand there."""
+    return abs((angle_deg - seat.first_deg - seat.turn_deg + 180) % 360 - 180) < 1e-3
 
 
 def _radius(seat: Seat) -> float:
@@ -60,18 +64,20 @@ def _radius(seat: Seat) -> float:
 
 def _hole(hole: Hole, radius: float, *, chosen: bool, numbered: bool, beside: bool) -> str:
     x, y = at(hole.angle_deg, HOLES)
-    fill = "#000" if chosen else "#fff"
-    text = ""
+    parts = [f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius:.2f}" fill="{"#000" if chosen else "#fff"}"/>']
+    if not hole.usable:
+        r = 1.1 * radius
+        lines = f"M{x - r:.2f} {y - r:.2f}l{2 * r:.2f} {2 * r:.2f}m0 {-2 * r:.2f}l{-2 * r:.2f} {2 * r:.2f}"
+        parts.append(f'<path class="barred" d="{lines}"/>')
     if numbered or beside:
-        tx, ty = (x, y) if numbered else at(hole.angle_deg, HOLES - 12)
-        ink = "#fff" if chosen and numbered else "#000"
+        x, y = (x, y) if numbered else at(hole.angle_deg, HOLES - 12)
         size = min(12.0, 1.1 * radius) if numbered else 7
-        text = f'<text x="{tx:.2f}" y="{ty + 0.36 * size:.2f}" font-size="{size:.1f}" {_ink(ink)}>{hole.number}</text>'
-    r = 0.9 * radius
-    lines = f"M{x - r:.2f} {y - r:.2f}l{2 * r:.2f} {2 * r:.2f}m0 {-2 * r:.2f}l{-2 * r:.2f} {2 * r:.2f}"
-    cross = "" if hole.usable else f'<path class="barred" d="{lines}"/>'
-    circle = f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius:.2f}" fill="{fill}"/>'
-    return f'<g class="hole" data-hole="{hole.number}">{circle}{text}{cross}</g>'
+        ink = _ink("#fff" if chosen and numbered else "#000")
+        if not hole.usable:  # the number on top of the cross
+            ink = 'fill="#000" stroke="#fff" stroke-width="3.5" paint-order="stroke"'
+        place = f'x="{x:.2f}" y="{y + 0.36 * size:.2f}" font-size="{size:.1f}"'
+        parts.append(f"<text {place} {ink}>{hole.number}</text>")
+    return f'<g class="hole" data-hole="{hole.number}">{"".join(parts)}</g>'
 
 
 def _ink(colour: str) -> str:
@@ -97,7 +103,7 @@ def _places(seat: Seat) -> Iterator[str]:
         found = list(group)
         if not seat.holes:
             x, y = at(found[0].angle_deg, HOLES)
-            fill = "#000" if any(p.kind == "best" for p in found) else "#fff"
+            fill = "#000" if _is_goal(seat, found[0].angle_deg) else "#fff"
             yield f'<circle class="place" cx="{x:.2f}" cy="{y:.2f}" r="5" fill="{fill}"/>'
         yield from _words(found, out)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, radians, sin
+from math import ceil, cos, inf, radians, sin
 
 from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import Position
@@ -33,11 +33,13 @@ def turn(position: Position, say: Texts | None = None) -> str:
     return say("turn.holes", holes=say.holes(round(abs(way) / per_hole)), angle=angle, direction=direction)
 
 
-def instruction(advice: Advice, say: Texts | None = None) -> str:
-    """One sentence: what to do with the wheel."""
+def instruction(advice: Advice, say: Texts | None = None, *, room: float = inf) -> str:
+    """One sentence: what to do with the wheel; and what it brings, where there is room for that at each torque."""
     say = say or texts()
     if not advice.worth_turning:
         return say("instruction.leave", wheel=wheel(advice.drive, say))
+    if len(advice.curve.torques) > room:
+        return say("instruction.turn_alone", wheel=wheel(advice.drive, say), turn=turn(advice.chosen, say))
     gains = say("instruction.and").join(
         say("instruction.gain", now=say.number(now, ".2f"), new=say.number(new, ".2f"), torque=say.torque(M_g))
         for M_g, now, new in zip(

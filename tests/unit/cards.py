@@ -89,5 +89,3 @@ def crowded(advice: Advice) -> Advice:
 
 def card(advice: Advice, language: str = "en", serial: str = "") -> Card:
     return card_of(advice, texts(language), serial=serial, made=MADE)
-
-

@@ -48,6 +48,10 @@ def test_wheel_holds_the_presets_as_they_are(tmp_path):
     site = build(tmp_path, "build_wheel")
     shipped = {p.name: p.read_bytes() for p in (site / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
+    for folder in ("hdassist/report", "hdassist/report/languages"):  # texts and looks of the assembly card
+        data = [p.name for p in (ROOT / folder).iterdir() if p.suffix in (".yaml", ".css")]
+        assert data
+        assert all((site / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
     (metadata,) = site.glob("*.dist-info/METADATA")
     assert "Requires-Python: >=3.11" in metadata.read_text()
     assert not list(site.glob("tests"))
