@@ -123,9 +123,16 @@ class Posterior:
     @property
     def offset_um(self) -> tuple[float, float]:
         """Mean and standard deviation of the offset's size."""
-        size = self.prior.size_um[np.unravel_index(self.nodes, self.prior.weight.shape)[1]]
-        mean = float(self.weight @ size)
-        return mean, float(np.sqrt(self.weight @ (size - mean) ** 2))
+        return self._spread_of(self.prior.size_um[np.unravel_index(self.nodes, self.prior.weight.shape)[1]])
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Mean and standard deviation of the drive's F'_ior over the model's."""
+        return self._spread_of(self.prior.scale[np.unravel_index(self.nodes, self.prior.weight.shape)[0]])
+
+    def _spread_of(self, values: Array) -> tuple[float, float]:
+        mean = float(self.weight @ values)
+        return mean, float(np.sqrt(self.weight @ (values - mean) ** 2))
 
     @property
     def model_share(self) -> Array:

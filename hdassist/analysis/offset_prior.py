@@ -2,8 +2,9 @@
 
 The cam offset that stands with the fixed wheel, its size and its direction, is seldom measurable in a housing. The
 rest that F'_ior depends on is not known exactly either: the cam offset that turns with the cam, what the preset gives
-an uncertainty for, the stiffnesses among the sets that agree with a calibration. Each draw of that rest is a world;
-over sizes and directions of the offset every world has its own F'_ior.
+an uncertainty for, the stiffnesses among the sets that agree with a calibration, and the model's own scale: its
+absolute values are less sure than its ratios. Each draw of that rest is a world; over sizes and directions of the
+offset every world has its own F'_ior.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ WORLDS = 16  # draws for each set of stiffnesses
 SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed
 FINE_SIZES, FINE_DIRECTIONS = 41, 72  # and interpolated to
 WIDEST = 2.0  # an offset without an uncertainty may be so many times the preset's
+SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed; docs/trials.md shows what it brings
+SCALES = np.linspace(-1.8, 1.8, 7)  # standard deviations at which it is taken
 STATES = 12_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
 
 
@@ -56,7 +59,8 @@ class OffsetPrior:
     sizes, directions), sums to 1; F_ior_arcsec, with the fixed wheel at rotation 0, and tooth_slope, its change by
     a micrometre more of that wheel's own deviation (half its range) [arcsec/um], shape (torques, worlds, sizes,
     directions); tooth_um, that deviation, shape (worlds,); model, which set of stiffnesses a world has, 0 for the
-    preset's, shape (worlds,); standard_error_arcsec of F_ior_arcsec, shape (torques,).
+    preset's, and scale, the drive's F'_ior over the model's, already in F_ior_arcsec, shape (worlds,);
+    standard_error_arcsec of F_ior_arcsec, shape (torques,).
     """
 
     drive: Drive
@@ -68,6 +72,7 @@ class OffsetPrior:
     tooth_slope: Array
     tooth_um: Array
     model: NDArray[np.int64]
+    scale: Array
     standard_error_arcsec: Array
     certificate: Certificate
 
@@ -145,20 +150,27 @@ def offset_prior(
         if progress:
             progress(STATES)
     shape = (len(torques), len(worlds), len(size), len(direction))
+    scale, likely = 1 + SCALE * SCALES, norm.pdf(SCALES) / norm.pdf(SCALES).sum()
     proofs = [response.certificate for row in responses for response in row]
     return OffsetPrior(
         drive=drive,
         torques=tuple(torques),
         size_um=size,
         direction_deg=direction,
-        weight=np.broadcast_to(np.outer(weight, facing) / len(worlds), shape[1:]),
-        F_ior_arcsec=np.array(F_ior).reshape(shape),
-        tooth_slope=np.array(slope).reshape(shape),
-        tooth_um=np.array([float(world.value(names.tooth)) / 2 for world in worlds]),
-        model=np.repeat(np.arange(len(models)), len(rest)),
+        weight=np.multiply.outer(np.repeat(likely, len(worlds)) / len(worlds), np.outer(weight, facing)),
+        F_ior_arcsec=_scaled(np.array(F_ior).reshape(shape), scale),
+        tooth_slope=_scaled(np.array(slope).reshape(shape), scale),
+        tooth_um=np.tile([float(world.value(names.tooth)) / 2 for world in worlds], len(scale)),
+        model=np.tile(np.repeat(np.arange(len(models)), len(rest)), len(scale)),
+        scale=np.repeat(scale, len(worlds)),
         standard_error_arcsec=np.max([[r.standard_error for r in row] for row in responses], axis=0),
         certificate=sum(proofs, EMPTY),
     )
+
+
+def _scaled(values: Array, scale: Array) -> Array:
+    """Values at each scale, the worlds of one scale after those of another."""
+    return np.concatenate([values * factor for factor in scale], axis=1)
 
 
 def _sizes(drive: Drive, path: str) -> tuple[Array, Array]:

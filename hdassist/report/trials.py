@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.analysis.mounting import Position, hole_of, hole_words
+from hdassist.analysis.offset_prior import SCALE, WORLDS
 from hdassist.analysis.trial_advice import TrialAdvice
 from hdassist.analysis.trials import Trial
 from hdassist.report.console import Look, table
@@ -108,7 +109,7 @@ def _trials(advice: TrialAdvice, look: Look) -> Table:
     known = advice.known
     seat = f", seat {known.rig.reseat_um:g} um" if known.rig.reseat_um else ""
     grid = table(look, f"trials (standard deviations: noise {known.rig.noise_arcsec:g} arcsec{seat})")
-    grid.add_column("position")
+    grid.add_column("position", no_wrap=True)
     for words in ("measured, arcsec", "as explained", "standard deviation"):
         grid.add_column(words, justify="right")
     for trial, mean, spread in zip(known.trials, known.predicted_arcsec, known.predicted_spread_arcsec, strict=True):
@@ -121,7 +122,9 @@ def _offset(advice: TrialAdvice, look: Look) -> Table:
     mean, spread = advice.known.offset_um
     grid = table(look, f"cam offset: {mean:.0f} um, standard deviation {spread:.0f} um")
     for words in ("direction, deg", "standard deviation", "probability, %", "size, um", "best position"):
-        grid.add_column(words, justify="left" if words == "best position" else "right")
+        grid.add_column(
+            words, justify="left" if words == "best position" else "right", no_wrap=words == "best position"
+        )
     for one in advice.known.directions():
         facing = (f"{one.direction_deg:.0f}", f"{one.spread_deg:.0f}") if one.spread_deg < OPEN else ("open", "-")
         best = _where(advice, one.recommended_deg)
@@ -133,7 +136,7 @@ def _positions(advice: TrialAdvice, look: Look) -> Table:
     known = advice.known
     torques = " / ".join(f"{M_g:g}" for M_g in known.prior.torques[: known.deciding])
     grid = table(look, f"positions, best first: F'_ior in arcsec at {torques} N·m")
-    grid.add_column("position")
+    grid.add_column("position", no_wrap=True)
     for words in ("best, %", "expected", "5 %", "95 %", "expected loss, %"):
         grid.add_column(words, justify="right")
     levels = [known.expected_F_ior(level) for level in (None, 0.05, 0.95)]
@@ -147,16 +150,18 @@ def _positions(advice: TrialAdvice, look: Look) -> Table:
 def _basis(advice: TrialAdvice) -> str:
     known = advice.known
     errors = " / ".join(f"{error:.2f}" for error in known.prior.standard_error_arcsec)
+    mean, spread = known.scale
     words = (
         f"Positions are turns from where the wheel stood at 0, counter-clockwise seen from the cam side. Offsets up to "
-        f"{known.prior.size_um[-1]:.0f} um were weighed in {_count(len(known.prior.model), 'world')} (the offset that "
-        f"turns with the cam and what is uncertain drawn anew in each"
+        f"{known.prior.size_um[-1]:.0f} um were weighed, with the offset that turns with the cam and what is uncertain "
+        f"drawn {_count(WORLDS, 'time')}, and with the model's scale: the drive shows {mean:.2f} of the computed "
+        f"F'_ior, standard deviation {spread:.2f} (before the trials: 1.00, {SCALE:.2f}, assumed)"
     )
     sets = len(known.model_share)
     if sets > 1:
         shares = ", ".join(f"{share:.0%}" for share in known.model_share)
-        words += f"; {sets} sets of stiffnesses, which hold {shares}"
-    return f"{words}); F'_ior interpolated, standard error {errors} arcsec."
+        words += f"; {sets} sets of stiffnesses hold {shares}"
+    return f"{words}. F'_ior interpolated, standard error {errors} arcsec."
 
 
 def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
@@ -209,6 +214,8 @@ def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
                 }
                 for one in known.directions()
             ],
+            "scale": known.scale[0],
+            "scale_sd": known.scale[1],
             "stiffness_sets": known.model_share.tolist(),
             "criterion": known.criterion.name,
             "positions": [

@@ -1,0 +1,101 @@
+"""`hdassist mount --trial` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.process import SMALL, run
+
+# what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
+TRIALS = ("--trial", "h0:73", "--trial", "120:18.7", "--trial", "h8:25")
+ONE = ("mount", SMALL, "--torque", "4")
+
+
+@pytest.fixture(scope="module")
+def answer(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str, str]:
+    figures = tmp_path_factory.mktemp("trials") / "holes.csv"
+    done = run(*ONE, *TRIALS, "--json", "--csv", str(figures))
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), done.stderr, figures.read_text()
+
+
+def test_json_has_what_mount_has_and_what_the_trials_teach(answer):
+    told, _, _ = answer
+    assert told["schema"] == "hdassist.mount/1"
+    assert [c["M_g_Nm"] for c in told["curves"]] == [4]
+    assert len(told["curves"][0]["phase_deg"]) == len(told["curves"][0]["F_ior_arcsec"]) == 12
+    for name in ("current", "recommended", "worst"):
+        assert {"rotation_deg", "phase_deg", "hole", "F_ior_arcsec"} <= set(told[name])
+    learnt = told["trials"]
+    assert [m["hole"] for m in learnt["measured"]] == [0, 4, 8]
+    assert sum(p["probability_best"] for p in learnt["positions"]) == pytest.approx(1)
+    best = min(learnt["positions"], key=lambda p: p["expected_loss"])
+    assert best["hole"] == told["recommended"]["hole"]
+    assert sum(learnt["stiffness_sets"]) == pytest.approx(1)
+    assert learnt["verify"] is None
+    assert 0 < told["gain"] < 1
+    assert told["certificate"]["max_residual"] < 1e-9
+
+
+def test_csv_has_a_row_for_each_hole(answer):
+    told, _, figures = answer
+    rows = list(csv.DictReader(figures.splitlines()))
+    assert [float(row["F_ior_expected_arcsec"]) for row in rows] == told["curves"][0]["F_ior_arcsec"]
+
+
+def test_the_same_digits_for_any_number_of_jobs(answer):
+    assert json.loads(run(*ONE, *TRIALS, "--json", "--jobs", "1").stdout) == answer[0]
+
+
+def test_people_see_the_instruction_and_tables(answer):
+    done = run(*ONE, *TRIALS, "--ascii")
+    assert done.returncode == 0
+    assert done.stdout.isascii()
+    assert "the cam offset from 3 trials at 4 N*m" in done.stdout
+    assert " ".join(answer[0]["instruction"].replace("·", "*").split()) in " ".join(done.stdout.split())
+    for words in ("hole 4 (120 deg)", "expected loss", "would teach most", "counter-clockwise seen from the cam side"):
+        assert words in " ".join(done.stdout.split())
+
+
+def test_an_outcome_says_keep_or_go_back():
+    worse = run(*ONE, *TRIALS, "--verify", "h6:80", "-q")
+    assert worse.returncode == 3
+    assert worse.stdout == "4\n"
+    assert "outside of what the trials predict" in worse.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--trial", "h4"), "'h4' is no trial"),
+        (("--trial", "h12:17"), "h0 to h11"),
+        (("--trial", "0:17", "--set", "mounting.holes=0", "--trial", "h1:17"), "has none"),
+        (("--verify", "h4:17"), "--verify needs the trials"),
+        ((*TRIALS, "--noise", "0"), "noise of a trial"),
+        ((*TRIALS, "--reseat", "-1"), "error of the seat"),
+        ((*TRIALS, "--trial-torque", "0"), "torque of a trial"),
+        ((*TRIALS, "--step", "10"), "no meaning with trials"),
+        ((*TRIALS, "--weights", "1,2"), "weights must be 1 positive"),
+        ((*TRIALS, "--criterion", "best"), "no criterion"),
+        ((*TRIALS, "--set", "tolerances.e_hb=0"), "nothing is known of the size"),
+        ((*TRIALS, "--set", "uncertainty.gears.j_n=1"), "cannot take in"),
+    ],
+)
+def test_wrong_usage_is_told_before_any_work(arguments, words):
+    done = run(*ONE, *arguments)
+    assert done.returncode == 2
+    assert words in " ".join(done.stderr.split())
+    assert done.stdout == ""
+
+
+def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
+    figures = tmp_path / "none.csv"
+    done = run(*ONE, "--trial", "h0:20", "--trial", "h4:500", "--csv", str(figures))
+    assert done.returncode == 5
+    assert "no cam offset up to 60 um explains the trials" in done.stderr
+    assert done.stdout == ""
+    assert not figures.exists()
