@@ -11,7 +11,8 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.drive import Drive, Section, fields, is_optional, is_torque, kind_of, sections, unit_of
-from hdassist.preset.findings import MAX_FINDINGS, Findings, near
+from hdassist.preset.findings import MAX_FINDINGS, OVERRIDE, Findings, near
+from hdassist.preset.spread import is_spread, read_spread
 from hdassist.preset.units import UnitError, convert
 from hdassist.preset.yamltext import BROKEN, Path, shown
 
@@ -29,6 +30,7 @@ class Converter:
 
     def __init__(self, findings: Findings) -> None:
         self.findings = findings
+        self._spreads: dict[str, float] = {}  # given beside a value, by path
 
     def drive(self, data: dict[str, Any]) -> Values:
         """Values for `Drive`; what has a finding is left out."""
@@ -51,7 +53,19 @@ class Converter:
                 self._source(values, value)
             else:
                 values[key] = value
+        self._join_spreads(values)
         return values
+
+    def _join_spreads(self, values: Values) -> None:
+        """Put uncertainties that stand beside values to the others; of two, one on the command line wins."""
+        for path, spread in self._spreads.items():
+            table = values.setdefault("uncertainty", {})
+            beside = self.findings.where(tuple(path.split(".")))[0] == OVERRIDE
+            own = ("uncertainty", path)
+            if path not in table or (beside and self.findings.where(own)[0] != OVERRIDE):
+                table[path] = spread
+            elif beside or self.findings.where(own)[0] != OVERRIDE:
+                self.findings.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
 
     def _section(self, values: Values, name: str, model: type[Section], data: Any) -> None:
         if (table := self._table((name,), data)) is None:
@@ -71,6 +85,8 @@ class Converter:
         kind, key = kind_of(info), str(path[-1])
         if value is None and is_optional(info):
             section[key] = None
+        elif kind == "number" and isinstance(value, str) and is_spread(value):
+            self._spread(section, path, value, unit_of(info))
         elif kind == "number":
             self._put(section, path, self.number, value, unit_of(info))
         elif kind == "count":
@@ -86,6 +102,12 @@ class Converter:
         number = read(path, value, *unit)
         if number is not None:
             section[str(path[-1])] = number
+
+    def _spread(self, section: Values, path: Path, text: str, unit: str) -> None:
+        try:
+            section[str(path[-1])], self._spreads[".".join(map(str, path))] = read_spread(text, unit)
+        except UnitError as error:
+            self.findings.add(path, error.message, error.hint)
 
     def _items(self, section: Values, path: Path, info: FieldInfo, value: Any) -> None:
         holes = kind_of(info) == "holes"

@@ -7,7 +7,8 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.drive import SCHEMA, Drive, Section, fields, is_optional, kind_of, sections, unit_of
-from hdassist.preset.units import pattern_for, units_for
+from hdassist.preset.spread import spread_pattern
+from hdassist.preset.units import pattern_for, spelled_units, units_for
 
 Schema = dict[str, Any]
 TORQUE_KEY = r"^(all|[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?)$"
@@ -80,6 +81,8 @@ def _field(declared: Schema, info: FieldInfo) -> Schema:
         return about | {"anyOf": [*one, limits]}
     number = declared.get("anyOf", [declared])[0]
     choices = _quantity(number, unit) + ([{"type": "null"}] if is_optional(info) else [])
+    if kind == "number":
+        choices.append({"type": "string", "pattern": spread_pattern(spelled_units(unit))})
     return about | (choices[0] if len(choices) == 1 else {"anyOf": choices})
 
 

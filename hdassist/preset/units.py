@@ -109,9 +109,13 @@ def units_for(unit: str) -> tuple[str, ...]:
 
 def pattern_for(unit: str) -> str:
     """Regular expression of the texts that a field with this unit takes, for editors."""
+    return rf"^\s*{NUMBER}\s*({spelled_units(unit)})\s*$"
+
+
+def spelled_units(unit: str) -> str:
+    """Regular expression of every spelling of the units that convert to the given one; empty for a pure number."""
     dimension = _dimension(unit)
-    spelled = [_spelled(u) for u in sorted(_SIZES[dimension], key=lambda u: (-len(u), u))]
-    return rf"^\s*{NUMBER}\s*({'|'.join(spelled)})\s*$"
+    return "|".join(_spelled(u) for u in sorted(_SIZES[dimension], key=lambda u: (-len(u), u))) if dimension else ""
 
 
 _DOUBLES = {"°", "'", '"', "Nm", "N m", "kNm", "kN m", "Nmm", "N mm", "mNm"}
