@@ -6,17 +6,23 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.analysis.mounting import Position, hole_of, phase_deg, rotated
+import numpy as np
+
+from hdassist.analysis.advice import Advice
+from hdassist.analysis.mounting import MountingCurve, Position, hole_of, phase_deg, rotated
 from hdassist.analysis.offset_posterior import NextTrial, Posterior, posterior, require_weights
 from hdassist.analysis.offset_prior import STATES as WORLD_STATES
 from hdassist.analysis.offset_prior import WORLDS, OffsetNames, offset_prior
 from hdassist.analysis.response import STATES
-from hdassist.analysis.robust import Criterion
+from hdassist.analysis.robust import Criterion, Robust
 from hdassist.analysis.trials import Rig, Trial, trial_positions
 from hdassist.analysis.verification import Verification, verify
+from hdassist.analysis.weighted import picked
 from hdassist.errors import UsageError
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
+
+SAMPLES = 400  # of what is known, for those who count samples
 
 
 @dataclass(frozen=True)
@@ -36,8 +42,11 @@ class TrialAdvice:
 
     def phase(self, rotation_deg: float) -> float:
         """Phase [deg] of a rotation if the offset points where it most likely does."""
-        facing = self.drive.with_values({OffsetNames.of(self.drive).direction: self.known.likeliest_deg})
-        return phase_deg(rotated(facing, rotation_deg))
+        return phase_deg(rotated(self._facing, rotation_deg))
+
+    @property
+    def _facing(self) -> Drive:
+        return self.drive.with_values({OffsetNames.of(self.drive).direction: self.known.likeliest_deg})
 
     @property
     def chosen(self) -> Position:
@@ -48,6 +57,59 @@ class TrialAdvice:
     def ranked(self) -> list[int]:
         """Places of the positions, best first."""
         return [int(place) for place in self.known.value.argsort(kind="stable")]
+
+    @property
+    def as_advice(self) -> Advice:
+        """The same as advice on a drive whose offset points where it most likely does, sampled from what is known."""
+        known = self.known
+        rotations, expected = np.array(known.rotations_deg), known.expected_F_ior()[: known.deciding]
+        present = (known.now_arcsec @ known.weight)[: known.deciding]
+        at_present = bool(len(rotations) and rotations[0] == 0)
+        if not at_present:  # a position that must be left: it is shown all the same
+            rotations, expected = np.append(0.0, rotations), np.column_stack([present, expected])
+        mounting = self.drive.mounting
+        curve = MountingCurve(
+            torques=known.prior.torques[: known.deciding],
+            rotation_deg=rotations,
+            phase_deg=np.array([self.phase(float(rotation)) for rotation in rotations]),
+            F_ior_arcsec=expected,
+            certificate=known.prior.certificate,
+            cross_checks=(),
+            every_state=np.zeros(expected.shape, dtype=bool),
+            holes=mounting.holes,
+            allowed=None if mounting.allowed == "all" else mounting.allowed,
+            weights=known.weights,
+        )
+        some = picked(known.weight, SAMPLES)
+        sampled = FromTrials(
+            known.criterion,
+            tuple(range(len(rotations) - len(known.rotations_deg), len(rotations))),
+            np.moveaxis(known.F_ior_arcsec[: known.deciding][:, some], 0, 1),
+            known.merits[some],
+            np.ones(len(some)),
+            0,
+            known.prior.certificate,
+            tuple(known.prior.standard_error_arcsec[: known.deciding]),
+            chosen=known.best,
+        )
+        return Advice(self._facing, curve, sampled, (), (), ())
+
+
+@dataclass(frozen=True)
+class FromTrials(Robust):
+    """Samples of what is known after trials, whose choice is made."""
+
+    chosen: int = 0
+
+    @property
+    def best(self) -> int:
+        """Which of the positions is the choice."""
+        return self.chosen
+
+    @property
+    def worth_turning(self) -> bool:
+        """A choice from trials stands, also where one position in 20 may be better."""
+        return True
 
 
 def work(drive: Drive, torques: Sequence[float], rig: Rig) -> int:

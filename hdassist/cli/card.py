@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -13,6 +14,7 @@ from hdassist.report.files import require_writable, write_text
 
 if TYPE_CHECKING:
     from hdassist.analysis.advice import Advice
+    from hdassist.analysis.trials import Trial
     from hdassist.report.catalogue import Texts
 
 KINDS = (".txt", ".md", ".html")
@@ -64,15 +66,18 @@ class CardFile:
         """Whether the card takes the place of the answer on stdout."""
         return self.path == "-" and out.target == "-"
 
-    def write(self, advice: Advice) -> None:
-        """Make the card and write it; an interrupted advice has none."""
+    def write(self, advice: Advice, trials: Sequence[Trial] = (), at: float = 0.0) -> None:
+        """Make the card and write it; an interrupted advice has none.
+
+        Arguments: advice; trials that it rests on, and their torque [N*m].
+        """
         if advice.curve.interrupted:
             note("no card: the work was interrupted")
             return
         from hdassist.report import card_html, card_markdown, card_text
         from hdassist.report.card import card_of
 
-        card = card_of(advice, self.say, serial=self.serial, made=date.today())
+        card = card_of(advice, self.say, serial=self.serial, made=date.today(), trials=trials, at=at)
         if self.kind == ".html":
             text = card_html.render(card)
         elif self.kind == ".md":

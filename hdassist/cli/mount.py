@@ -106,11 +106,9 @@ def command(
 
         if step is not None or every_state:
             raise UsageError("--step and --every-state have no meaning with trials", "leave them out")
-        if card is not None:
-            raise UsageError("trials have no card yet", "leave --card out")
         rig = (trial_torque, noise, reseat)
         code = with_trials(
-            out, drive, trial, verify, rig,
+            out, page, drive, trial, verify, rig,
             weights=shares, criterion=criterion, seed=seed, jobs=jobs, json=json, quiet=quiet, verbose=verbose,
         )  # fmt: skip
         raise typer.Exit(code)

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hdassist.cli.card import CardFile
     from hdassist.cli.output import Output
     from hdassist.preset.drive import Drive
 
 
 def with_trials(
     out: Output,
+    page: CardFile | None,
     drive: Drive,
     trials: Sequence[str],
     verify: str | None,
@@ -28,8 +30,9 @@ def with_trials(
 ) -> int:
     """Advise from trials; returns the exit code.
 
-    Arguments: trials and verify as on the command line; rig: torque of the trials [N*m] (None: the lightest), noise
-    [arcsec], error of the seat [um]. Raises UsageError for what is no trial, and what the analysis raises.
+    Arguments: out, where answers go; page, the card that is asked for; trials and verify as on the command line; rig:
+    torque of the trials [N*m] (None: the lightest), noise [arcsec], error of the seat [um]. Raises UsageError for what
+    is no trial, and what the analysis raises.
     """
     from hdassist.analysis.trial_advice import advise_from_trials, work
     from hdassist.analysis.trials import Rig, read_trial
@@ -66,7 +69,9 @@ def with_trials(
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.known.prior.certificate}")
     if json:
         out.text(to_json(report.answer(advice, seed)))
-    else:
+    elif not (page and page.replaces(out)):
         out.human(report.brief(advice) if quiet else report.render(advice, out.look))
     out.figures(report.csv(advice))
+    if page:
+        page.write(advice.as_advice, advice.known.trials, how.M_g)
     return report.exit_code(advice)

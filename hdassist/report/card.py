@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 
 from hdassist.analysis.advice import Advice
+from hdassist.analysis.mounting import hole_of
+from hdassist.analysis.trials import Trial
 from hdassist.preset.drive import Drive
 from hdassist.report.card_tables import BESIDE, Table, other_positions, torques_shown, torques_table
 from hdassist.report.catalogue import Texts
@@ -16,6 +19,7 @@ from hdassist.version import __version__
 
 WARNINGS = 4  # that a card has room for
 LETTERS = 240  # of one of them
+TRIALS = 8  # that it tells
 DIGITS = 12  # of the preset's SHA-256
 
 
@@ -50,10 +54,13 @@ class Card:
     foot: tuple[str, ...]
 
 
-def card_of(advice: Advice, say: Texts, *, serial: str = "", made: date) -> Card:
+def card_of(
+    advice: Advice, say: Texts, *, serial: str = "", made: date, trials: Sequence[Trial] = (), at: float = 0.0
+) -> Card:
     """The card of an advice.
 
-    Arguments: advice, a complete one; say, the texts of a language; serial, number of the drive; made, date of making.
+    Arguments: advice, a complete one; say, the texts of a language; serial, number of the drive; made, date of making;
+    trials that the advice rests on, and their torque [N*m].
     """
     turned = advice.worth_turning
     target = advice.chosen if turned else advice.curve.current
@@ -62,7 +69,7 @@ def card_of(advice: Advice, say: Texts, *, serial: str = "", made: date) -> Card
         language=say.language,
         title=say("card.title"),
         subject=_subject(advice.drive, say, serial),
-        instruction=instruction(advice, say, room=BESIDE),
+        instruction=instruction(advice, say, room=BESIDE) + (f" {say('instruction.from_first')}" if trials else ""),
         seat=seat,
         directions=tuple(f"{p.letter}: {p.words}, {say.angle(p.angle_deg)}" for p in seat.pointers),
         torques=torques_table(advice, say),
@@ -71,7 +78,7 @@ def card_of(advice: Advice, say: Texts, *, serial: str = "", made: date) -> Card
         checks=Lines(say("checks.title"), _checks(advice, say)),
         warnings=Lines(say("warnings.title"), _warnings(advice, say)),
         sign=(say("sign.date"), say("sign.name")),
-        foot=_foot(advice.drive, say, made),
+        foot=(*_trials(advice.drive, say, trials, at), *_foot(advice.drive, say, made)),
     )
 
 
@@ -126,6 +133,18 @@ def _warnings(advice: Advice, say: Texts) -> tuple[str, ...]:
     found = warnings(advice, say)
     shown = [text if len(text) <= LETTERS else f"{text[:LETTERS].rstrip()}..." for text in found[:WARNINGS]]
     return (*shown, say("warnings.more", count=len(found) - WARNINGS)) if len(found) > WARNINGS else tuple(shown)
+
+
+def _trials(drive: Drive, say: Texts, trials: Sequence[Trial], at: float) -> tuple[str, ...]:
+    if not trials:
+        return ()
+    holes = drive.mounting.holes
+    told = []
+    for trial in trials[:TRIALS]:
+        hole = hole_of(trial.rotation_deg, holes)
+        where = say.angle(trial.rotation_deg) if hole is None else say("foot.hole", hole=hole)
+        told.append(say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec)))
+    return (say("foot.trials", torque=say.torque(at), trials="; ".join(told)),)
 
 
 def _foot(drive: Drive, say: Texts, made: date) -> tuple[str, ...]:

@@ -99,3 +99,15 @@ def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
     assert "no cam offset up to 60 um explains the trials" in done.stderr
     assert done.stdout == ""
     assert not figures.exists()
+
+
+def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
+    card = tmp_path / "card.txt"
+    done = run(*ONE, *TRIALS, "--card", str(card), "-q")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{answer[0]['recommended']['hole']}\n"
+    text = " ".join(card.read_text(encoding="utf-8").split())
+    assert "hole 0: 73 arcsec; hole 4: 18.7 arcsec; hole 8: 25 arcsec" in text
+    assert "not from the last trial" in text
+    now, best = (f"{answer[0][name]['F_ior_arcsec'][0]:.2f}" for name in ("current", "recommended"))
+    assert f"F'_ior {now} -> {best} arcsec at 4" in text

@@ -17,7 +17,7 @@ from hdassist.report.catalogue import Texts, languages, texts
 from hdassist.report.console import Look
 from hdassist.report.seat import circle, instruction
 from hdassist.version import __version__
-from tests.unit.cards import MADE, advice_of, card, cards, crowded, sampled
+from tests.unit.cards import MADE, TRIALS, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -250,13 +250,14 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     for advice in [*CARDS.values(), crowded(CARDS["many"])]:
         card(advice, "ru")
         circle(advice, Look(ascii=True, codes=False, width=80))
+    card(CARDS["plain"], "ru", trials=TRIALS)
     assert used == set(texts("ru").entries)
 
 
 @pytest.mark.parametrize("name", CARDS)
 def test_nothing_on_a_russian_card_is_english(name):
     advice = CARDS[name]
-    said = strings(asdict(card(advice, "ru", serial="17")))
+    said = strings(asdict(card(advice, "ru", serial="17", trials=TRIALS)))
     said = [text for text in said if text not in ("ru", "now", "after", "cam", "best", "worst")]  # kinds
     text = "\n".join(said)
     for known in (*advice.drive.origin.overrides, advice.drive.name, "hdassist", "sha256", "F'_ior"):
