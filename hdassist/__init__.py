@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from hdassist.analysis.trace import Trace, trace
     from hdassist.errors import HdassistError
     from hdassist.model.deviations import ToothDeviations
+    from hdassist.model.measured import MeasuredTeeth, MeasuredWheel
     from hdassist.preset.drive import Drive
     from hdassist.preset.library import load_preset, preset_names
+    from hdassist.preset.pitch import PitchFile, read_pitch
 
 _HOMES = {
     "check": "hdassist.analysis.check",
@@ -37,16 +39,23 @@ _HOMES = {
     "trace": "hdassist.analysis.trace",
     "HdassistError": "hdassist.errors",
     "ToothDeviations": "hdassist.model.deviations",
+    "MeasuredTeeth": "hdassist.model.measured",
+    "MeasuredWheel": "hdassist.model.measured",
     "Drive": "hdassist.preset.drive",
     "load_preset": "hdassist.preset.library",
     "preset_names": "hdassist.preset.library",
+    "PitchFile": "hdassist.preset.pitch",
+    "read_pitch": "hdassist.preset.pitch",
 }
 
 __all__ = [
     "Drive",
     "HdassistError",
     "KinematicError",
+    "MeasuredTeeth",
+    "MeasuredWheel",
     "MountingCurve",
+    "PitchFile",
     "SelfError",
     "Stiffness",
     "ToothDeviations",
@@ -57,6 +66,7 @@ __all__ = [
     "load_preset",
     "mounting_curve",
     "preset_names",
+    "read_pitch",
     "self_error",
     "stiffness",
     "trace",

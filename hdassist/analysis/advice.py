@@ -13,6 +13,8 @@ from hdassist.analysis.mounting_curve import work as curve_work
 from hdassist.analysis.robust import Criterion, Robust, robust
 from hdassist.analysis.robust import work as robust_work
 from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
+from hdassist.errors import UsageError
+from hdassist.model.measured import MeasuredTeeth
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
 
@@ -25,7 +27,8 @@ class Advice:
 
     robust: the positions under the preset's uncertainties, None without any; others: the best position under each
     of the preset's alternatives; now and best: what a micrometre does where the wheel stands and at the chosen
-    position, one for each torque, empty where it cannot be had.
+    position, one for each torque, empty where it cannot be had; measured: wheels in place of first harmonics, for which
+    there is the curve alone.
     """
 
     drive: Drive
@@ -34,6 +37,7 @@ class Advice:
     others: tuple[Alternative, ...]
     now: tuple[Sensitivity, ...]
     best: tuple[Sensitivity, ...]
+    measured: MeasuredTeeth | None = None
 
     @property
     def chosen(self) -> Position:
@@ -62,11 +66,19 @@ class Advice:
         return tuple(o for o in self.others if _apart(o.recommended, self.chosen) > hole + 1e-9)
 
 
-def work(drive: Drive, torques: Sequence[float], rotations: Sequence[float], *, every_state: bool, samples: int) -> int:
+def work(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations: Sequence[float],
+    *,
+    every_state: bool,
+    samples: int,
+    measured: MeasuredTeeth | None = None,
+) -> int:
     """Number of states that an advice solves, about, for a progress bar."""
     others = len(drive.alternatives) * (drive.mounting.holes or FREE) + 2 * SEARCHES
-    curve = curve_work(drive, torques, rotations, every_state=every_state)
-    if not searchable(drive):
+    curve = curve_work(drive, torques, rotations, every_state=every_state, measured=measured)
+    if measured or not searchable(drive):
         return curve
     return curve + len(torques) * (SEARCHED * others + robust_work(drive, samples, len(rotations) + 1))
 
@@ -76,6 +88,7 @@ def advise(
     torques: Sequence[float],
     rotations_deg: Sequence[float],
     *,
+    measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     weights: Sequence[float] | None = None,
     samples: int = 200,
@@ -88,13 +101,21 @@ def advise(
     """Find the position in which to mount the fixed wheel of a drive.
 
     Arguments: as in mounting_curve and, for a preset with uncertainties, robust. An interrupt ends the work early:
-    the advice has what was done. Raises UsageError and UntrustedError as those.
+    the advice has what was done. Raises UsageError and UntrustedError as those, and UsageError for samples of a drive
+    with measured teeth.
     """
     Criterion.of(criterion)  # wrong before anything is computed, and without uncertainties too
+    if measured and drive.uncertainty and samples:
+        raise UsageError(
+            "with measured teeth what the preset has as uncertain is not sampled: "
+            "each sample would take every state at every position",
+            "--samples 0 advises without the uncertainty",
+        )
     curve = mounting_curve(
         drive,
         torques,
         rotations_deg,
+        measured=measured,
         every_state=every_state,
         weights=weights,
         cross_check=cross_check,
@@ -102,8 +123,8 @@ def advise(
         executor=executor,
         progress=progress,
     )
-    if curve.interrupted:
-        return Advice(drive, curve, None, (), (), ())
+    if curve.interrupted or measured:
+        return Advice(drive, curve, None, (), (), (), measured)
     sampled = None
     if drive.uncertainty and samples:
         sampled = robust(

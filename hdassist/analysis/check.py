@@ -13,6 +13,7 @@ from hdassist.analysis.self_error import SelfError, self_error
 from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.analysis.verdict import Verdict, worst
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.measured import MeasuredTeeth
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Certificate
 
@@ -48,10 +49,14 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class Check:
-    """Design check of a drive: one operating point per torque, in the order of the preset."""
+    """Design check of a drive: one operating point per torque, in the order of the preset.
+
+    measured: wheels in place of first harmonics.
+    """
 
     drive: Drive
     points: tuple[OperatingPoint, ...]
+    measured: MeasuredTeeth | None = None
 
     @property
     def kinematics(self) -> Kinematics:
@@ -83,27 +88,34 @@ class Check:
         )
 
 
-def work(drive: Drive) -> int:
+def work(drive: Drive, measured: MeasuredTeeth | None = None) -> int:
     """Number of states that a check solves, for a progress bar."""
-    searched = SEARCHES * SEARCHED if searchable(drive) else 0
+    searched = SEARCHES * SEARCHED if searchable(drive) and not measured else 0
     return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
 
 
 def check(
     drive: Drive,
     *,
+    measured: MeasuredTeeth | None = None,
     solver: str | None = None,
     cross_check: str = "CLARABEL",
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Check:
-    """Check a drive at the torques of its preset; arguments and errors as in kinematic_error."""
+    """Check a drive at the torques of its preset.
+
+    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; the others and the
+    errors as in kinematic_error.
+    """
     torques = drive.operation.M_g
+    there, teeth = measured.in_drive(drive) if measured else (drive, None)
     errors = [
-        kinematic_error(drive, M_g, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
+        kinematic_error(there, M_g, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
         for M_g in torques
     ]
     own = self_error(drive, torques, progress=progress)
-    slopes = sensitivities([(drive, M_g) for M_g in torques], progress=progress)
+    cases = [] if measured else [(drive, M_g) for M_g in torques]
+    slopes = sensitivities(cases, progress=progress) if cases else [None] * len(torques)
     limits = [drive.limit(M_g) for M_g in torques]
-    return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)))
+    return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hdassist.analysis.kinematic_error import CrossCheck
 from hdassist.model.deviations import tooth_phases
 from hdassist.model.geometry import Array
+from hdassist.model.measured import MeasuredTeeth
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Certificate
 
@@ -166,9 +167,14 @@ def rotated(drive: Drive, rotation_deg: float) -> Drive:
     return drive.model_copy(update={"phases": drive.phases.model_copy(update=turned)})
 
 
-def phase_deg(drive: Drive) -> float:
-    """Direction of the fixed wheel's deviation from the cam offset that stands with it [deg], in 0..360."""
+def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None) -> float:
+    """Direction of the fixed wheel's deviation from the cam offset that stands with it [deg], in 0..360.
+
+    Where the fixed wheel is measured, it is the direction of its mark that counts.
+    """
     xi_g, xi_b = np.degrees(tooth_phases(drive))
     rigid = drive.mounting.fixed == "rigid"
+    if measured and (wheel := measured.fixed(drive)):
+        xi_g = xi_b = wheel.mark_deg
     phase = xi_b - drive.phases.phi_hb if rigid else xi_g - drive.phases.phi_hg
     return float(np.mod(round(float(phase), 9), 360.0))

@@ -19,8 +19,10 @@ from hdassist.analysis.kinematic_error import CrossCheck, kinematic_error
 from hdassist.analysis.mounting import MountingCurve, Position, merit, phase_deg, rotated
 from hdassist.analysis.sensitivity import SEARCHES
 from hdassist.errors import UsageError
+from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.measured import MeasuredTeeth
 from hdassist.preset.drive import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
@@ -36,9 +38,18 @@ _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
 
-def work(drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], *, every_state: bool) -> int:
+def work(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    *,
+    every_state: bool,
+    measured: MeasuredTeeth | None = None,
+) -> int:
     """Number of states that a mounting curve and its sensitivities solve, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
+    if measured:
+        return len(torques) * len(rotations_deg) * cycle
     others = 2 * SEARCHES + len(drive.alternatives) * (drive.mounting.holes or FREE)
     slopes = others * SEARCHED if searchable(drive) else 0
     if every_state or not worth_searching(drive):
@@ -51,6 +62,7 @@ def mounting_curve(
     torques: Sequence[float],
     rotations_deg: Sequence[float],
     *,
+    measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     weights: Sequence[float] | None = None,
     cross_check: str | None = "CLARABEL",
@@ -66,11 +78,14 @@ def mounting_curve(
 
     Where the seat has no holes, every valley of the curve is searched for its bottom and that position added.
 
-    Arguments: rotations_deg, 0 first, which is where the wheel stands; every_state, solve all states of all
-    positions; weights of the torques in the choice of the best position, one each; executor, to spread the work
-    over (any concurrent.futures executor; the numbers do not depend on it); progress, told how many states were
-    solved. Raises UsageError where the present position is not the first or weights are not one positive number a
-    torque, UntrustedError where an answer cannot be trusted.
+    The error of measured teeth is not continuous and so cannot be searched: then every state is solved everywhere, and
+    no position is added.
+
+    Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
+    every_state, solve all states of all positions; weights of the torques in the choice of the best position, one each;
+    executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it); progress, told
+    how many states were solved. Raises UsageError where the present position is not the first or weights are not one
+    positive number a torque, UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
@@ -78,11 +93,12 @@ def mounting_curve(
         raise UsageError(f"weights must be {len(torques)} positive numbers, one for each torque")
     job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
     job.weights = None if weights is None else tuple(weights)
-    if every_state or not worth_searching(drive):
+    job.measured = measured
+    if every_state or measured or not worth_searching(drive):
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
         job.search()
-    if not drive.mounting.holes and searchable(drive):
+    if not (drive.mounting.holes or measured) and searchable(drive):
         job.refine()
     decisive = job.decisive()
     found = job.values.copy()
@@ -142,6 +158,7 @@ class _Job:
         self._cross_check, self._seed, self._executor, self._progress = cross_check, seed, executor, progress
         self._interrupted = False
         self.weights: tuple[float, ...] | None = None
+        self.measured: MeasuredTeeth | None = None
 
     def search(self, effort: Effort = THOROUGH) -> None:
         """Search the extremes at every position."""
@@ -172,13 +189,22 @@ class _Job:
     def solve(self, places: Iterable[tuple[int, int]]) -> None:
         """Solve every state at some places (torque, rotation)."""
         places = list(places)
-        tasks = [
-            (rotated(self.drive, self.rotations[r]), self.torques[t], self._cross_check, self._seed) for t, r in places
-        ]
+        tasks = [(*self._there(self.rotations[r]), self.torques[t], self._cross_check, self._seed) for t, r in places]
         for place, (value, proof, check) in zip(places, self._run(_solved, tasks), strict=False):
             self.values[place], self.solved[place] = value, True
             self._take(proof)
             self._checks += [check] if check else []
+
+    def _there(self, rotation: float) -> tuple[Drive, ToothDeviations | None]:
+        """The drive and its measured teeth at a rotation [deg]."""
+        drive = rotated(self.drive, rotation)
+        if self.measured is None:
+            return drive, None
+        return self.measured.rotated(drive, rotation).in_drive(drive)
+
+    def _phase_deg(self, rotation: float) -> float:
+        drive = rotated(self.drive, rotation)
+        return phase_deg(drive, self.measured and self.measured.rotated(drive, rotation))
 
     def unsolved(self) -> list[tuple[int, int]]:
         """Places (torque, rotation) where not every state was solved."""
@@ -198,7 +224,7 @@ class _Job:
         return MountingCurve(
             torques=self.torques,
             rotation_deg=self.rotations[done],
-            phase_deg=np.array([phase_deg(rotated(self.drive, r)) for r in self.rotations[done]]),
+            phase_deg=np.array([self._phase_deg(r) for r in self.rotations[done]]),
             F_ior_arcsec=self.values[:, done],
             every_state=self.solved[:, done],
             holes=self.drive.mounting.holes,
@@ -262,7 +288,10 @@ def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
     return rotation % 360, at(rotation), sum(proofs, EMPTY)
 
 
-def _solved(task: tuple[Drive, float, str | None, int]) -> tuple[float, Certificate, CrossCheck | None]:
-    drive, M_g, cross_check, seed = task
-    error = kinematic_error(drive, M_g, cross_check=cross_check, sample=SAMPLE, seed=seed)
+_Full = tuple[Drive, ToothDeviations | None, float, str | None, int]
+
+
+def _solved(task: _Full) -> tuple[float, Certificate, CrossCheck | None]:
+    drive, teeth, M_g, cross_check, seed = task
+    error = kinematic_error(drive, M_g, teeth=teeth, cross_check=cross_check, sample=SAMPLE, seed=seed)
     return error.F_ior_arcsec, error.certificate, error.cross_check

@@ -10,24 +10,30 @@ from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
 from hdassist.analysis.orders import Order, orders
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.measured import MeasuredTeeth
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Error over whole cam revolutions from phi_h = 0; start_deg, the moving wheel's angle there."""
+    """Error over whole cam revolutions from phi_h = 0.
+
+    start_deg: the moving wheel's angle there; measured: wheels in place of first harmonics.
+    """
 
     error: KinematicError
     start_deg: float
     revolutions: int
     orders: tuple[Order, ...]
+    measured: MeasuredTeeth | None = None
 
 
 def trace(
     drive: Drive,
     M_g: float,
     *,
+    measured: MeasuredTeeth | None = None,
     start_deg: float = 0.0,
     revolutions: int = 1,
     solver: str | None = None,
@@ -37,9 +43,10 @@ def trace(
 ) -> Trace:
     """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
-    Arguments: start_deg, angle of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg];
-    the others as in kinematic_error. Raises UsageError for less than one revolution, more than a cycle,
-    or a start angle that is no number.
+    Arguments: measured, wheels in place of first harmonics; start_deg, angle of the moving wheel at phi_h = 0 (phi_g0
+    with the rigid wheel fixed) [deg], where that wheel is measured to the nearest of its teeth; the others as in
+    kinematic_error. Raises UsageError for less than one revolution, more than a cycle, or a start angle that is no
+    number.
     """
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:
@@ -52,7 +59,9 @@ def trace(
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )
+    there, teeth = measured.in_drive(drive) if measured else (drive, None)
     error = kinematic_error(
-        drive, M_g, states=states, solver=solver, cross_check=cross_check, seed=seed, progress=progress
+        there, M_g, states=states, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed, progress=progress
     )
-    return Trace(error, start_deg, revolutions, tuple(orders(drive, error.error_arcsec, revolutions)))
+    found = orders(drive, error.error_arcsec, revolutions)
+    return Trace(error, start_deg, revolutions, tuple(found), measured)

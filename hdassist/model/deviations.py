@@ -87,7 +87,8 @@ def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviat
 def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int) -> Array:
     if np.shape(deviation) != (z,):
         raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {np.size(deviation)}")
-    shift = np.rint(-turned * z / (2 * np.pi)).astype(np.int64)
+    # the nearest tooth; half a pitch goes one way in every state, whatever the last digits say
+    shift = np.floor(-turned * z / (2 * np.pi) + 0.5 + 1e-6).astype(np.int64)
     return np.asarray(np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3)
 
 
