@@ -13,6 +13,13 @@ def command(
     presets: o.Presets,
     torque: o.Torques = [],  # noqa: B006 (typer copies it)
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    pitch_b: o.PitchB = None,
+    pitch_g: o.PitchG = None,
+    mark_b: o.MarkB = None,
+    mark_g: o.MarkG = None,
+    pitch_form: o.PitchForm = None,
+    pitch_sense: o.PitchSense = None,
+    pitch_flank: o.PitchFlank = None,
     json: o.Json = False,
     csv: o.Csv = None,
     output: o.Target = "-",
@@ -34,6 +41,7 @@ def command(
       hdassist check vzp160
       hdassist check my-drive.yaml --set tolerances.F_i2=60 --json
       hdassist check vzp160 --torque 40 --torque 80
+      hdassist check my-drive.yaml --pitch-b wheel.csv --pitch-g flexspline.csv
       hdassist check *.yaml --csv figures.csv -q
 
     Every state of the cycle is solved and proven; the verdict holds F'_ior with the self error against
@@ -43,12 +51,16 @@ def command(
     from hdassist.analysis.check import Check, check, work
     from hdassist.analysis.verdict import worst_exit_code
     from hdassist.cli.output import Output, complain, note, warn
+    from hdassist.cli.pitch import PitchFiles
     from hdassist.errors import HdassistError
     from hdassist.preset.library import load_preset
     from hdassist.report import check as report
     from hdassist.report.envelope import combine, failure, to_json
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
+    pitch = PitchFiles.asked(
+        presets, b=(pitch_b, mark_b), g=(pitch_g, mark_g), form=pitch_form, sense=pitch_sense, flank=pitch_flank
+    )
     done: list[Check] = []
     answers = []
     pages = []
@@ -56,8 +68,11 @@ def command(
         begun = time.monotonic()
         try:
             drive = load_preset(name, [*overrides, *o.torque_overrides(torque)])
-            with out.progress(drive.name, work(drive)) as progress:
-                result = check(drive, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
+            measured = pitch.read(drive)
+            with out.progress(drive.name, work(drive, measured)) as progress:
+                result = check(
+                    drive, measured=measured, solver=solver, cross_check=cross_check, seed=seed, progress=progress
+                )
         except HdassistError as error:
             if debug or (len(presets) == 1 and not json):
                 raise

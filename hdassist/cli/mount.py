@@ -48,6 +48,13 @@ def command(
     ] = False,
     jobs: Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")] = 0,
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    pitch_b: o.PitchB = None,
+    pitch_g: o.PitchG = None,
+    mark_b: o.MarkB = None,
+    mark_g: o.MarkG = None,
+    pitch_form: o.PitchForm = None,
+    pitch_sense: o.PitchSense = None,
+    pitch_flank: o.PitchFlank = None,
     json: o.Json = False,
     csv: o.Csv = None,
     card: o.Card = None,
@@ -73,6 +80,7 @@ def command(
       hdassist mount my-drive.yaml --set uncertainty.phases.xi_b=10 --set uncertainty.tolerances.e_hb=15
       hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
       hdassist mount vzp160 --trial h0:28.1 --trial h4:17.3 --trial h8:24.9
+      hdassist mount my-drive.yaml --pitch-b wheel.csv --mark-b 120
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
 
     Turns are counter-clockwise seen from the cam side, from where the wheel stands. The best position is that in
@@ -85,11 +93,15 @@ def command(
     light torque), measure F'_ior in each and give them as --trial: the offset is inferred, with all that is uncertain,
     and the best position with it. --verify compares the outcome and says keep, or go back (exit code 3).
 
+    --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
+    state is solved then; alternatives and what a micrometre does are left out.
+
     Ctrl-C ends the work early and prints what is done (exit code 130).
     """
     from hdassist.analysis.advice import advise, work
     from hdassist.cli.card import CardFile
     from hdassist.cli.output import Output, note, warn
+    from hdassist.cli.pitch import PitchFiles
     from hdassist.cli.workers import workers
     from hdassist.errors import UsageError
     from hdassist.preset.library import load_preset
@@ -98,7 +110,11 @@ def command(
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
     page = CardFile.open(card, lang, serial, out=out, ascii=ascii, instead=not (json or quiet))
+    pitch = PitchFiles.asked(
+        [preset], b=(pitch_b, mark_b), g=(pitch_g, mark_g), form=pitch_form, sense=pitch_sense, flank=pitch_flank
+    )
     drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
+    measured = pitch.read(drive)
     torques, rotations, shares = drive.operation.M_g, _rotations(drive, step), _weights(weights)
     begun = time.monotonic()
     if trial or verify is not None:
@@ -106,18 +122,24 @@ def command(
 
         if step is not None or every_state:
             raise UsageError("--step and --every-state have no meaning with trials", "leave them out")
+        if measured:
+            raise UsageError(
+                "trials cannot be combined with measured teeth: they need searches, and measured teeth every state",
+                "leave out --pitch-b and --pitch-g, or the trials",
+            )
         rig = (trial_torque, noise, reseat)
         code = with_trials(
             out, page, drive, trial, verify, rig,
             weights=shares, criterion=criterion, seed=seed, jobs=jobs, json=json, quiet=quiet, verbose=verbose,
         )  # fmt: skip
         raise typer.Exit(code)
-    total = work(drive, torques, rotations, every_state=every_state, samples=samples)
+    total = work(drive, torques, rotations, every_state=every_state, samples=samples, measured=measured)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         advice = advise(
             drive,
             torques,
             rotations,
+            measured=measured,
             every_state=every_state,
             weights=shares,
             samples=samples,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -30,6 +30,31 @@ Lang = Annotated[
     str | None, typer.Option("--lang", metavar="NAME", help="Language of the card, such as ru (en without).")
 ]
 Serial = Annotated[str | None, typer.Option("--serial", metavar="TEXT", help="Serial number on the card.")]
+PitchB = Annotated[
+    str | None,
+    typer.Option("--pitch-b", metavar="FILE", help="Measured pitch deviations of the rigid wheel (- for stdin)."),
+]
+PitchG = Annotated[
+    str | None, typer.Option("--pitch-g", metavar="FILE", help="Measured pitch deviations of the flexspline.")
+]
+MarkB = Annotated[
+    float | None,
+    typer.Option("--mark-b", metavar="DEG", help="Direction of the mark of --pitch-b; phases.xi_b without."),
+]
+MarkG = Annotated[
+    float | None,
+    typer.Option("--mark-g", metavar="DEG", help="Direction of the mark of --pitch-g; phases.xi_g without."),
+]
+PitchForm = Annotated[
+    Literal["cumulative", "single"] | None,
+    typer.Option(help="Form of the deviations in the pitch files, whatever they say."),
+]
+PitchSense = Annotated[
+    Literal["ccw", "cw"] | None, typer.Option(help="Sense of the tooth numbers in them, seen from the cam side.")
+]
+PitchFlank = Annotated[
+    Literal["left", "right"] | None, typer.Option(help="Flank to take from pitch files that have two.")
+]
 Solver = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),

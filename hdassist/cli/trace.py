@@ -20,6 +20,13 @@ def command(
     ] = 0.0,
     revolutions: Annotated[int, typer.Option("--revolutions", "-n", min=1, help="Cam revolutions.")] = 1,
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    pitch_b: o.PitchB = None,
+    pitch_g: o.PitchG = None,
+    mark_b: o.MarkB = None,
+    mark_g: o.MarkG = None,
+    pitch_form: o.PitchForm = None,
+    pitch_sense: o.PitchSense = None,
+    pitch_flank: o.PitchFlank = None,
     json: o.Json = False,
     csv: o.Csv = None,
     output: o.Target = "-",
@@ -47,19 +54,24 @@ def command(
     """
     from hdassist.analysis.trace import trace
     from hdassist.cli.output import Output, note, warn
+    from hdassist.cli.pitch import PitchFiles
     from hdassist.model.kinematics import Kinematics
     from hdassist.preset.library import load_preset
     from hdassist.report import trace as report
     from hdassist.report.envelope import to_json
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
+    pitch = PitchFiles.asked(
+        [preset], b=(pitch_b, mark_b), g=(pitch_g, mark_g), form=pitch_form, sense=pitch_sense, flank=pitch_flank
+    )
     drive = load_preset(preset, [*overrides, *o.torque_overrides([] if torque is None else [torque])])
+    measured = pitch.read(drive)
     M_g = drive.operation.M_g[0]
     begun = time.monotonic()
     with out.progress(drive.name, revolutions * Kinematics.of(drive).teeth_fixed) as progress:
         result = trace(
-            drive, M_g, start_deg=start, revolutions=revolutions, solver=solver, cross_check=cross_check,
-            seed=seed, progress=progress,
+            drive, M_g, measured=measured, start_deg=start, revolutions=revolutions, solver=solver,
+            cross_check=cross_check, seed=seed, progress=progress,
         )  # fmt: skip
     for text in drive.origin.warnings:
         warn(text)

@@ -10,9 +10,11 @@ from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import hole_of
 from hdassist.analysis.trials import Trial
 from hdassist.preset.drive import Drive
+from hdassist.preset.yamltext import shown
 from hdassist.report.card_tables import BESIDE, Table, other_positions, torques_shown, torques_table
 from hdassist.report.catalogue import Texts
 from hdassist.report.mount import warnings
+from hdassist.report.pitch import wheels
 from hdassist.report.seat import instruction, turn, wheel
 from hdassist.report.seat_facts import Seat, seat_of
 from hdassist.version import __version__
@@ -68,7 +70,7 @@ def card_of(
     return Card(
         language=say.language,
         title=say("card.title"),
-        subject=_subject(advice.drive, say, serial),
+        subject=_subject(advice, say, serial),
         instruction=instruction(advice, say, room=BESIDE) + (f" {say('instruction.from_first')}" if trials else ""),
         seat=seat,
         directions=tuple(f"{p.letter}: {p.words}, {say.angle(p.angle_deg)}" for p in seat.pointers),
@@ -78,16 +80,19 @@ def card_of(
         checks=Lines(say("checks.title"), _checks(advice, say)),
         warnings=Lines(say("warnings.title"), _warnings(advice, say)),
         sign=(say("sign.date"), say("sign.name")),
-        foot=(*_trials(advice.drive, say, trials, at), *_foot(advice.drive, say, made)),
+        foot=(*_trials(advice.drive, say, trials, at), *_foot(advice, say, made)),
     )
 
 
-def _subject(drive: Drive, say: Texts, serial: str) -> tuple[tuple[str, str], ...]:
+def _subject(advice: Advice, say: Texts, serial: str) -> tuple[tuple[str, str], ...]:
+    drive = advice.drive
     gears, holes = drive.gears, drive.mounting.holes
     rigid = drive.mounting.fixed == "rigid"
     fixed = wheel(drive, say)
     symbol, deviation = ("xi_b", "F'_i2") if rigid else ("xi_g", "F'_i1")
     mark = say(f"card.mark_{drive.mounting.mark_kind}", wheel=fixed, symbol=symbol, deviation=deviation)
+    if measured := advice.measured and advice.measured.fixed(drive):
+        mark = say("card.mark_tooth", wheel=fixed, tooth=measured.pitch.mark)
     seat = (
         say("card.seat_holes", holes=say.holes(holes), angle=say.angle(360 / holes)) if holes else say("card.seat_free")
     )
@@ -147,8 +152,8 @@ def _trials(drive: Drive, say: Texts, trials: Sequence[Trial], at: float) -> tup
     return (say("foot.trials", torque=say.torque(at), trials="; ".join(told)),)
 
 
-def _foot(drive: Drive, say: Texts, made: date) -> tuple[str, ...]:
-    origin = drive.origin
+def _foot(advice: Advice, say: Texts, made: date) -> tuple[str, ...]:
+    drive, origin = advice.drive, advice.drive.origin
     lines = [
         say("foot.source"),
         say(
@@ -159,6 +164,10 @@ def _foot(drive: Drive, say: Texts, made: date) -> tuple[str, ...]:
             date=say.date(made),
         ),
     ]
+    for name, measured in wheels(advice.measured):
+        digest = measured.pitch.sha256[:DIGITS]
+        file = shown(measured.pitch.file)
+        lines.append(say("foot.measured", wheel=say(f"wheel.{name}"), file=file, digest=digest))
     if origin.overrides:
         values = ", ".join(origin.overrides)
         lines.append(

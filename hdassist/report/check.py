@@ -16,6 +16,7 @@ from hdassist.model.geometry import Geometry
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import certificate_object, envelope
+from hdassist.report.pitch import heading, pitch_object
 from hdassist.report.plot import curve
 from hdassist.report.quantities import Quantity, as_object
 from hdassist.solve.certificate import TOLERANCE
@@ -82,6 +83,7 @@ def answer(check: Check, seed: int) -> dict[str, Any]:
             "cycle_states": k.cycle_states,
             "cycle_cam_revolutions": k.cycle_cam_revolutions,
         },
+        "pitch": pitch_object(check.measured),
         "operating_points": [as_object((*POINT, *SLOPES), point) for point in check.points],
         "certificate": certificate_object(check.certificate, check.cross_checks),
         "seed": seed,
@@ -104,7 +106,8 @@ def brief(check: Check) -> str:
 def _heading(check: Check, look: Look) -> Text:
     k = check.kinematics
     where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
-    return Text(look.text(f"{check.drive.name}: {k.z_g}/{k.z_b} teeth, fixed: {where}"), style="bold")
+    words = f"{check.drive.name}: {k.z_g}/{k.z_b} teeth, fixed: {where}{heading(check.measured)}"
+    return Text(look.text(words), style="bold")
 
 
 def _geometry(check: Check, look: Look) -> Table:

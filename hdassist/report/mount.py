@@ -13,17 +13,20 @@ from rich.text import Text
 from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import MountingCurve, Position
 from hdassist.analysis.sensitivity import Sensitivity
-from hdassist.preset.drive import Drive
 from hdassist.report.catalogue import Texts, texts
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import certificate_object, envelope
+from hdassist.report.pitch import heading, pitch_object
 from hdassist.report.plot import curve
 from hdassist.report.seat import circle, instruction, wheel
 
 
-def _phase_words(drive: Drive) -> str:
-    return "xi_b - phi_hb" if drive.mounting.fixed == "rigid" else "xi_g - phi_hg"
+def _phase_words(advice: Advice) -> str:
+    rigid = advice.drive.mounting.fixed == "rigid"
+    if advice.measured and advice.measured.fixed(advice.drive):
+        return "mark - phi_hb" if rigid else "mark - phi_hg"
+    return "xi_b - phi_hb" if rigid else "xi_g - phi_hg"
 
 
 def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
@@ -34,8 +37,12 @@ def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
         found.append(f"interrupted: {done} of {result.missing + done} positions were done")
     elif result.interrupted:
         found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
+    say = say or texts()
+    if advice.measured and advice.drive.alternatives:
+        found.append(say("warning.alternatives"))
+    if advice.measured and not advice.drive.mounting.holes:
+        found.append(say("warning.steps"))
     if advice.disagreeing:
-        say = say or texts()
         phases = ", ".join(say.number(other.recommended.phase_deg) for other in advice.disagreeing)
         found.append(say("warning.disagree", phases=phases, phase=say.number(advice.chosen.phase_deg)))
     return tuple(found)
@@ -49,11 +56,11 @@ def exit_code(advice: Advice) -> int:
 def render(advice: Advice, look: Look, *, plots: bool = True) -> RenderableType:
     """The instruction, the seat, a plot per torque, and tables of the positions."""
     drive, result = advice.drive, advice.curve
-    heading = f"{drive.name}: turning the fixed {wheel(drive)} on its seat"
-    parts: list[RenderableType] = [Text(look.text(heading), style="bold"), Text(look.text(instruction(advice)))]
+    words = f"{drive.name}: turning the fixed {wheel(drive)} on its seat{heading(advice.measured)}"
+    parts: list[RenderableType] = [Text(look.text(words), style="bold"), Text(look.text(instruction(advice)))]
     if plots:
         parts.append(Text(circle(advice, look)))
-        parts += [Text(drawn) for drawn in _curves(drive, result, look)]
+        parts += [Text(drawn) for drawn in _curves(advice, look)]
     parts += [_positions(advice, look), _torques(result, look)]
     if advice.robust:
         parts += [_uncertain(advice, look)]
@@ -64,11 +71,12 @@ def render(advice: Advice, look: Look, *, plots: bool = True) -> RenderableType:
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _curves(drive: Drive, result: MountingCurve, look: Look) -> list[str]:
+def _curves(advice: Advice, look: Look) -> list[str]:
+    result = advice.curve
     order = np.argsort(result.phase_deg)
     if len(order) < 2:
         return []
-    label = f"phase {_phase_words(drive)}, deg"
+    label = f"phase {_phase_words(advice)}, deg"
     return [
         curve(look, result.phase_deg[order], values[order], x_label=label, y_label=f"F'_ior at {M_g:g} N·m, arcsec")
         for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
@@ -99,7 +107,7 @@ def _positions(advice: Advice, look: Look) -> Table:
     result = advice.curve
     grid = table(look, "positions (best for the torque served worst)")
     grid.add_column("position")
-    for words in ("hole", "turn, deg", f"phase {_phase_words(advice.drive)}, deg", "F'_ior, arcsec", "against now"):
+    for words in ("hole", "turn, deg", f"phase {_phase_words(advice)}, deg", "F'_ior, arcsec", "against now"):
         grid.add_column(words, justify="right")
     for words, position in _named(advice):
         values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
@@ -173,6 +181,7 @@ def answer(advice: Advice, seed: int) -> dict[str, Any]:
     return {
         **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
         "complete": not result.interrupted,
+        "pitch": pitch_object(advice.measured),
         "instruction": instruction(advice),
         "turn": advice.worth_turning,
         "curves": [

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import Position
-from hdassist.preset.drive import Drive
 from hdassist.report.catalogue import Texts
 
 
@@ -78,20 +77,22 @@ def seat_of(advice: Advice, texts: Texts, target: Position, *, best: bool = True
     legend = texts("seat.legend" if holes else "seat.legend_free", places=", ".join(words))
     if not all(hole.usable for hole in holes):
         legend += "; " + texts("seat.barred", letter=barred)
-    pointers = _pointers(advice.drive, texts, target)
+    pointers = _pointers(advice, texts, target)
     turn = target.short_way_deg if best else 0.0
     return Seat(texts("seat.title"), holes, first, turn, places, pointers, barred, legend)
 
 
-def mark_deg(drive: Drive) -> float:
-    """Direction of the fixed wheel's mark as the preset gives it [deg], in 0..360."""
-    phases = drive.phases
+def mark_deg(advice: Advice) -> float:
+    """Direction of the fixed wheel's mark [deg], in 0..360: as the preset gives it, or that of a measured wheel."""
+    drive, phases = advice.drive, advice.drive.phases
+    if measured := advice.measured and advice.measured.fixed(drive):
+        return measured.mark_deg % 360
     return (phases.xi_b if drive.mounting.fixed == "rigid" else phases.xi_g) % 360
 
 
-def _pointers(drive: Drive, texts: Texts, target: Position) -> tuple[Pointer, ...]:
+def _pointers(advice: Advice, texts: Texts, target: Position) -> tuple[Pointer, ...]:
     """Mark now and afterwards (one where they are the same), and the cam offset if there is one."""
-    now = mark_deg(drive)
+    now, drive = mark_deg(advice), advice.drive
     if target.rotation_deg % 360:
         found = [
             Pointer("now", now, "a", texts("pointer.now")),

@@ -14,6 +14,7 @@ from hdassist.preset.drive import Drive
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import certificate_object, envelope
+from hdassist.report.pitch import heading, pitch_object
 from hdassist.report.plot import curve
 from hdassist.report.quantities import Quantity, as_object
 
@@ -36,8 +37,8 @@ def render(drive: Drive, trace: Trace, look: Look, *, plots: bool = True) -> Ren
     error = trace.error
     turns = "turn" if trace.revolutions == 1 else "turns"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
-    heading = f"{drive.name}: {error.M_g:g} N·m, {moving} = {trace.start_deg:g} deg, {trace.revolutions} cam {turns}"
-    parts: list[RenderableType] = [Text(look.text(heading), style="bold")]
+    words = f"{drive.name}: {error.M_g:g} N·m, {moving} = {trace.start_deg:g} deg, {trace.revolutions} cam {turns}"
+    parts: list[RenderableType] = [Text(look.text(words + heading(trace.measured)), style="bold")]
     if plots:
         by_turns = trace.revolutions > 2
         x = error.states.phi_h / (2 * np.pi) if by_turns else np.degrees(error.states.phi_h)
@@ -66,6 +67,7 @@ def answer(drive: Drive, trace: Trace, seed: int) -> dict[str, Any]:
     moving = "phi_g0_deg" if error.kinematics.fixed == "rigid" else "phi_b0_deg"
     return {
         **envelope("trace", drive, 0, drive.origin.warnings),
+        "pitch": pitch_object(trace.measured),
         "M_g_Nm": error.M_g,
         moving: trace.start_deg,
         "cam_revolutions": trace.revolutions,

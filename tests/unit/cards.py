@@ -14,6 +14,8 @@ from hdassist.analysis.mounting import MountingCurve
 from hdassist.analysis.mounting_curve import Alternative
 from hdassist.analysis.robust import Criterion, Robust
 from hdassist.analysis.trials import Trial
+from hdassist.model.measured import MeasuredTeeth, MeasuredWheel
+from hdassist.preset.pitch import PitchFile
 from hdassist.report.card import Card, card_of
 from hdassist.report.catalogue import texts
 from hdassist.solve.answers import EMPTY
@@ -22,6 +24,7 @@ from tests.cli.process import SMALL
 MADE = date(2026, 3, 9)
 LIGHT = [28.09, 29.5, 30.8, 31.44, 30.0, 27.0, 24.0, 17.0, 14.94, 18.16, 21.0, 25.0]
 HEAVY = [8.09, 9.0, 11.0, 12.62, 11.0, 9.0, 7.0, 5.0, 4.52, 2.9, 4.0, 6.0]
+TEETH = MeasuredTeeth(b=MeasuredWheel(PitchFile(np.zeros(62), 17, None, "wheel.csv", "0123456789abcdef", ()), 33.0))
 
 
 def advice_of(*values: list[float], rotations: list[float] | None = None, overrides: tuple[str, ...] = (), **options):
@@ -73,6 +76,9 @@ def cards() -> dict[str, Advice]:
         ),
         "flexspline": advice_of(overrides=(fixed, "tolerances.e_hg=20", "mounting.mark_kind=runout")),
         "many": disagreeing(sampled(advice_of(*many, torques=tuple(range(1, 15)), overrides=("phases.xi_b=10",)))),
+        "measured": replace(
+            disagreeing(advice_of(overrides=("mounting.holes=0", "alternatives=[{gears.j_n: 7}]"))), measured=TEETH
+        ),
         "fine": advice_of(
             [20.0 + 10 * float(np.cos(k / 57.3)) for k in range(360)], overrides=("mounting.holes=360",)
         ),
