@@ -159,12 +159,12 @@ def page(cases: int, results: list[tuple[Study, list[list[float]]]]) -> str:
 
 
 READING = (
-    "What it says: where all else is known three trials decide. A cam whose own offset is not known, or a stiffness set",
-    "that is one of several, costs some of that, and a fourth trial in the hole that the tool names brings most of it",
-    "back. A drive whose stiffnesses are none of those the tool was told gets advice no better than a sine's: identify",
-    "it (`hdassist calibrate`) and carry every set that agrees as `alternatives`. A seat that does not bring the wheel's",
-    "centre back to a few micrometres spoils any advice. The model's scale (`SCALE`, assumed) was chosen on this study:",
-    "with it the drives of the fifth row fare better and those of the first no worse.",
+    "What it says: where all else is known three trials decide. A cam whose own offset is not known, or a stiffness",
+    "set that is one of several, costs some of that, and a fourth trial in the hole that the tool names brings most",
+    "of it back. A drive whose stiffnesses are none of those the tool was told gets advice no better than a sine's:",
+    "identify it (`hdassist calibrate`) and carry every set that agrees as `alternatives`. A seat that does not",
+    "bring the wheel's centre back to a few micrometres spoils any advice. The model's scale (`SCALE`, assumed) was",
+    "chosen on this study: with it the drives of the fifth row fare better and those of the first no worse.",
 )
 
 
