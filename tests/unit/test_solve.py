@@ -11,10 +11,12 @@ from hdassist.analysis.self_error import self_error
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import answers, engine
+from hdassist.solve import activeset, answers
+from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
-from hdassist.solve.engine import Engine, ThroughCvxpy, compile_programme
+from hdassist.solve.compiled import compile_programme
+from hdassist.solve.engine import Engine, ThroughCvxpy
 from hdassist.solve.formulation import formulate, solve_through_cvxpy
 from tests.support import changed
 
@@ -181,7 +183,7 @@ def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
 def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, failing):
     delta_p = system.delta_p + np.linspace(0, 1, 4)[:, None] * (system.deviation_map @ [0.03, 0, 0.05, 0])
     expected = Engine(formulation, 80e3).solve(delta_p)[1]
-    run, calls = Engine._run, []
+    run, calls = ActiveSet._run, []
 
     def stubborn(self):
         # the third state is the one that the warm solver gives up
@@ -192,13 +194,13 @@ def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, faili
             return None
         return run(self)
 
-    monkeypatch.setattr(Engine, "_run", stubborn)
+    monkeypatch.setattr(ActiveSet, "_run", stubborn)
     if failing == "all":
 
         def refuse(*_):
             raise UntrustedError("no")
 
-        monkeypatch.setattr(engine, "solve_through_cvxpy", refuse)
+        monkeypatch.setattr(activeset, "solve_through_cvxpy", refuse)
     forces, free, fallbacks = Engine(formulation, 80e3).solve(delta_p)
     assert fallbacks == 1
     if failing == "all":

@@ -1,0 +1,87 @@
+"""One state after another by DAQP, each from the contact set of the one before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.errors import UntrustedError
+from hdassist.model.geometry import Array
+from hdassist.solve.compiled import Compiled
+from hdassist.solve.formulation import Formulation, solve_through_cvxpy
+
+SOLVED = 1  # exit flag of daqp
+ALWAYS_ACTIVE = 5  # sense of an equality row
+ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
+# In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
+SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
+LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
+
+
+class ActiveSet:
+    """Warm active-set solver (DAQP) of the states of one contact system.
+
+    Arguments: formulation; data, its compiled programme; torque [N*mm] on the flexspline; contact, candidates
+    thought to carry force, shape (M,).
+    """
+
+    def __init__(self, formulation: Formulation, data: Compiled, torque: float, contact: NDArray[np.bool_]) -> None:
+        self._formulation, self._data = formulation, data
+        self.contact = contact
+        n, rows = len(data.q_0), len(data.b_0)
+        # held here, because the solver may read them as long as it lives
+        self._upper = np.full(n + rows, np.inf)
+        self._lower = np.concatenate([data.lower, np.zeros(rows)])
+        self._model: Any = None  # daqp.Model, once one is set up
+        self.load(torque)
+
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]; what was factored stays."""
+        self._torque = torque
+        rows = slice(len(self._data.q_0), None)
+        self._upper[rows] = self._lower[rows] = self._data.load(torque)
+        if self._model:
+            self._model.update(bupper=self._upper, blower=self._lower)
+
+    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Solve states as StateSolver says: warm, else from scratch, else by an interior-point method."""
+        data, formulation = self._data, self._formulation
+        q = data.q_0 + formulation.gaps(delta_p) @ data.Q.T
+        forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(data.b_0)))
+        fallbacks = 0
+        for k in range(len(q)):
+            first_way = self._warm(q[k]) if self._model else self._set_up(q[k], self.contact)
+            answer = first_way or self._set_up(q[k], np.ones_like(self.contact))
+            fallbacks += first_way is None
+            forces[k], free[k] = formulation.answer(*answer) if answer else self._last_resort(delta_p[k])
+        if len(q):
+            self.contact = forces[-1] > 0
+        return forces, free, fallbacks
+
+    def _warm(self, q: Array) -> tuple[Array, Array] | None:
+        self._model.update(f=q)
+        return self._run()
+
+    def _set_up(self, q: Array, contact: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+        sense = np.where(contact, 0, ACTIVE_LOWER)
+        sense = np.concatenate([sense, np.full(len(self._data.b_0), ALWAYS_ACTIVE)]).astype(np.int32)
+        self._model = daqp.Model()
+        self._model.settings = SETTINGS
+        self._model.setup(self._data.P, q, self._data.A, self._upper, self._lower, sense)
+        return self._run()
+
+    def _run(self) -> tuple[Array, Array] | None:
+        x, _, flag, info = self._model.solve()
+        if flag == SOLVED:
+            return x, info["lam"][len(x) :]
+        self._model = None  # its contact set is not worth starting from
+        return None
+
+    def _last_resort(self, delta_p: Array) -> tuple[Array, Array]:
+        try:
+            return solve_through_cvxpy(self._formulation, delta_p, self._torque, LAST_RESORT)
+        except UntrustedError:
+            return np.full(len(delta_p), np.nan), np.full(len(self._data.b_0), np.nan)

@@ -1,0 +1,226 @@
+"""Many states by principal pivots: a linear complementarity problem that neighbouring states share.
+
+At a contact set that is fixed, forces of the contacts and gaps of the others (the values) are linear in the gaps
+without force. A state whose values are all positive there is solved, whichever way that set was found; where one is
+negative, that candidate changes sides: one principal pivot, a rank-one update. Columns of the states that come next
+are carried along in the tableau, so that each set is tried on many states at once, as Ferreau, Bock and Diehl (2008,
+doi 10.1002/rnc.1251) follow a solution from one problem to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dger
+
+from hdassist.model.geometry import Array
+from hdassist.solve.compiled import Compiled
+
+Flags = NDArray[np.bool_]
+
+ABREAST = 32  # states that a tableau carries along
+ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
+INACCURATE = 1e-7  # in the programme's units: rounding above this spoils a state
+PIVOTS = 1000  # after which a tableau is made anew, against rounding
+GREEDY = 3  # pivots for each candidate, after which the order is one that cannot cycle
+LIMIT = 30  # pivots for each candidate, after which a state is given up
+SMALLEST = 1e-12  # pivot, where those of the reference are one
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The programme solved for the values at one contact set, for any gaps and any load.
+
+    values = constant + by_gaps gaps + by_load load + by_others others: values, shape (M + free,), are forces of
+    contacts, gaps of the rest, and the duals; others, shape (M,), are the gaps of contacts and forces of the rest,
+    all zero as long as the set holds. All in the programme's units.
+    """
+
+    contact: Flags
+    constant: Array
+    by_gaps: Array
+    by_load: Array
+    by_others: Array
+
+    @classmethod
+    def at(cls, data: Compiled, contact: Flags) -> Reference | None:
+        """Reference at a contact set, shape (M,); None where that set does not hold the parts in place."""
+        M, free = len(data.q_0), len(data.b_0)
+        inside, outside = np.flatnonzero(contact), np.flatnonzero(~contact)
+        n = len(inside)
+        system = np.zeros((n + free, n + free))
+        system[:n, :n] = data.P[np.ix_(inside, inside)]
+        system[n:, :n] = data.A[:, inside]
+        system[:n, n:] = data.A[:, inside].T
+        coupling = np.vstack([data.P[np.ix_(inside, outside)], data.A[:, outside]])
+        try:
+            inverse = np.linalg.inv(system)
+        except np.linalg.LinAlgError:
+            return None
+        across = inverse @ coupling
+        known = np.concatenate([inside, M + np.arange(free)])
+        by_others, by_load = np.zeros((M + free, M)), np.zeros((M + free, free))
+        by_others[np.ix_(known, inside)] = inverse[:, :n]
+        by_others[np.ix_(known, outside)] = -across
+        by_others[np.ix_(outside, inside)] = across[:n].T
+        by_others[np.ix_(outside, outside)] = data.P[np.ix_(outside, outside)] - coupling.T @ across
+        by_load[known], by_load[outside] = inverse[:, n:], across[n:].T
+        by_linear = np.zeros((M + free, M))
+        by_linear[:, inside] = -by_others[:, inside]
+        by_linear[outside, outside] = 1
+        if not np.all(np.diag(by_others) > 0):
+            return None
+        return cls(contact, by_linear @ data.q_0, by_linear @ data.Q, by_load, by_others)
+
+
+class Pivoting:
+    """Solves states from one reference, each from the contact set of the one before.
+
+    Only candidates that change sides somewhere (the swing) are in the tableau; the others' values follow from
+    theirs, are looked at for every state, and bring a candidate into the swing where one is negative.
+    """
+
+    def __init__(self, reference: Reference) -> None:
+        self._reference = reference
+        self._scale = 1 / np.sqrt(np.diag(reference.by_others))  # makes the reference's pivots one
+        self._changed = np.zeros_like(reference.contact)  # against the reference, where the tableau stands
+        self._useful = np.zeros_like(reference.contact)  # changed in some state
+        self._take(np.flatnonzero(self._changed))
+
+    def solve(self, gaps: Array, load: Array) -> tuple[Array, Array]:
+        """Forces, shape (states, M), and duals, shape (states, free), NaN where a state is given up.
+
+        Arguments: gaps without force, shape (states, M); load, shape (free,); all in the programme's units.
+        """
+        reference = self._reference
+        M = len(reference.contact)
+        start = gaps @ reference.by_gaps.T
+        start += reference.constant + reference.by_load @ load
+        forces, duals = np.empty(gaps.shape), np.empty((len(gaps), len(load)))
+        rows = np.arange(len(gaps))
+        if not len(self._swing):
+            self._take(np.flatnonzero(start[:, :M].min(axis=0, initial=0) < -ZERO))
+        while len(rows):
+            values = start[rows]
+            forces[rows] = self._settled(values)
+            duals[rows] = values[:, M:]
+            negative = values[:, :M] < -ZERO
+            missing = np.flatnonzero(negative.any(axis=0))
+            rows = rows[negative[:, missing].any(axis=1)]
+            if len(rows):
+                self._take(np.union1d(self._swing, missing))
+        if np.count_nonzero(self._useful) < 0.9 * len(self._swing):
+            self._take(np.flatnonzero(self._useful | self._changed))
+        return forces, duals
+
+    def _settled(self, values: Array) -> Array:
+        """Forces of states, whose values at the reference become those of the solution as far as the swing goes."""
+        reference, swing = self._reference, self._swing
+        solved, changed = self._walk(values[:, swing])
+        others = np.maximum(solved, 0) * changed
+        values += others @ reference.by_others[:, swing].T
+        here = values[:, swing]
+        # what changed sides has a value of zero in exact arithmetic
+        spoiled = np.abs(here * changed).max(axis=1, initial=0) > INACCURATE
+        here[changed] = 0
+        here[(here < 0) & (here > -INACCURATE)] = 0
+        values[:, swing] = here
+        forces = np.maximum(values[:, : len(reference.contact)], 0) * reference.contact
+        forces[:, swing] += others * ~reference.contact[swing]
+        lost = spoiled | np.isnan(here).any(axis=1)
+        forces[lost] = values[lost] = np.nan
+        self._useful[swing] |= changed.any(axis=0)
+        return forces
+
+    def _take(self, swing: NDArray[np.int64]) -> None:
+        """Make the tableau of a swing, where it stands now."""
+        self._swing = swing
+        n = len(swing)
+        self._tableau = np.zeros((n, n + ABREAST), order="F")
+        self._pivots = 0
+        scale = self._scale[swing]
+        matrix = self._reference.by_others[np.ix_(swing, swing)] * scale * scale[:, None]
+        self._tableau[:, :n] = exchanged(matrix, self._changed[swing])
+
+    def _walk(self, start: Array) -> tuple[Array, Flags]:
+        """Values of the swing in each state, or others where those changed sides, and which did.
+
+        Arguments: start, the values at the reference, shape (states, swing).
+        """
+        scale = self._scale[self._swing]
+        start = start * scale
+        solved, changed = np.empty(start.shape), np.empty(start.shape, dtype=bool)
+        for first in range(0, len(start), ABREAST):
+            part = slice(first, first + ABREAST)
+            self._abreast(start[part], solved[part], changed[part])
+        # a value is scaled up and the other of the same candidate down
+        return np.where(changed, solved * scale, solved / scale), changed
+
+    def _abreast(self, start: Array, solved: Array, changed: Flags) -> None:
+        """Walk over states that the tableau carries along, from one to the nearest of those that are left."""
+        if self._pivots > PIVOTS:
+            self._take(self._swing)
+        now = self._changed[self._swing]
+        values, left = self._enter(start, now), np.arange(len(start))
+        while len(left):
+            least = values[:, left].min(axis=0, initial=0)
+            done = least >= -ZERO
+            if done.any():
+                rows = left[done]
+                solved[rows], changed[rows] = values[:, rows].T, now
+                left = left[~done]
+                continue
+            k = left[least.argmax()]
+            if not self._reach(k, len(start), now):
+                solved[k], changed[k] = np.nan, False
+                left = left[left != k]
+                now[:] = self._changed[self._swing] = False
+                self._take(self._swing)
+                values = self._enter(start, now)
+        self._changed[self._swing] = now
+
+    def _enter(self, start: Array, now: Flags) -> Array:
+        """Columns of the tableau, now the values of states at its contact set."""
+        n = len(now)
+        values = self._tableau[:, n : n + len(start)]
+        moved = start * now
+        values[:] = (start - moved).T - self._tableau[:, :n] @ moved.T
+        return values
+
+    def _reach(self, k: int, abreast: int, now: Flags) -> bool:
+        """Pivot to the contact set that solves state k of those abreast; False where that is not found."""
+        n = len(now)
+        tableau = self._tableau[:, : n + abreast]
+        values = tableau[:, n + k]
+        for count in range(LIMIT * n):
+            r = values.argmin()
+            if values[r] >= -ZERO:
+                self._pivots += count
+                return True
+            if count >= GREEDY * n:
+                r = (values < -ZERO).argmax()  # the least index: finite, by Murty's theorem
+            column, row = tableau[:, r].copy(), tableau[r].copy()
+            pivot = column[r]
+            if not pivot > SMALLEST:
+                return False
+            # so that the one update makes of row and column what becomes of them, too
+            column[r], row[r] = pivot + 1, pivot - 1
+            dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
+            now[r] = not now[r]
+        return False
+
+
+def exchanged(matrix: Array, changed: Flags) -> Array:
+    """Principal transform of a matrix, shape (n, n): values and others of what changed, shape (n,), trade places."""
+    inside, outside = np.flatnonzero(changed), np.flatnonzero(~changed)
+    result = np.empty_like(matrix)
+    inverse = np.linalg.inv(matrix[np.ix_(inside, inside)])
+    across = matrix[np.ix_(outside, inside)] @ inverse
+    back = matrix[np.ix_(inside, outside)]
+    result[np.ix_(inside, inside)] = inverse
+    result[np.ix_(outside, inside)] = across
+    result[np.ix_(inside, outside)] = -inverse @ back
+    result[np.ix_(outside, outside)] = matrix[np.ix_(outside, outside)] - across @ back
+    return result
