@@ -16,7 +16,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import ContactSystem, contact_system
 from hdassist.model.deviations import ToothDeviations, gaps
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, States, ball_phase, pitch_locked_states
+from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, Answers, Certificate, Progress, solve_states
 from hdassist.solve.engine import Engine, StateSolver, ThroughCvxpy
@@ -122,6 +122,7 @@ def kinematic_error(
     states = pitch_locked_states(kinematics) if states is None else states
     parts = []
     for rows, system in _systems(drive, states):
+        rows = rows[neighbours_together(kinematics, states.take(rows))]
         part = states.take(rows)
         formulation, torque = formulate(system), M_g * N_MM
         way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array, Geometry
 from hdassist.preset.drive import Drive
 
+STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are what the engine carries along at once
+
 
 @dataclass(frozen=True)
 class Kinematics:
@@ -96,6 +98,18 @@ def pitch_locked_states(kinematics: Kinematics, index: NDArray[np.int64] | None 
         alpha_g=start_g - 2 * np.pi * j / kinematics.z_g,
         alpha_b=start_b - 2 * np.pi * j / kinematics.z_b,
     )
+
+
+def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.int64]:
+    """Order of states, shape (states,), in which those that follow each other differ little.
+
+    A cam revolution later the cam is where it was and the moving wheel has gone on by two teeth: the order goes
+    over STRIP revolutions abreast, there and back.
+    """
+    turn, step = np.divmod(states.index, kinematics.teeth_fixed)
+    strip, row = np.divmod(turn, STRIP)
+    step = np.where(strip % 2, -step, step)
+    return np.lexsort((np.where(step % 2, -row, row), step, strip))
 
 
 def ball_phase(drive: Drive, phi_h: Array) -> Array:
