@@ -11,9 +11,10 @@ from hdassist.model.geometry import Array
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.compiled import Compiled, compile_programme
 from hdassist.solve.formulation import Formulation, solve_through_cvxpy
-from hdassist.solve.pivoting import Flags, Pivoting, Reference
+from hdassist.solve.pivoting import Pivoting
+from hdassist.solve.reference import Flags, Reference
 
-MANY = 24  # states from which on a reference pays
+MANY = 64  # states from which on a reference pays
 CARRIES = 1e-9  # of the greatest force: more is contact
 
 
@@ -64,7 +65,6 @@ class Engine:
         given_up = np.flatnonzero(np.isnan(forces[:, 0]))
         if len(given_up):
             forces[given_up], free[given_up], _ = self._one_by_one.solve(delta_p[given_up])
-        self._one_by_one.contact = forces[-1] > 0
         return forces, free, len(given_up)
 
     @cached_property

@@ -9,70 +9,20 @@ doi 10.1002/rnc.1251) follow a solution from one problem to the next.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dger
 
 from hdassist.model.geometry import Array
-from hdassist.solve.compiled import Compiled
-
-Flags = NDArray[np.bool_]
+from hdassist.solve.reference import Flags, Reference, exchanged
 
 ABREAST = 32  # states that a tableau carries along
 ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
-INACCURATE = 1e-7  # in the programme's units: rounding above this spoils a state
+INACCURATE = 1e-8  # in the programme's units: a state that rounding spoils by more is given up
 PIVOTS = 1000  # after which a tableau is made anew, against rounding
 GREEDY = 3  # pivots for each candidate, after which the order is one that cannot cycle
 LIMIT = 30  # pivots for each candidate, after which a state is given up
-SMALLEST = 1e-12  # pivot, where those of the reference are one
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The programme solved for the values at one contact set, for any gaps and any load.
-
-    values = constant + by_gaps gaps + by_load load + by_others others: values, shape (M + free,), are forces of
-    contacts, gaps of the rest, and the duals; others, shape (M,), are the gaps of contacts and forces of the rest,
-    all zero as long as the set holds. All in the programme's units.
-    """
-
-    contact: Flags
-    constant: Array
-    by_gaps: Array
-    by_load: Array
-    by_others: Array
-
-    @classmethod
-    def at(cls, data: Compiled, contact: Flags) -> Reference | None:
-        """Reference at a contact set, shape (M,); None where that set does not hold the parts in place."""
-        M, free = len(data.q_0), len(data.b_0)
-        inside, outside = np.flatnonzero(contact), np.flatnonzero(~contact)
-        n = len(inside)
-        system = np.zeros((n + free, n + free))
-        system[:n, :n] = data.P[np.ix_(inside, inside)]
-        system[n:, :n] = data.A[:, inside]
-        system[:n, n:] = data.A[:, inside].T
-        coupling = np.vstack([data.P[np.ix_(inside, outside)], data.A[:, outside]])
-        try:
-            inverse = np.linalg.inv(system)
-        except np.linalg.LinAlgError:
-            return None
-        across = inverse @ coupling
-        known = np.concatenate([inside, M + np.arange(free)])
-        by_others, by_load = np.zeros((M + free, M)), np.zeros((M + free, free))
-        by_others[np.ix_(known, inside)] = inverse[:, :n]
-        by_others[np.ix_(known, outside)] = -across
-        by_others[np.ix_(outside, inside)] = across[:n].T
-        by_others[np.ix_(outside, outside)] = data.P[np.ix_(outside, outside)] - coupling.T @ across
-        by_load[known], by_load[outside] = inverse[:, n:], across[n:].T
-        by_linear = np.zeros((M + free, M))
-        by_linear[:, inside] = -by_others[:, inside]
-        by_linear[outside, outside] = 1
-        if not np.all(np.diag(by_others) > 0):
-            return None
-        return cls(contact, by_linear @ data.q_0, by_linear @ data.Q, by_load, by_others)
+SMALLEST = 1e-9  # pivot, where those of the reference are one and others were 1e-3 to 1e3
 
 
 class Pivoting:
@@ -117,32 +67,31 @@ class Pivoting:
 
     def _settled(self, values: Array) -> Array:
         """Forces of states, whose values at the reference become those of the solution as far as the swing goes."""
-        reference, swing = self._reference, self._swing
+        contact, swing = self._reference.contact, self._swing
         solved, changed = self._walk(values[:, swing])
         others = np.maximum(solved, 0) * changed
-        values += others @ reference.by_others[:, swing].T
+        values += others @ self._effect
         here = values[:, swing]
-        # what changed sides has a value of zero in exact arithmetic
-        spoiled = np.abs(here * changed).max(axis=1, initial=0) > INACCURATE
-        here[changed] = 0
-        here[(here < 0) & (here > -INACCURATE)] = 0
-        values[:, swing] = here
-        forces = np.maximum(values[:, : len(reference.contact)], 0) * reference.contact
-        forces[:, swing] += others * ~reference.contact[swing]
-        lost = spoiled | np.isnan(here).any(axis=1)
-        forces[lost] = values[lost] = np.nan
+        # in exact arithmetic what changed sides is zero, and nothing is negative
+        wrong = np.where(changed, np.abs(here), -here).max(axis=1, initial=0)
+        values[:, swing] = np.where(changed, 0, np.maximum(here, 0))
+        forces = np.maximum(values[:, : len(contact)], 0) * contact
+        forces[:, swing] += others * ~contact[swing]
+        lost = ~(wrong <= INACCURATE)
+        if lost.any():
+            forces[lost] = values[lost] = np.nan
+            self._take(swing)
         self._useful[swing] |= changed.any(axis=0)
         return forces
 
     def _take(self, swing: NDArray[np.int64]) -> None:
         """Make the tableau of a swing, where it stands now."""
-        self._swing = swing
+        by_others, scale = self._reference.by_others, self._scale[swing]
+        self._swing, self._pivots = swing, 0
+        self._effect = np.ascontiguousarray(by_others[:, swing].T)
         n = len(swing)
         self._tableau = np.zeros((n, n + ABREAST), order="F")
-        self._pivots = 0
-        scale = self._scale[swing]
-        matrix = self._reference.by_others[np.ix_(swing, swing)] * scale * scale[:, None]
-        self._tableau[:, :n] = exchanged(matrix, self._changed[swing])
+        self._tableau[:, :n] = exchanged(by_others[np.ix_(swing, swing)] * scale * scale[:, None], self._changed[swing])
 
     def _walk(self, start: Array) -> tuple[Array, Flags]:
         """Values of the swing in each state, or others where those changed sides, and which did.
@@ -204,23 +153,9 @@ class Pivoting:
             column, row = tableau[:, r].copy(), tableau[r].copy()
             pivot = column[r]
             if not pivot > SMALLEST:
-                return False
+                return False  # without it nothing would hold the torque
             # so that the one update makes of row and column what becomes of them, too
             column[r], row[r] = pivot + 1, pivot - 1
             dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
             now[r] = not now[r]
         return False
-
-
-def exchanged(matrix: Array, changed: Flags) -> Array:
-    """Principal transform of a matrix, shape (n, n): values and others of what changed, shape (n,), trade places."""
-    inside, outside = np.flatnonzero(changed), np.flatnonzero(~changed)
-    result = np.empty_like(matrix)
-    inverse = np.linalg.inv(matrix[np.ix_(inside, inside)])
-    across = matrix[np.ix_(outside, inside)] @ inverse
-    back = matrix[np.ix_(inside, outside)]
-    result[np.ix_(inside, inside)] = inverse
-    result[np.ix_(outside, inside)] = across
-    result[np.ix_(inside, outside)] = -inverse @ back
-    result[np.ix_(outside, outside)] = matrix[np.ix_(outside, outside)] - across @ back
-    return result

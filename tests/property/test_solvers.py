@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hdassist.model.contacts import contact_system
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.engine import Engine
+from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate, solve_through_cvxpy
 from tests.support import changed
 
@@ -51,6 +51,21 @@ def test_engine_agrees_with_two_other_solvers(reference, fields, tau, beta, scal
         others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
         assert same[system.free_rotation] * ARCSEC == pytest.approx(free[0, system.free_rotation] * ARCSEC, abs=0.005)
         assert others == pytest.approx(forces[0], abs=2e-3 * forces.max())
+
+
+@settings(max_examples=12)
+@given(DRIVES, st.floats(0, 1), st.floats(0, 1), st.integers(0, 2**32 - 1), TORQUES)
+def test_many_states_at_once_are_what_each_is_alone(reference, fields, tau, beta, seed, torque):
+    system = contact_system(changed(reference, **fields), tau, beta)
+    formulation = formulate(system)
+    scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY, 4))
+    delta_p = system.delta_p + scalars @ system.deviation_map.T
+    forces, free, _ = Engine(formulation, torque).solve(delta_p)
+    assert residuals(system, delta_p, torque, forces, free).worst.max() <= TOLERANCE
+    others, same, _ = Engine(formulation, torque).solve(delta_p[: MANY - 1])
+    k = system.free_rotation
+    assert same[:, k] * ARCSEC == pytest.approx(free[:-1, k] * ARCSEC, abs=1e-7)
+    assert others == pytest.approx(forces[:-1], abs=1e-6 * forces.max())
 
 
 def test_warm_answers_do_not_depend_on_their_order(reference):

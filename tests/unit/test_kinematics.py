@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist.analysis.kinematic_error import kinematic_error
-from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
+from hdassist.model.kinematics import STRIP, Kinematics, ball_phase, neighbours_together, pitch_locked_states
 from tests.support import changed
 
 
@@ -81,6 +81,28 @@ def test_error_is_measured_against_the_nominal_angle(reference):
     actual = states.phi_g + np.radians(result.rotation_arcsec / 3600)
     F_kpp = states.phi_h / -100 - (actual - actual[0])
     assert np.degrees(F_kpp) * 3600 == pytest.approx(result.error_arcsec, abs=1e-7)
+
+
+@pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
+def test_neighbours_together_takes_every_state_once_in_short_steps(reference, fixed):
+    kinematics = Kinematics.of(changed(reference, mounting__fixed=fixed))
+    for index in (np.arange(20200), np.arange(7, 20000, 3), np.arange(150), np.array([5]), np.arange(0)):
+        states = pitch_locked_states(kinematics, index)
+        order = neighbours_together(kinematics, states)
+        assert np.array_equal(np.sort(order), np.arange(len(index)))
+        if len(index) == 20200:
+            wheels = states.take(order)
+            for turned in (wheels.alpha_g, wheels.alpha_b):
+                step = np.abs(np.angle(np.exp(1j * np.diff(turned))))
+                assert np.degrees(step.max()) < 2.1 * STRIP * 1.8  # two teeth a revolution
+
+
+def test_results_stand_in_the_order_of_the_states_asked_for(reference):
+    index = np.array([900, 3, 202, 4, 20199, 1])
+    some = kinematic_error(reference, 80, states=pitch_locked_states(Kinematics.of(reference), index))
+    for k, j in enumerate(index):
+        alone = kinematic_error(reference, 80, states=pitch_locked_states(Kinematics.of(reference), np.array([j])))
+        assert some.rotation_arcsec[k] == pytest.approx(alone.rotation_arcsec[0], abs=1e-7)
 
 
 def test_full_cycle_is_asked_for_by_name(reference):

@@ -16,7 +16,7 @@ from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
-from hdassist.solve.engine import Engine, ThroughCvxpy
+from hdassist.solve.engine import MANY, Engine, ThroughCvxpy
 from hdassist.solve.formulation import formulate, solve_through_cvxpy
 from tests.support import changed
 
@@ -100,6 +100,8 @@ def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, pa
             Engine(altered, 80e3)
         return
     after = Engine(altered, 80e3).solve(system.delta_p[None])
+    many = Engine(altered, 80e3).solve(np.repeat(system.delta_p[None], MANY, axis=0))
+    assert many[1] * ARCSEC == pytest.approx(np.repeat(after[1] * ARCSEC, MANY, axis=0), abs=1e-7)
     assert abs(after[1][0, 0] - before[1][0, 0]) * ARCSEC > 0.01
     _, same = solve_through_cvxpy(altered, system.delta_p, 80e3, "CLARABEL")
     assert same[0] * ARCSEC == pytest.approx(after[1][0, 0] * ARCSEC, abs=1e-3)
