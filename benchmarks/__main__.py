@@ -22,6 +22,7 @@ PROCESSES = {
     "hdassist check vzp160": (["check", "vzp160"], 20.0, 400.0, 3),
 }
 SAMPLE = 20  # states sent through cvxpy
+ROUNDS = 3  # of every engine over the cycle
 
 
 def process(arguments: list[str]) -> tuple[float, float]:
@@ -35,7 +36,7 @@ def process(arguments: list[str]) -> tuple[float, float]:
 
 
 def states() -> dict[str, float]:
-    """Milliseconds a state: the engine over a full cycle, its certificate included, and cvxpy on a sample."""
+    """Milliseconds of processor time a state: cvxpy with several solvers, on a sample."""
     # a child starts with its parent's memory on its account: nothing heavy before the processes are measured
     import numpy as np
 
@@ -43,29 +44,74 @@ def states() -> dict[str, float]:
     from hdassist.model.contacts import contact_system
     from hdassist.model.deviations import gaps
     from hdassist.model.kinematics import Kinematics, pitch_locked_states
-    from hdassist.solve.answers import solve_states
-    from hdassist.solve.engine import Engine
     from hdassist.solve.formulation import formulate, solve_through_cvxpy
 
     drive = load_preset("vzp160")
     system = contact_system(drive)
     cycle = pitch_locked_states(Kinematics.of(drive))
-    delta_p = gaps(drive, system, cycle)
+    rows = np.random.default_rng(0).choice(len(cycle), SAMPLE, replace=False)
+    delta_p = gaps(drive, system, cycle.take(rows))
     formulation = formulate(system)
     found = {}
-    for M_g in drive.operation.M_g:
-        begun = time.perf_counter()
-        solve_states(system, Engine(formulation, M_g * 1e3), M_g * 1e3, delta_p, str)
-        found[f"engine, {M_g:g} N*m"] = (time.perf_counter() - begun) / len(cycle) * 1e3
-    rows = np.random.default_rng(0).choice(len(cycle), SAMPLE, replace=False)
     for solver in ("DAQP", "CLARABEL", "OSQP", "HIGHS"):
         solve_through_cvxpy(formulation, delta_p[0], 80e3, solver)
         times = []
-        for row in rows:
-            begun = time.perf_counter()
-            solve_through_cvxpy(formulation, delta_p[row], 80e3, solver)
-            times.append(time.perf_counter() - begun)
+        for gap in delta_p:
+            begun = time.process_time()
+            solve_through_cvxpy(formulation, gap, 80e3, solver)
+            times.append(time.process_time() - begun)
         found[f"cvxpy with {solver}, 80 N*m"] = statistics.median(times) * 1e3
+    return found
+
+
+def engines() -> dict[str, dict[str, float]]:
+    """Microseconds of processor time a state over the full cycle, set-up included.
+
+    For each torque: the engine, its certificate (part of what a state costs), and DAQP warm from state to state
+    on the same matrices, in turns with the engine; medians of ROUNDS rounds.
+    """
+    import numpy as np
+
+    from hdassist import load_preset
+    from hdassist.model.contacts import contact_system
+    from hdassist.model.deviations import gaps
+    from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
+    from hdassist.solve.activeset import ActiveSet
+    from hdassist.solve.answers import CHUNK, solve_states
+    from hdassist.solve.certificate import residuals
+    from hdassist.solve.compiled import compile_programme
+    from hdassist.solve.engine import Engine
+    from hdassist.solve.formulation import formulate
+
+    drive = load_preset("vzp160")
+    system, kinematics = contact_system(drive), Kinematics.of(drive)
+    cycle = pitch_locked_states(kinematics)
+    delta_p = gaps(drive, system, cycle.take(neighbours_together(kinematics, cycle)))
+    formulation, everywhere = formulate(system), np.ones(len(system.delta_p), dtype=bool)
+    data = compile_programme(formulation)
+    chunks = [delta_p[first : first + CHUNK] for first in range(0, len(delta_p), CHUNK)]
+    found = {}
+    for M_g in drive.operation.M_g:
+        torque = M_g * 1e3
+        times = []
+        for _ in range(ROUNDS):
+            marks = [time.process_time()]
+            solve_states(system, Engine(formulation, torque), torque, delta_p, str)
+            marks.append(time.process_time())
+            daqp = ActiveSet(formulation, data, torque, everywhere)
+            answers = [daqp.solve(chunk) for chunk in chunks]
+            marks.append(time.process_time())
+            for chunk, (forces, free, _) in zip(chunks, answers, strict=True):
+                residuals(system, chunk, torque, forces, free)
+            marks.append(time.process_time())
+            times.append(np.diff(marks))
+        both, daqp_alone, certificate = (float(t) for t in np.median(times, axis=0) / len(delta_p) * 1e6)
+        found[f"{M_g:g} N*m"] = {
+            "engine and certificate": both,
+            "certificate": certificate,
+            "daqp": daqp_alone,
+            "daqp and certificate": daqp_alone + certificate,
+        }
     return found
 
 
@@ -89,13 +135,18 @@ def main() -> None:
         runs[name] = {"median_s": median, "target_s": seconds, "max_MB": most, "target_MB": memory, "runs": repeats}
         print(f"{name:28}{median:8.2f}{seconds:8.1f}{most:8.0f}{memory or '-':>8}")
 
-    print(f"\n{'one state, vzp160':28}{'ms':>8}{'ratio':>8}")
-    solved = states()
-    base = solved["engine, 80 N*m"]
-    for name, milliseconds in solved.items():
-        print(f"{name:28}{milliseconds:8.3f}{milliseconds / base:8.1f}")
+    print(f"\n{'one state, vzp160':36}{'us':>8}{'ratio':>8}")
+    solved = engines()
+    for torque, rows in solved.items():
+        for name, microseconds in rows.items():
+            ratio = microseconds / rows["engine and certificate"]
+            print(f"{f'{name}, {torque}':36}{microseconds:8.1f}{ratio:8.2f}")
+    base = solved["80 N*m"]["engine and certificate"]
+    through = states()
+    for name, milliseconds in through.items():
+        print(f"{name:36}{milliseconds * 1e3:8.0f}{milliseconds * 1e3 / base:8.0f}")
     if options.json:
-        told = {"machine": machine, "processes": runs, "state_ms": solved}
+        told = {"machine": machine, "processes": runs, "state_us": solved, "state_through_cvxpy_ms": through}
         Path(options.json).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
 
