@@ -13,7 +13,7 @@ from hdassist.model.geometry import Array
 from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
 from hdassist.solve.engine import StateSolver
 
-CHUNK = 250  # states whose forces are held at once: in the cache
+CHUNK = 256  # states whose forces are held at once: in the cache
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 

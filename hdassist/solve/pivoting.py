@@ -112,19 +112,19 @@ class Pivoting:
         if self._pivots > PIVOTS:
             self._take(self._swing)
         now = self._changed[self._swing]
-        values, left = self._enter(start, now), np.arange(len(start))
-        while len(left):
-            least = values[:, left].min(axis=0, initial=0)
-            done = least >= -ZERO
-            if done.any():
-                rows = left[done]
-                solved[rows], changed[rows] = values[:, rows].T, now
-                left = left[~done]
-                continue
-            k = left[least.argmax()]
+        values, closed = self._enter(start, now), np.zeros(len(start), dtype=bool)
+        while True:
+            least = np.minimum.reduce(values, axis=0, initial=0)
+            least[closed] = -np.inf
+            done = (least >= -ZERO).nonzero()[0]
+            if len(done):
+                solved[done], changed[done] = values[:, done].T, now
+                closed[done], least[done] = True, -np.inf
+            k = least.argmax()
+            if closed[k]:
+                break  # all of them are
             if not self._reach(k, len(start), now):
-                solved[k], changed[k] = np.nan, False
-                left = left[left != k]
+                solved[k], changed[k], closed[k] = np.nan, False, True
                 now[:] = self._changed[self._swing] = False
                 self._take(self._swing)
                 values = self._enter(start, now)
@@ -145,9 +145,9 @@ class Pivoting:
         values = tableau[:, n + k]
         for count in range(LIMIT * n):
             r = values.argmin()
-            if values[r] >= -ZERO:
+            if not values[r] < -ZERO:
                 self._pivots += count
-                return True
+                return bool(values[r] >= -ZERO)  # not so where it is not a number
             if count >= GREEDY * n:
                 r = (values < -ZERO).argmax()  # the least index: finite, by Murty's theorem
             column, row = tableau[:, r].copy(), tableau[r].copy()
