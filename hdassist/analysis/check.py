@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
+from typing import Any
 
 from hdassist.analysis.extremes import SEARCHED, searchable
 from hdassist.analysis.kinematic_error import CrossCheck, KinematicError, kinematic_error
 from hdassist.analysis.self_error import SelfError, self_error
-from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivities
+from hdassist.analysis.sensitivity import SEARCHES, Sensitivity, sensitivity
 from hdassist.analysis.verdict import Verdict, worst
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.measured import MeasuredTeeth
@@ -101,21 +103,48 @@ def check(
     solver: str | None = None,
     cross_check: str = "CLARABEL",
     seed: int = 0,
+    executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Check:
     """Check a drive at the torques of its preset.
 
-    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; the others and the
-    errors as in kinematic_error.
+    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; executor, to spread
+    the work over (any concurrent.futures executor; the numbers do not depend on it); the others and the errors as in
+    kinematic_error.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
-    errors = [
-        kinematic_error(there, M_g, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed, progress=progress)
+    told = None if executor else progress  # a process tells nothing before it is done
+    jobs: list[_Job] = [
+        partial(
+            kinematic_error, there, M_g, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed, progress=told
+        )
         for M_g in torques
     ]
-    own = self_error(drive, torques, progress=progress)
-    cases = [] if measured else [(drive, M_g) for M_g in torques]
-    slopes = sensitivities(cases, progress=progress) if cases else [None] * len(torques)
+    jobs.append(partial(self_error, drive, torques, progress=told))
+    jobs += [partial(_sensitivity, None if measured else drive, M_g) for M_g in torques]
+    results = []
+    for result in (executor.map if executor else map)(_run, jobs):
+        results.append(result)
+        if progress and (executor or len(results) > len(torques) + 1):
+            progress(_states(result))
+    count = len(torques)
+    errors, own, slopes = results[:count], results[count], results[count + 1 :]
     limits = [drive.limit(M_g) for M_g in torques]
     return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
+
+
+_Job = Callable[[], Any]
+
+
+def _run(job: _Job) -> Any:
+    return job()
+
+
+def _sensitivity(drive: Drive | None, M_g: float) -> Sensitivity | None:
+    return sensitivity(drive, M_g) if drive else None
+
+
+def _states(result: Any) -> int:
+    parts = result if isinstance(result, list) else [result]
+    return sum(part.certificate.states for part in parts if part is not None)

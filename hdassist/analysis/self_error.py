@@ -55,17 +55,18 @@ def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | N
     grid = drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY] * len(torques)
-    engine: Engine | None = None
+    engines: dict[float, Engine] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
     for i in range(grid):
         flanks = flank_candidates(geometry, window, i / grid)
         for k in range(grid):
             system = assemble(drive, flanks, k / grid)
-            engine = Engine(formulate(system), torques[0] * N_MM, like=engine)
+            formulation = formulate(system)
             for t, M_g in enumerate(torques):
                 torque = M_g * N_MM
-                engine.load(torque)
+                near = engines.get(M_g) or next(iter(engines.values()), None)
+                engines[M_g] = Engine(formulation, torque, like=near)
                 place = partial(_place, i / grid, k / grid, M_g)
-                answers = solve_states(system, engine, torque, system.delta_p[None], place, progress)
+                answers = solve_states(system, engines[M_g], torque, system.delta_p[None], place, progress)
                 rotation[t, i, k] = answers.rotation[0] * ARCSEC
                 certificates[t] += answers.certificate
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]

@@ -21,7 +21,7 @@ def command(
         Path | None, typer.Option("--state", metavar="FILE", help="Remember what was computed; go on from there.")
     ] = None,
     evaluations: Annotated[int, typer.Option(min=8, help="Drives that the global search may compute.")] = 400,
-    jobs: Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")] = 0,
+    jobs: o.Jobs = 0,
     seed: o.Seed = 0,
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
     json: o.Json = False,

@@ -27,6 +27,7 @@ def command(
     solver: o.Solver = None,
     cross_check: o.CrossCheck = "clarabel",
     seed: o.Seed = 0,
+    jobs: o.Jobs = 0,
     plot: o.Plot = True,
     ascii: o.Ascii = False,
     no_color: o.NoColor = False,
@@ -52,6 +53,7 @@ def command(
     from hdassist.analysis.verdict import worst_exit_code
     from hdassist.cli.output import Output, complain, note, warn
     from hdassist.cli.pitch import PitchFiles
+    from hdassist.cli.workers import workers
     from hdassist.errors import HdassistError
     from hdassist.preset.library import load_preset
     from hdassist.report import check as report
@@ -69,9 +71,15 @@ def command(
         try:
             drive = load_preset(name, [*overrides, *o.torque_overrides(torque)])
             measured = pitch.read(drive)
-            with out.progress(drive.name, work(drive, measured)) as progress:
+            with out.progress(drive.name, work(drive, measured)) as progress, workers(jobs) as executor:
                 result = check(
-                    drive, measured=measured, solver=solver, cross_check=cross_check, seed=seed, progress=progress
+                    drive,
+                    measured=measured,
+                    solver=solver,
+                    cross_check=cross_check,
+                    seed=seed,
+                    executor=None if solver else executor,  # a slow solver shows its progress
+                    progress=progress,
                 )
         except HdassistError as error:
             if debug or (len(presets) == 1 and not json):

@@ -46,7 +46,7 @@ def command(
     every_state: Annotated[
         bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
     ] = False,
-    jobs: Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")] = 0,
+    jobs: o.Jobs = 0,
     overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
     pitch_b: o.PitchB = None,
     pitch_g: o.PitchG = None,

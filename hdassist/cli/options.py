@@ -63,6 +63,7 @@ CrossCheck = Annotated[
     str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
+Jobs = Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")]
 Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")]
 Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.")]
 NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or control codes.")]

@@ -12,12 +12,14 @@ from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.solve.compiled import Compiled
 from hdassist.solve.formulation import Formulation, solve_through_cvxpy
+from hdassist.solve.nearset import solve_near
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
 ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
+FEW = 4  # states for which a model is not worth its set-up
 LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
 
 
@@ -53,13 +55,20 @@ class ActiveSet:
         forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(data.b_0)))
         fallbacks = 0
         for k in range(len(q)):
-            first_way = self._warm(q[k]) if self._model else self._set_up(q[k], self.contact)
+            first_way = None if len(q) > FEW or self._model else self._near(q[k])
+            first_way = first_way or (self._warm(q[k]) if self._model else self._set_up(q[k], self.contact))
             answer = first_way or self._set_up(q[k], np.ones_like(self.contact))
             fallbacks += first_way is None
             forces[k], free[k] = formulation.answer(*answer) if answer else self._last_resort(delta_p[k])
         if len(q):
             self.contact = forces[-1] > 0
         return forces, free, fallbacks
+
+    def _near(self, q: Array) -> tuple[Array, Array] | None:
+        answer = solve_near(self._data, q, self._data.load(self._torque), self.contact)
+        if answer:
+            self.contact = answer[0] > 0
+        return answer
 
     def _warm(self, q: Array) -> tuple[Array, Array] | None:
         self._model.update(f=q)
