@@ -22,9 +22,12 @@ from hdassist.analysis.weighted import hills, picked, quantile
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.geometry import Array
 
+SETTLED = 0.9  # of the probability, from which on one direction is meant
+OPEN = 75.0  # deg: a direction that is known no better is open
 LISTED = 0.2  # of the probability: directions that hold more are named
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
-KEPT = 1 - 1e-6  # of the probability; what is less likely is left out of sums
+MOST = 50_000  # nodes that are looked at; more are stood for by draws
+KEPT = 1 - 1e-5  # of the probability; what is less likely is left out of sums
 OUTCOMES = 64  # of a next trial that are looked at
 ENOUGH = 4000  # nodes for that
 
@@ -80,10 +83,21 @@ class Posterior:
 
     @cached_property
     def merits(self) -> Array:
-        """Greatest over the torques of F'_ior against that at rotation 0, by weights, shape (nodes, positions)."""
+        """Greatest over the torques of F'_ior against the least over the positions, by weights.
+
+        Shape (nodes, positions). Where the wheel stood at first plays no part: that is chance.
+        """
+        return self._merit(self.F_ior_arcsec)
+
+    @cached_property
+    def now_merits(self) -> Array:
+        """The merit of rotation 0, shape (nodes,)."""
+        return self._merit(self.now_arcsec[:, :, None])[:, 0]
+
+    def _merit(self, F_ior: Array) -> Array:
         share = np.ones(self.deciding) if self.weights is None else np.array(self.weights) / max(self.weights)
-        relative = self.F_ior_arcsec[: self.deciding] / self.now_arcsec[: self.deciding, :, None]
-        return np.asarray(np.max(relative * share[:, None, None], axis=0))
+        least = self.F_ior_arcsec[: self.deciding].min(axis=2, keepdims=True)
+        return np.asarray(np.max(F_ior[: self.deciding] / least * share[:, None, None], axis=0))
 
     @cached_property
     def losses(self) -> Array:
@@ -142,9 +156,17 @@ class Posterior:
 
     @property
     def likeliest_deg(self) -> float:
-        """The likeliest direction of the offset."""
+        """The likeliest direction of the offset: that of the direction that holds most, else the likeliest point."""
+        if found := self.directions():
+            return found[0].direction_deg
         direction = np.unravel_index(self.nodes, self.prior.weight.shape)[2]
         return float(self.prior.direction_deg[np.bincount(direction, self.weight).argmax()])
+
+    @property
+    def pointed(self) -> bool:
+        """Whether one direction is all but known."""
+        found = self.directions()
+        return bool(found) and found[0].share > SETTLED and found[0].spread_deg < OPEN
 
     def directions(self) -> list[Direction]:
         """Every direction of the offset that holds more than LISTED of the probability, likeliest first."""
@@ -282,4 +304,8 @@ def _likeliest(weight: Array) -> tuple[NDArray[np.int64], Array]:
     order = np.argsort(-weight, kind="stable")
     enough = int(np.searchsorted(np.cumsum(weight[order]), KEPT * weight.sum())) + 1
     nodes = np.sort(order[:enough])
-    return nodes, weight[nodes] / weight[nodes].sum()
+    weight = weight[nodes] / weight[nodes].sum()
+    if len(nodes) <= MOST:
+        return nodes, weight
+    drawn, count = np.unique(picked(weight, MOST), return_counts=True)
+    return nodes[drawn], count / MOST

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +23,19 @@ from hdassist.analysis.response import DEVIATIONS, Response, tables, turns
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
-from hdassist.preset.drive import Drive
+from hdassist.preset.convert import field_table
+from hdassist.preset.drive import Drive, least_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
-WORLDS = 16  # draws for each set of stiffnesses
+WORLDS = 64  # draws for each set of stiffnesses; with 16 many trials came out surer than they were
 SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed
 FINE_SIZES, FINE_DIRECTIONS = 41, 72  # and interpolated to
+NARROWEST = 1.0  # um: a size needs some width to be weighed over
 WIDEST = 2.0  # an offset without an uncertainty may be so many times the preset's
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed; docs/trials.md shows what it brings
-SCALES = np.linspace(-1.8, 1.8, 7)  # standard deviations at which it is taken
-STATES = 12_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
+SCALES = np.linspace(-2.4, 2.4, 7)  # standard deviations at which it is taken
+STATES = 4_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
 
 
 @dataclass(frozen=True)
@@ -183,8 +186,9 @@ def _sizes(drive: Drive, path: str) -> tuple[Array, Array]:
                 f"--set {path}=80 says that up to {WIDEST:g} times 80 um are likely",
             )
         return np.linspace(0, WIDEST * value, FINE_SIZES), np.full(FINE_SIZES, 1 / FINE_SIZES)
-    size = np.linspace(0, value + 2 * uncertainty, FINE_SIZES)
-    weight = norm.pdf(size, value, uncertainty / 2)
+    size = np.linspace(0, max(value + 2 * uncertainty, NARROWEST), FINE_SIZES)
+    # no narrower than the grid can show
+    weight = norm.pdf(size, value, max(uncertainty / 2, size[1] / 2))
     return size, weight / weight.sum()
 
 
@@ -194,7 +198,7 @@ def _facing(drive: Drive, path: str, direction: Array) -> Array:
     if uncertainty is None:
         return np.full(len(direction), 1 / len(direction))
     away = (direction - float(drive.value(path)) + 180) % 360 - 180
-    weight = norm.pdf(away, 0, uncertainty / 2)
+    weight = norm.pdf(away, 0, max(uncertainty / 2, 180 / len(direction)))
     return np.asarray(weight / weight.sum())
 
 
@@ -203,17 +207,19 @@ def _not_overridden(drive: Drive, values: dict[str, float]) -> dict[str, float]:
 
 
 def _draw(drive: Drive, names: OffsetNames, seed: int) -> list[dict[str, float]]:
-    """Values of the rest, drawn evenly over what they may be, one dict a world."""
+    """Values of the rest, drawn evenly over what they may be, one dict a world; one world where nothing is open."""
     e_hh, phi_hh = "tolerances.e_hh", "phases.phi_hh"
     measured = {path for path in drive.uncertainty if path not in (names.size, names.direction)}
+    if not drive.tolerances.e_hh and not any(drive.uncertainty[path] for path in measured):
+        return [{}]  # nothing to draw
     paths = sorted({e_hh, phi_hh} | measured)
     points = qmc.Sobol(len(paths), seed=seed).random(WORLDS)
     drawn = {}
     for path, share in zip(paths, points.T, strict=True):
         value = float(drive.value(path))
         if path in measured:
-            least = 0.0 if path.startswith("tolerances.") else -np.inf
-            drawn[path] = np.maximum(norm.ppf(share, value, drive.uncertainty[path] / 2), least)
+            least = least_of(field_table()[path])
+            drawn[path] = np.maximum(value + drive.uncertainty[path] / 2 * norm.ppf(share), least)
         else:
             drawn[path] = share * (WIDEST * value if path == e_hh else 360.0)
     return [{path: float(values[k]) for path, values in drawn.items()} for k in range(WORLDS)]
@@ -221,8 +227,8 @@ def _draw(drive: Drive, names: OffsetNames, seed: int) -> list[dict[str, float]]
 
 def _span(model: Drive, rest: list[dict[str, float]], names: OffsetNames, widest: float, seed: int) -> list[Drive]:
     """Drives that a table is compared on, the widest offset of each world among them."""
-    shares = qmc.Sobol(2, seed=seed).random(2 * len(rest))
-    pairs = [(*share, values) for share, values in zip(shares, [*rest, *rest], strict=True)]
+    shares = qmc.Sobol(2, seed=seed).random(WORLDS)
+    pairs = [(*share, values) for share, values in zip(shares, cycle(rest), strict=False)]
     drives = [model.with_values({**v, names.size: widest * s, names.direction: 360 * d}) for s, d, v in pairs]
     drives += [model.with_values({**values, names.size: widest}) for values in rest]
     wider = {names.tooth: 1 + max(float(d.value(names.tooth)) for d in drives) + 2 * TOOTH_STEP}

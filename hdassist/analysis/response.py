@@ -30,7 +30,7 @@ from hdassist.solve.formulation import formulate
 SHAPE = (25, 9, 25, 25)  # points over a, b, e_x, e_y; a, about along the motion, weighs most
 SLABS = 8  # tasks that a table is solved in
 TURNS = 40  # positions of each wheel that stand for the cycle
-KNOWN = 24  # drives that a table is compared on
+KNOWN = 40  # drives that a table is compared on
 STATES = 56_700 + KNOWN * QUICK_STATES  # that a table takes, about
 
 DEVIATIONS = ("tolerances.", "phases.")  # sections of a preset that a table spans

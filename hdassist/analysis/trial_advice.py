@@ -22,6 +22,7 @@ from hdassist.errors import UsageError
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
 
+UNSURE = 0.05  # expected loss of the choice above which the trials settle nothing
 SAMPLES = 400  # of what is known, for those who count samples
 
 
@@ -52,6 +53,11 @@ class TrialAdvice:
     def chosen(self) -> Position:
         """The position to choose."""
         return self.at(self.known.best)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the choice is expected to lose little against the best position."""
+        return bool(self.known.expected_loss[self.known.best] <= UNSURE)
 
     @property
     def ranked(self) -> list[int]:
@@ -86,13 +92,16 @@ class TrialAdvice:
             tuple(range(len(rotations) - len(known.rotations_deg), len(rotations))),
             np.moveaxis(known.F_ior_arcsec[: known.deciding][:, some], 0, 1),
             known.merits[some],
-            np.ones(len(some)),
+            known.now_merits[some],
             0,
             known.prior.certificate,
             tuple(known.prior.standard_error_arcsec[: known.deciding]),
             chosen=known.best,
         )
-        return Advice(self._facing, curve, sampled, (), (), ())
+        drive = self._facing
+        if not known.pointed:  # no direction to draw
+            drive = drive.with_values({OffsetNames.of(drive).size: 0.0})
+        return AdviceFromTrials(drive, curve, sampled, (), (), ())
 
 
 @dataclass(frozen=True)
@@ -106,10 +115,15 @@ class FromTrials(Robust):
         """Which of the positions is the choice."""
         return self.chosen
 
+
+@dataclass(frozen=True)
+class AdviceFromTrials(Advice):
+    """Advice whose choice stands: after trials the wheel lies elsewhere, and leaving it is no choice."""
+
     @property
     def worth_turning(self) -> bool:
-        """A choice from trials stands, also where one position in 20 may be better."""
-        return True
+        """Whether the choice is another position than the first one."""
+        return bool(self.chosen.rotation_deg)
 
 
 def work(drive: Drive, torques: Sequence[float], rig: Rig) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.analysis.mounting import FREE_STEP
+from hdassist.analysis.mounting import FREE_STEP, hole_of
 from hdassist.errors import UsageError
 
 
@@ -49,7 +49,7 @@ def trial_positions(holes: int, allowed: Sequence[int] | str) -> list[float]:
 
 def read_trial(text: str, holes: int) -> Trial:
     """Read 120:17.3 (degrees) or h4:17.3 (holes). Raises UsageError for anything else."""
-    where, _, value = text.partition(":")
+    where, _, value = text.lower().partition(":")
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec"
     try:
         F_ior = float(value)
@@ -64,4 +64,10 @@ def read_trial(text: str, holes: int) -> Trial:
         if rotation not in range(holes):
             raise UsageError(f"{text!r}: the seat's holes are h0 to h{holes - 1}", hint)
         rotation *= 360 / holes
+    elif holes and hole_of(rotation, holes) is None:
+        near = round(rotation) % holes
+        raise UsageError(
+            f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
+            f"was hole {near} meant? h{near}:{value}",
+        )
     return Trial(rotation % 360, F_ior)

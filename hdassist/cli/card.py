@@ -66,10 +66,13 @@ class CardFile:
         """Whether the card takes the place of the answer on stdout."""
         return self.path == "-" and out.target == "-"
 
-    def write(self, advice: Advice, trials: Sequence[Trial] = (), at: float = 0.0) -> None:
+    def write(
+        self, advice: Advice, trials: Sequence[Trial] = (), at: float = 0.0, warned: Sequence[str] | None = None
+    ) -> None:
         """Make the card and write it; an interrupted advice has none.
 
-        Arguments: advice; trials that it rests on, and their torque [N*m].
+        Arguments: advice; trials that it rests on, and their torque [N*m]; warned, what the card warns of, without it
+        what the advice does.
         """
         if advice.curve.interrupted:
             note("no card: the work was interrupted")
@@ -77,7 +80,7 @@ class CardFile:
         from hdassist.report import card_html, card_markdown, card_text
         from hdassist.report.card import card_of
 
-        card = card_of(advice, self.say, serial=self.serial, made=date.today(), trials=trials, at=at)
+        card = card_of(advice, self.say, serial=self.serial, made=date.today(), trials=trials, at=at, warned=warned)
         if self.kind == ".html":
             text = card_html.render(card)
         elif self.kind == ".md":

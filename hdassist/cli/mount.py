@@ -91,7 +91,9 @@ def command(
 
     Where the direction of the cam offset is not known, mount the wheel in a few positions (three, 120 deg apart, at a
     light torque), measure F'_ior in each and give them as --trial: the offset is inferred, with all that is uncertain,
-    and the best position with it. --verify compares the outcome and says keep, or go back (exit code 3).
+    and the best position with it. Repeat a position to learn the noise of a value. Where the trials do not settle it
+    the exit code is 6, and the position to measure next is named. --verify compares the outcome with its prediction and
+    says keep, or go back (exit code 3). -q prints the hole to be in, 0 being the first one.
 
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
     state is solved then; alternatives and what a micrometre does are left out.
@@ -133,6 +135,8 @@ def command(
             weights=shares, criterion=criterion, seed=seed, jobs=jobs, json=json, quiet=quiet, verbose=verbose,
         )  # fmt: skip
         raise typer.Exit(code)
+    if any(option is not None for option in (trial_torque, noise, reseat)):
+        raise UsageError("--trial-torque, --noise and --reseat are those of trials", "--trial h4:17.3 gives one")
     total = work(drive, torques, rotations, every_state=every_state, samples=samples, measured=measured)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         advice = advise(

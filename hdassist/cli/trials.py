@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from hdassist.cli.output import Output
     from hdassist.preset.drive import Drive
 
+NOISE = 1.0  # arcsec, of a measured F'_ior where nothing is said
+
 
 def with_trials(
     out: Output,
@@ -18,7 +20,7 @@ def with_trials(
     drive: Drive,
     trials: Sequence[str],
     verify: str | None,
-    rig: tuple[float | None, float, float],
+    rig: tuple[float | None, float | None, float | None],
     *,
     weights: Sequence[float] | None,
     criterion: str,
@@ -44,11 +46,14 @@ def with_trials(
 
     if not trials:
         raise UsageError("--verify needs the trials that the prediction rests on", "--trial 0:28.1 --trial h4:17.3")
+    if verify is not None and page:
+        raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
     measured = [read_trial(text, drive.mounting.holes) for text in trials]
     outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
     torque, noise, reseat = rig
     torques = drive.operation.M_g
-    how = Rig(min(torques, key=abs) if torque is None else torque, noise, reseat)
+    lightest = min(torques, key=abs)
+    how = Rig(lightest if torque is None else torque, NOISE if noise is None else noise, reseat or 0.0)
     begun = time.monotonic()
     with out.progress(drive.name, work(drive, torques, how)) as progress, workers(jobs) as executor:
         advice = advise_from_trials(
@@ -73,5 +78,5 @@ def with_trials(
         out.human(report.brief(advice) if quiet else report.render(advice, out.look))
     out.figures(report.csv(advice))
     if page:
-        page.write(advice.as_advice, advice.known.trials, how.M_g)
+        page.write(advice.as_advice, advice.known.trials, how.M_g, report.warnings(advice, page.say))
     return report.exit_code(advice)

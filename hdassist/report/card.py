@@ -57,12 +57,19 @@ class Card:
 
 
 def card_of(
-    advice: Advice, say: Texts, *, serial: str = "", made: date, trials: Sequence[Trial] = (), at: float = 0.0
+    advice: Advice,
+    say: Texts,
+    *,
+    serial: str = "",
+    made: date,
+    trials: Sequence[Trial] = (),
+    at: float = 0.0,
+    warned: Sequence[str] | None = None,
 ) -> Card:
     """The card of an advice.
 
     Arguments: advice, a complete one; say, the texts of a language; serial, number of the drive; made, date of making;
-    trials that the advice rests on, and their torque [N*m].
+    trials that the advice rests on, and their torque [N*m]; warned, what to warn of, without it what the advice does.
     """
     turned = advice.worth_turning
     target = advice.chosen if turned else advice.curve.current
@@ -71,14 +78,14 @@ def card_of(
         language=say.language,
         title=say("card.title"),
         subject=_subject(advice, say, serial),
-        instruction=instruction(advice, say, room=BESIDE) + (f" {say('instruction.from_first')}" if trials else ""),
+        instruction=_instruction(advice, say, trials),
         seat=seat,
         directions=tuple(f"{p.letter}: {p.words}, {say.angle(p.angle_deg)}" for p in seat.pointers),
         torques=torques_table(advice, say),
         others=other_positions(advice, target, say),
         chance=Lines(say("chance.title"), _chance(advice, say)),
-        checks=Lines(say("checks.title"), _checks(advice, say)),
-        warnings=Lines(say("warnings.title"), _warnings(advice, say)),
+        checks=Lines(say("checks.title"), _checks(advice, say, trials)),
+        warnings=Lines(say("warnings.title"), _warnings(warnings(advice, say) if warned is None else warned, say)),
         sign=(say("sign.date"), say("sign.name")),
         foot=(*_trials(advice.drive, say, trials, at), *_foot(advice, say, made)),
     )
@@ -125,19 +132,29 @@ def _chance(advice: Advice, say: Texts) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _checks(advice: Advice, say: Texts) -> tuple[str, ...]:
+def _checks(advice: Advice, say: Texts, trials: Sequence[Trial]) -> tuple[str, ...]:
     place = []
     if advice.worth_turning:
         way, hole = turn(advice.chosen, say), advice.chosen.hole
         place = [say("checks.place_angle" if hole is None else "checks.place_hole", turn=way, hole=hole)]
+    elif trials:
+        place = [say("checks.place_first")]
     before = [say(f"checks.{name}") for name in ("clean", "pilot")]
     return (*before, *place, *(say(f"checks.{name}") for name in ("free", "screws", "mesh")))
 
 
-def _warnings(advice: Advice, say: Texts) -> tuple[str, ...]:
-    found = warnings(advice, say)
+def _warnings(found: Sequence[str], say: Texts) -> tuple[str, ...]:
     shown = [text if len(text) <= LETTERS else f"{text[:LETTERS].rstrip()}..." for text in found[:WARNINGS]]
     return (*shown, say("warnings.more", count=len(found) - WARNINGS)) if len(found) > WARNINGS else tuple(shown)
+
+
+def _instruction(advice: Advice, say: Texts, trials: Sequence[Trial]) -> str:
+    """What to do; after trials the wheel lies in the last of them, and the first position is one to go to."""
+    if not trials:
+        return instruction(advice, say, room=BESIDE)
+    if not advice.worth_turning:
+        return say("instruction.first", wheel=wheel(advice.drive, say))
+    return f"{instruction(advice, say, room=BESIDE)} {say('instruction.from_first')}"
 
 
 def _trials(drive: Drive, say: Texts, trials: Sequence[Trial], at: float) -> tuple[str, ...]:

@@ -10,29 +10,30 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.analysis.mounting import Position, hole_of, hole_words
-from hdassist.analysis.offset_prior import SCALE, WORLDS
+from hdassist.analysis.offset_posterior import OPEN, Direction
+from hdassist.analysis.offset_prior import SCALE, SCALES
 from hdassist.analysis.trial_advice import TrialAdvice
 from hdassist.analysis.trials import Trial
+from hdassist.report.catalogue import Texts, texts
 from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import envelope
 from hdassist.report.seat import turn, wheel
 
-UNSURE = 0.05  # expected loss of the choice from which on a further trial is advised
-OPEN = 75.0  # deg: a direction that is known no better is open
+TEACHES = 0.002  # of the expected loss: a trial that brings less is not worth naming
 SHOWN = 6  # positions that are listed, best first
-GO_BACK = 3  # exit code, that of a verdict FAIL
+GO_BACK, UNSETTLED = 3, 6  # exit codes, those of the verdicts FAIL and INCONCLUSIVE
 
 
-def warnings(advice: TrialAdvice) -> tuple[str, ...]:
+def warnings(advice: TrialAdvice, say: Texts | None = None) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     known, found = advice.known, list(advice.drive.origin.warnings)
-    loss = known.expected_loss[known.best]
-    if loss > UNSURE:
-        found.append(
-            f"the trials do not settle it: the choice is expected to lose {loss:.0%} against the best position; "
-            f"measure at {_where(advice, advice.next.rotation_deg)} next"
-        )
+    say = say or texts()
+    if not advice.settled:
+        loss = say.percent(float(known.expected_loss[known.best]))
+        hole = hole_of(advice.next.rotation_deg, advice.drive.mounting.holes)
+        where = say.angle(advice.next.rotation_deg) if hole is None else say("foot.hole", hole=hole)
+        found.append(say("warning.unsettled", loss=loss, where=where))
     if advice.outcome and not advice.outcome.as_predicted:
         found.append(
             f"{advice.outcome.trial.F_ior_arcsec:g} arcsec is outside of what the trials predict "
@@ -42,8 +43,10 @@ def warnings(advice: TrialAdvice) -> tuple[str, ...]:
 
 
 def exit_code(advice: TrialAdvice) -> int:
-    """Exit code of the command: 3 where an outcome says to go back."""
-    return GO_BACK if advice.outcome and not advice.outcome.keep else 0
+    """Exit code of the command: 3 where an outcome says to go back, 6 where the trials settle nothing."""
+    if advice.outcome:
+        return 0 if advice.outcome.keep else GO_BACK
+    return 0 if advice.settled else UNSETTLED
 
 
 def instruction(advice: TrialAdvice) -> str:
@@ -71,17 +74,21 @@ def render(advice: TrialAdvice, look: Look) -> RenderableType:
     heading = f"{advice.drive.name}: the cam offset from {_count(len(known.trials), 'trial')} at {known.rig.M_g:g} N·m"
     parts: list[RenderableType] = [Text(look.text(heading), style="bold"), Text(look.text(instruction(advice)))]
     parts += [_trials(advice, look), _offset(advice, look), _positions(advice, look)]
-    now, then = known.expected_loss[known.best], advice.next.loss
-    parts.append(
-        Text(
-            look.text(
-                f"A trial at {_where(advice, advice.next.rotation_deg)} would teach most: the choice is expected to "
-                f"lose {then:.1%} against the best position after it, {now:.1%} now."
-            )
-        )
-    )
+    parts.append(Text(look.text(_next(advice))))
     parts.append(Text(look.text(_basis(advice))))
     return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _next(advice: TrialAdvice) -> str:
+    known, then = advice.known, advice.next.loss
+    now = known.expected_loss[known.best]
+    if now - then < TEACHES:
+        return "No further trial would teach much. Measure after mounting, and give it as --verify."
+    return (
+        f"A trial at {_where(advice, advice.next.rotation_deg)} would teach most: the choice is expected to lose "
+        f"{then:.1%} against the best position after it, {now:.1%} now. What is measured after mounting can be given "
+        "as one more --trial, or as --verify."
+    )
 
 
 def _verdict(advice: TrialAdvice) -> str:
@@ -91,10 +98,15 @@ def _verdict(advice: TrialAdvice) -> str:
         f"{outcome.trial.F_ior_arcsec:g} arcsec at {_where(advice, outcome.trial.rotation_deg)}, predicted "
         f"{outcome.expected_arcsec:.1f} ({outcome.low_arcsec:.1f} to {outcome.high_arcsec:.1f})"
     )
-    if outcome.keep:
-        return f"Keep it: {told}; the best measured so far."
-    best = outcome.best_tried
-    return f"Go back to {_where(advice, best.rotation_deg)}, where {best.F_ior_arcsec:g} was measured: {told}."
+    if outcome.back_to:
+        back = outcome.back_to
+        return f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
+    words = f"Keep it: {told}."
+    after = outcome.after
+    if after and after.rotations_deg[after.best] != outcome.trial.rotation_deg:
+        best = _where(advice, after.rotations_deg[after.best])
+        words += f" Of all positions, {best} is now expected to be the best; as a trial the outcome counts for that."
+    return words
 
 
 def _where(advice: TrialAdvice, rotation_deg: float) -> str:
@@ -110,7 +122,7 @@ def _trials(advice: TrialAdvice, look: Look) -> Table:
     seat = f", seat {known.rig.reseat_um:g} um" if known.rig.reseat_um else ""
     grid = table(look, f"trials (standard deviations: noise {known.rig.noise_arcsec:g} arcsec{seat})")
     grid.add_column("position", no_wrap=True)
-    for words in ("measured, arcsec", "as explained", "standard deviation"):
+    for words in ("measured, arcsec", "explained as", "standard deviation of that"):
         grid.add_column(words, justify="right")
     for trial, mean, spread in zip(known.trials, known.predicted_arcsec, known.predicted_spread_arcsec, strict=True):
         where = _where(advice, trial.rotation_deg)
@@ -126,19 +138,23 @@ def _offset(advice: TrialAdvice, look: Look) -> Table:
             words, justify="left" if words == "best position" else "right", no_wrap=words == "best position"
         )
     for one in advice.known.directions():
-        facing = (f"{one.direction_deg:.0f}", f"{one.spread_deg:.0f}") if one.spread_deg < OPEN else ("open", "-")
+        facing = ("open", "-") if _is_open(one) else (f"{one.direction_deg:.0f}", f"{one.spread_deg:.0f}")
         best = _where(advice, one.recommended_deg)
         grid.add_row(*facing, f"{one.share:.0%}".rstrip("%"), f"{one.size_um:.0f}", best)
     return grid
 
 
+def _is_open(one: Direction) -> bool:
+    return one.spread_deg >= OPEN
+
+
 def _positions(advice: TrialAdvice, look: Look) -> Table:
     known = advice.known
     torques = " / ".join(f"{M_g:g}" for M_g in known.prior.torques[: known.deciding])
-    grid = table(look, f"positions, best first: F'_ior in arcsec at {torques} N·m")
+    grid = table(look, f"positions, best first: F'_ior in arcsec at {torques} N·m; loss expected against the best")
     grid.add_column("position", no_wrap=True)
-    for words in ("best, %", "expected", "5 %", "95 %", "expected loss, %"):
-        grid.add_column(words, justify="right")
+    for words in ("best, %", "expected", "5 %", "95 %", "loss, %"):
+        grid.add_column(words, justify="right", no_wrap=words in ("expected", "5 %", "95 %"))
     levels = [known.expected_F_ior(level) for level in (None, 0.05, 0.95)]
     for place in advice.ranked[:SHOWN]:
         values = [" / ".join(f"{v:.1f}" for v in level[: known.deciding, place]) for level in levels]
@@ -151,11 +167,12 @@ def _basis(advice: TrialAdvice) -> str:
     known = advice.known
     errors = " / ".join(f"{error:.2f}" for error in known.prior.standard_error_arcsec)
     mean, spread = known.scale
+    draws = len(known.prior.model) // (len(known.model_share) * len(SCALES))
+    drawn = f", with the offset that turns with the cam and what is uncertain drawn {draws} times" if draws > 1 else ""
     words = (
         f"Positions are turns from where the wheel stood at 0, counter-clockwise seen from the cam side. Offsets up to "
-        f"{known.prior.size_um[-1]:.0f} um were weighed, with the offset that turns with the cam and what is uncertain "
-        f"drawn {_count(WORLDS, 'time')}, and with the model's scale: the drive shows {mean:.2f} of the computed "
-        f"F'_ior, standard deviation {spread:.2f} (before the trials: 1.00, {SCALE:.2f}, assumed)"
+        f"{known.prior.size_um[-1]:.0f} um were weighed{drawn}, and with the model's scale: the drive shows {mean:.2f} of "
+        f"the computed F'_ior, standard deviation {spread:.2f} (before the trials: 1.00, {SCALE:.2f}, assumed)"
     )
     sets = len(known.model_share)
     if sets > 1:
@@ -207,8 +224,8 @@ def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
             "directions": [
                 {
                     "probability": one.share,
-                    "direction_deg": one.direction_deg,
-                    "direction_sd_deg": one.spread_deg,
+                    "direction_deg": None if _is_open(one) else one.direction_deg,
+                    "direction_sd_deg": None if _is_open(one) else one.spread_deg,
                     "size_um": one.size_um,
                     "recommended": _place(advice, one.recommended_deg),
                 }
@@ -226,6 +243,7 @@ def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
                 }
                 for place in places
             ],
+            "settled": advice.settled,
             "next": {**_place(advice, advice.next.rotation_deg), "expected_loss": advice.next.loss},
             "standard_error_arcsec": known.prior.standard_error_arcsec.tolist(),
             "verify": _outcome(advice),
@@ -273,7 +291,7 @@ def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:
         "high_arcsec": outcome.high_arcsec,
         "as_predicted": outcome.as_predicted,
         "verdict": "KEEP" if outcome.keep else "GO_BACK",
-        "best_tried": _trial(advice, outcome.best_tried),
+        "position": _place(advice, outcome.stay_deg),
     }
 
 
@@ -290,8 +308,6 @@ def csv(advice: TrialAdvice) -> str:
 
 def brief(advice: TrialAdvice) -> str:
     """The answer alone: the hole (or angle in degrees) to mount the wheel in, after an outcome the one to stay in."""
-    rotation = advice.chosen.rotation_deg
-    if advice.outcome:
-        rotation = (advice.outcome.trial if advice.outcome.keep else advice.outcome.best_tried).rotation_deg
+    rotation = advice.outcome.stay_deg if advice.outcome else advice.chosen.rotation_deg
     hole = _place(advice, rotation)["hole"]
     return f"{rotation:g}" if hole is None else f"{hole}"
