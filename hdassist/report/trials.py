@@ -171,8 +171,8 @@ def _basis(advice: TrialAdvice) -> str:
     drawn = f", with the offset that turns with the cam and what is uncertain drawn {draws} times" if draws > 1 else ""
     words = (
         f"Positions are turns from where the wheel stood at 0, counter-clockwise seen from the cam side. Offsets up to "
-        f"{known.prior.size_um[-1]:.0f} um were weighed{drawn}, and with the model's scale: the drive shows {mean:.2f} of "
-        f"the computed F'_ior, standard deviation {spread:.2f} (before the trials: 1.00, {SCALE:.2f}, assumed)"
+        f"{known.prior.size_um[-1]:.0f} um were weighed{drawn}, and with the model's scale: the drive shows {mean:.2f} "
+        f"of the computed F'_ior, standard deviation {spread:.2f} (before the trials: 1.00, {SCALE:.2f}, assumed)"
     )
     sets = len(known.model_share)
     if sets > 1:
