@@ -56,6 +56,8 @@ class NumberTable:
     """What a file says: names of the columns (none without a line of names), rows, entries, and what is wrong."""
 
     file: str
+    separator: str = ""  # of its columns, once there are rows
+    decimal: str = "."
     names: tuple[str, ...] = ()
     names_line: int = 1
     names_in_comment: bool = False
@@ -149,6 +151,7 @@ class _Parser:
             hint = "columns stand apart by ; or , or tabs or blanks"
             self.table.add(first, 1, "", f"{width} column, {need}", _words(cells), hint)
             return
+        self.table.separator = separator
         self._head(head, width, separator)
         for number, row in rows:
             if len(row) != width:
@@ -177,7 +180,7 @@ class _Parser:
 
     def _numbers(self, rows: list[tuple[int, list[Cell]]]) -> None:
         marks = Counter(decimal_mark_in(cell.text) for _, row in rows for cell in row)
-        decimal = "," if marks[","] > marks["."] else "."
+        self.table.decimal = decimal = "," if marks[","] > marks["."] else "."
         for line, row in rows:
             numbers = tuple(self._number(line, index, cell, decimal) for index, cell in enumerate(row))
             self.table.rows.append(Row(line, numbers, tuple(cell.column for cell in row)))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 import sys
+import zlib
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from pathlib import Path
 
 from hdassist.errors import DataError, Finding, PresetError
 
 STDIN = "<stdin>"
+GZIP = b"\x1f\x8b"
 
 
 def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
@@ -53,12 +55,14 @@ def reason(error: Exception) -> str:
 
 
 def decode(data: bytes, file: str, at_most: int) -> tuple[str, bool]:
-    """Text of a file in UTF-8, in UTF-16 with its byte order mark, or else in Latin-1.
+    """Text of a file in UTF-8, in UTF-16 with its byte order mark, or else in Latin-1; packed by gzip or not.
 
-    Arguments: data; file, its name in messages; at_most, the number of bytes that it may have.
+    Arguments: data; file, its name in messages; at_most, the number of bytes that it may have, packed and unpacked.
     Result: the text, and whether it had to be read as Latin-1.
-    Raises PresetError: too large, empty, binary, or not in the encoding that its first bytes say.
+    Raises PresetError: too large, empty, binary, damaged, or not in the encoding that its first bytes say.
     """
+    if data.startswith(GZIP) and len(data) <= at_most:
+        data = _unpacked(data, file, at_most)
     if len(data) > at_most:
         size = f"{at_most / 1e6:g} MB" if at_most >= 1e6 else f"{at_most} bytes"
         raise _refusal(file, f"the file is larger than {size}", hint="is this the file with the table?")
@@ -80,6 +84,25 @@ def decode(data: bytes, file: str, at_most: int) -> tuple[str, bool]:
     if not text.strip("\x1a \t\r\n"):
         raise _refusal(file, "the file is empty", hint="was the measurement saved?")
     return text.rstrip("\x1a"), latin
+
+
+def _unpacked(data: bytes, file: str, at_most: int) -> bytes:
+    """Bytes that gzip has packed, one more than allowed where there are too many."""
+    parts: list[bytes] = []
+    size = 0
+    try:
+        while data.startswith(GZIP):  # gzip files may be joined
+            member = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+            parts.append(member.decompress(data, at_most + 1 - size))
+            size += len(parts[-1])
+            if size > at_most:
+                break
+            if not member.eof:
+                raise _refusal(file, "a gzip file that ends too early", hint="was it copied to its end?")
+            data = member.unused_data
+    except zlib.error:
+        raise _refusal(file, "a damaged gzip file", hint="does gzip -t accept it?") from None
+    return b"".join(parts)
 
 
 def _refusal(file: str, message: str, got: str = "", hint: str = "", line: int = 1) -> PresetError:

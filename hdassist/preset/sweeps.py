@@ -1,0 +1,112 @@
+"""Moves of a shaft in one direction each, out of the angles that an encoder has recorded; wrapped angles joined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+TURN = 360.0
+LEAP = 0.4  # of the wrap: a longer step could be one to either side
+JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
+STEPS = 4.0  # median steps: the same, where steps are long
+FEW = 5  # rows: what is no move
+SPIKE = 10.0  # median steps: how far the first step after a new start may go
+
+Angles = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Rows start to stop (that one not) in one direction: 1 for growing angles, -1 for falling ones."""
+
+    start: int
+    stop: int
+    direction: int
+
+
+class AngleError(ValueError):
+    """The angle of a row cannot be: the row, what is wrong, and a hint."""
+
+    def __init__(self, row: int, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.row, self.message, self.hint = row, message, hint
+
+
+def looks_wrapped(angle: Angles) -> bool:
+    """Whether angles [deg] begin again after a turn: all within one, with steps of more than half of it."""
+    return bool(len(angle) > 1 and np.ptp(angle) <= TURN and np.abs(np.diff(angle)).max() > TURN / 2)
+
+
+def unwrapped(angle: Angles, wrap: float) -> Angles:
+    """Angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
+
+    Raises AngleError: a step that may have gone either way round.
+    """
+    steps = np.diff(angle)
+    steps -= wrap * np.rint(steps / wrap)
+    far = np.flatnonzero(np.abs(steps) > LEAP * wrap)
+    if len(far):
+        row = int(far[0]) + 1
+        raise AngleError(row, f"a step of {abs(steps[row - 1]):.4g} of a wrap of {wrap:g}", "record shorter steps")
+    return np.asarray(np.concatenate([angle[:1], angle[0] + np.cumsum(steps)]))
+
+
+def sweeps(angle: Angles) -> list[Sweep]:
+    """Moves in one direction each, in the order of the rows.
+
+    Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
+    are left out. Raises AngleError: an angle that runs backwards within a move.
+    """
+    steps = np.diff(angle)
+    moving = np.abs(steps[steps != 0])
+    if not len(moving):
+        raise AngleError(0, "the angle does not change", "is it the column of the angle?")
+    step = float(np.median(moving))
+    found = [Sweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, STEPS * step))]
+    for index, sweep in enumerate(found[:-1]):
+        following = found[index + 1]
+        if following.stop - following.start >= FEW or index + 2 == len(found):
+            continue
+        if sweep.stop - sweep.start < FEW and index == 0:
+            continue
+        if not _is_restart(angle, sweep, following, found[index + 2], step):
+            row = following.start
+            what = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[row - 1]:.6g} deg"
+            raise AngleError(row, what, "rows in the order of time, one direction after the other; or --wrap 360")
+    return [sweep for sweep in found if sweep.stop - sweep.start >= FEW]
+
+
+def _is_restart(angle: Angles, before: Sweep, back: Sweep, after: Sweep, step: float) -> bool:
+    """Whether a jump back begins the same move again, and is no slip of a few rows."""
+    leap = abs(angle[back.start] - angle[before.stop - 1])
+    span = abs(angle[before.stop - 1] - angle[before.start])
+    first = abs(angle[after.start] - angle[after.start - 1]) if after.stop > after.start else np.inf
+    long = after.stop - after.start >= FEW
+    return back.stop - back.start == 1 and leap >= span / 2 and first <= SPIKE * step and long
+
+
+def _runs(angle: Angles, least: float) -> list[tuple[int, int, int]]:
+    """Runs (start, stop, direction) between turning points that lie at least so far apart."""
+    signs = np.sign(np.diff(angle))
+    if (signs >= 0).all() or (signs <= 0).all():
+        return [(0, len(angle), 1 if signs.max() > 0 else -1)]
+    # only places where the direction changes can be turning points
+    signs = signs[signs != 0]
+    kept = np.flatnonzero(np.diff(angle) != 0)
+    ends = [0, *(kept[1:][np.diff(signs) != 0]).tolist(), len(angle) - 1]
+    runs: list[tuple[int, int, int]] = []
+    start, extreme, direction = 0, 0, 0
+    for row in ends[1:]:
+        value = angle[row]
+        if direction == 0:
+            if abs(value - angle[start]) >= least:
+                direction, extreme = (1 if value > angle[start] else -1), row
+        elif direction * (value - angle[extreme]) >= 0:
+            extreme = row
+        elif direction * (angle[extreme] - value) >= least:
+            runs.append((start, extreme + 1, direction))
+            start, extreme, direction = extreme + 1, row, -direction
+    runs.append((start, len(angle), direction or 1))
+    return runs
