@@ -1,0 +1,73 @@
+"""What makes a measured F'_ior uncertain, source by source, as standard uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, sqrt
+
+from hdassist.errors import UsageError
+
+STATED = {  # sources of which a single record says nothing
+    "encoder": "encoder graduation: cannot be told from once-per-output error",
+    "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
+    "reseating": "taking the drive off the rig and putting it back",
+    "temperature": "temperature of drive and rig",
+}
+COVERAGE_FACTOR = 2.0
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source: its name, standard uncertainty [arcsec] (None: nobody has stated it), and where that comes from."""
+
+    name: str
+    arcsec: float | None
+    origin: str
+
+
+def parse_stated(texts: Sequence[str]) -> dict[str, float]:
+    """Stated standard uncertainties [arcsec] by source, from texts like "encoder=0.5".
+
+    Raises UsageError: no such text, an unknown source, or one given twice.
+    """
+    stated: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if name not in STATED or name in stated or not isfinite(value) or value < 0:
+            hint = f"NAME=ARCSEC, a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
+            raise UsageError(f"--budget {text}: {'twice' if name in stated else 'not understood'}", hint)
+        stated[name] = value
+    return stated
+
+
+def budget(
+    noise: float, bias: float, unmodelled: float, step: float, scatter: float, stated: Mapping[str, float]
+) -> tuple[Source, ...]:
+    """Sources of uncertainty of a range.
+
+    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; unmodelled, size
+    of error beyond the declared orders; step, resolution of a reading; scatter, of single readings; stated, by source.
+    The two extremes of a range err by themselves: hence sqrt(2). A step that is less than twice the scatter is dithered by it.
+    """
+    hidden = step / 2 < scatter
+    sources = [
+        Source("noise", noise, "bootstrap of the residuals"),
+        Source("bias correction", bias, "a third of what was taken off"),
+        Source("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
+        Source("resolution", 0.0 if hidden else step / sqrt(6), "in the noise" if hidden else "step of the readings"),
+    ]
+    given = [
+        Source(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
+        for name, words in STATED.items()
+    ]
+    return (*sources, *given)
+
+
+def combined(sources: Sequence[Source]) -> float:
+    """Combined standard uncertainty [arcsec] of the sources that have a value."""
+    return sqrt(sum(source.arcsec**2 for source in sources if source.arcsec is not None))

@@ -1,0 +1,147 @@
+"""Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
+
+error = level of the sweep + drift + sum of a cos(2 pi f x) + b sin(2 pi f x). The uncertainty of the coefficients is that
+of independent residuals, widened by the noise floor of the residuals at each order, or, in records too short for
+that, by the number of neighbours that err together: the integrated autocorrelation. What of the residuals goes on
+from one cell to the next is no noise of reading but error beyond the given orders, or slow: its size is kept as
+`unmodelled`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.analysis.cells import Cells
+from hdassist.analysis.noisefloor import noise_floor
+from hdassist.errors import UntrustedError
+
+CHUNK = 8192  # rows of the design that stand in memory at once
+WORST = 1e8  # condition of the normal equations
+CELLS_PER_COLUMN = 1.5
+LAGS = 2000
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TraceFit:
+    """Coefficients of a trace.
+
+    orders: per cam turn, shape (lines,); coefficients: of the cosines, then of the sines [arcsec], shape (2 lines,);
+    factor: shape (2 lines, 2 lines + others), whose product with unit noise is an error of the coefficients; level:
+    shape (sweeps,); drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (cells,). correlated: cells that
+    err together; unmodelled: size of what is no noise of reading [arcsec]; condition: of the normal equations.
+    """
+
+    orders: Array
+    coefficients: Array
+    factor: Array
+    level: Array
+    drift: Array
+    reach: float
+    residual: Array
+    correlated: float
+    unmodelled: float
+    condition: float
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitude of each order [arcsec]."""
+        return np.hypot(*self.pair(self.coefficients))
+
+    @property
+    def amplitude_uncertainty(self) -> Array:
+        """Standard uncertainty of the amplitudes [arcsec], along their phase."""
+        a, b = self.pair(self.coefficients)
+        size = np.maximum(np.hypot(a, b), 1e-300)
+        count = len(self.orders)
+        along = (a / size)[:, None] * self.factor[:count] + (b / size)[:, None] * self.factor[count:]
+        return np.asarray(np.sqrt((along**2).sum(axis=1)))
+
+    def pair(self, values: Array) -> tuple[Array, Array]:
+        """Cosine and sine parts."""
+        return values[: len(self.orders)], values[len(self.orders) :]
+
+    def drift_at(self, travel: Array) -> Array:
+        """Drift that was taken off [arcsec] after so much travel [turns]."""
+        return sum((c * (travel / self.reach) ** (k + 1) for k, c in enumerate(self.drift)), np.zeros(len(travel)))
+
+
+def waves(turns: Array, orders: Array) -> Array:
+    """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 lines)."""
+    phase = (2 * np.pi) * turns[:, None] * orders
+    return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+
+
+def fit(cells: Cells, orders: Array, degree: int = 0) -> TraceFit:
+    """Fit the orders, a level of each sweep, and a drift of a degree (0: none) to the cells of a trace.
+
+    Raises UntrustedError: too few cells, or angles at which the orders cannot be told apart.
+    """
+    sweeps = int(cells.sweep[-1]) + 1
+    reach = max(float(cells.travel.max()), 1e-12)
+    columns = 2 * len(orders) + sweeps + degree
+    if len(cells) < CELLS_PER_COLUMN * columns:
+        message = f"{len(cells)} steps of the angle are too few for {columns} unknowns"
+        raise UntrustedError(message, "record more densely, or declare fewer orders: --orders 1,2,4")
+
+    def design(rows: slice) -> Array:
+        levels = np.eye(sweeps)[cells.sweep[rows]]
+        drift = (cells.travel[rows, None] / reach) ** np.arange(1, degree + 1)
+        return np.concatenate([waves(cells.turns[rows], orders), levels, drift], axis=1)
+
+    parts = [slice(k, min(k + CHUNK, len(cells))) for k in range(0, len(cells), CHUNK)]
+    gram, moment = np.zeros((columns, columns)), np.zeros(columns)
+    for rows in parts:
+        matrix = design(rows)
+        weighted = matrix * cells.weight[rows, None]
+        gram += weighted.T @ matrix
+        moment += weighted.T @ cells.error[rows]
+    scale = 1 / np.sqrt(np.diag(gram))
+    values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
+    condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
+    if condition > WORST:
+        message = "the angles that were recorded do not tell the declared orders apart"
+        raise UntrustedError(message, "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4")
+    root = scale[:, None] * vectors / np.sqrt(values)
+    solution = root @ (root.T @ moment)
+    residual = cells.error - np.concatenate([design(rows) @ solution for rows in parts])
+    variance = float((cells.weight * residual**2).sum()) / (len(cells) - columns)
+    correlated, unmodelled = _memory(residual, variance, columns, float(orders[-1]), cells)
+    count = 2 * len(orders)
+    floor = noise_floor(cells, residual, orders, variance)
+    wide = np.full(count, correlated) if floor is None else np.tile(floor, 2)
+    return TraceFit(
+        orders,
+        solution[:count],
+        root[:count] * np.sqrt(variance * wide)[:, None],
+        solution[count : count + sweeps],
+        solution[count + sweeps :],
+        reach,
+        residual,
+        correlated,
+        unmodelled,
+        condition,
+    )
+
+
+def _memory(residual: Array, variance: float, columns: int, highest: float, cells: Cells) -> tuple[float, float]:
+    """How many cells err together, and the size of what goes on from cell to cell [arcsec]."""
+    size = len(residual)
+    if not variance:
+        return 1.0, 0.0
+    padded = np.fft.rfft(residual, 2 * size)
+    products = np.fft.irfft(np.abs(padded) ** 2)[: min(LAGS, size // 4)] / size
+    rho = products / products[0] + columns / size  # the fit takes as much of the noise's own likeness away
+    below = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
+    last = int(below[0]) if len(below) else len(rho) - 1
+    correlated = 1 + 2 * float(rho[1 : last + 1].sum())
+    near = (np.diff(cells.turns) < 0.25 / highest) & (np.diff(cells.sweep) == 0)
+    if near.sum() < size / 5:
+        return correlated, 0.0
+    following = float((residual[1:] * residual[:-1])[near].mean()) + variance * columns / size
+    clear = following > 2 * variance / np.sqrt(near.sum())
+    return correlated, float(np.sqrt(following)) if clear else 0.0
