@@ -155,9 +155,7 @@ def _declared(trace: MeasuredTrace, moves: list[Sweep], orders: str | None, note
     return kept
 
 
-def _fit(
-    cells: Cells, declared: tuple[float, ...], gearing: Gearing | None, degree: int, notes: list[str]
-) -> TraceFit:
+def _fit(cells: Cells, declared: tuple[float, ...], gearing: Gearing | None, degree: int, notes: list[str]) -> TraceFit:
     """Fit with beats where the record resolves them and has cells enough, else without."""
     ratio = gearing.ratio if gearing else None
     with_beats, without = (lines(declared, cells.span, ratio, beats=beats) for beats in (True, False))
@@ -188,9 +186,7 @@ def _direction(
     grid = visited(cells, highest, cycle)
     extent = range_of(result, grid, np.random.default_rng([seed, sign + 1]))
     scatter = float(np.sqrt(np.mean(cells.rows * result.residual**2)))
-    sources = budget(
-        extent.spread, extent.bias_uncertainty, result.unmodelled, trace.step_arcsec, scatter, stated
-    )
+    sources = budget(extent.spread, extent.bias_uncertainty, result.unmodelled, trace.step_arcsec, scatter, stated)
     alone = combined(sources[:4])
     if not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its uncertainty of {alone:.3g} arcsec"
@@ -199,7 +195,9 @@ def _direction(
     raw = np.concatenate(
         [trace.error_arcsec[m.start : m.stop] - result.drift_at(travel[m.start : m.stop]) for m in moves]
     )
-    visits = coverage(np.concatenate([trace.cam_deg[m.start : m.stop] for m in moves]) / 360, gearing) if gearing else None
+    visits = (
+        coverage(np.concatenate([trace.cam_deg[m.start : m.stop] for m in moves]) / 360, gearing) if gearing else None
+    )
     table = named(result, drive, gearing)
     return Direction(sign, cells, result, grid, extent, float(np.ptp(raw)), table, visits, sources)
 

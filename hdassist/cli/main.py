@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import calibrate, check, mount, presets, self_error, stiffness, trace
+from hdassist.cli import calibrate, check, measure, mount, presets, self_error, stiffness, trace
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 
@@ -28,6 +28,7 @@ app = typer.Typer(
 )
 app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
+app.command("measure")(measure.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)
 app.command("stiffness")(stiffness.command)

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from hdassist.errors import UsageError
+
+if TYPE_CHECKING:
+    from hdassist.preset.tracecolumns import Shaft
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
 Presets = Annotated[list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")]
@@ -75,3 +81,10 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors
 def torque_overrides(torques: list[float]) -> list[str]:
     """Torques of the command line as an override of the preset: the same checks, the same errors."""
     return [f"operation.M_g={torques!r}"] if torques else []
+
+
+def shaft(text: str | None) -> Shaft | None:
+    """A shaft of the command line: cam or output. Raises UsageError: anything else."""
+    if text is None or text == "cam" or text == "output":
+        return text
+    raise UsageError(f"--angle-of must be cam or output, not {text}")

@@ -66,7 +66,9 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
     if len(table.lines) < FEWEST:
         raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {FEWEST} rows or more")
     if ratio is None and (column.angle_of == "output" or column.other_is == "second"):
-        raise DataError(f"{file}: the ratio is needed to bring output and cam together", "--ratio 100, or --drive PRESET")
+        raise DataError(
+            f"{file}: the ratio is needed to bring output and cam together", "--ratio 100, or --drive PRESET"
+        )
     angle = _angle(table, column.angle, column.angle_size, form.wrap, notes)
     cam = angle * (abs(ratio) if ratio and column.angle_of == "output" else 1.0)
     readings = table.values[:, column.other]

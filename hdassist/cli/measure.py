@@ -1,0 +1,110 @@
+"""`hdassist measure`: what a measured trace says."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hdassist.cli import options as o
+
+
+def command(
+    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Measured traces, or - for stdin.")],
+    preset: Annotated[
+        str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
+    ] = None,
+    ratio: Annotated[float | None, typer.Option(help="Cam turns per output turn, where no drive is given.")] = None,
+    angle: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")] = None,
+    angle_of: Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")] = None,
+    angle_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")] = None,
+    error: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the error, or its number.")] = None,
+    error_unit: Annotated[
+        str | None, typer.Option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")
+    ] = None,
+    second: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Column of the output's own angle, instead of an error.")
+    ] = None,
+    wrap: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="Angle after which encoders begin again.", show_default="guessed"),
+    ] = None,
+    orders: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
+    ] = None,
+    drift: Annotated[str, typer.Option(metavar="KIND", help="Drift to take off: none, linear, quadratic.")] = "none",
+    budget: Annotated[
+        list[str],
+        typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
+    ] = [],  # noqa: B006 (typer copies it)
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")] = 0,
+    json: o.Json = False,
+    csv: o.Csv = None,
+    output: o.Target = "-",
+    force: o.Force = False,
+    plot: o.Plot = True,
+    ascii: o.Ascii = False,
+    no_color: o.NoColor = False,
+    quiet: o.Quiet = False,
+    debug: o.Debug = False,
+) -> None:
+    """F'_ior, orders and coverage of measured traces, with their uncertainty.
+
+    \b
+    Examples:
+      hdassist measure run.csv --drive my-drive.yaml
+      hdassist measure run.csv.gz --ratio 100 --error err_mdeg --drift linear
+      hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2 --budget encoder=0.5
+      zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
+
+    A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
+    the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
+    itself. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the record does not tell.
+    """
+    from hdassist.analysis.budget import parse_stated
+    from hdassist.analysis.gearing import gearing_of
+    from hdassist.analysis.lines import DEFAULT, parse_orders
+    from hdassist.analysis.measured import Measurement, measure
+    from hdassist.analysis.verdict import worst_exit_code
+    from hdassist.cli.output import Output, complain, warn
+    from hdassist.errors import HdassistError, UsageError
+    from hdassist.preset.library import load_preset
+    from hdassist.preset.tracecolumns import TraceForm
+    from hdassist.preset.tracefile import read_trace
+    from hdassist.report import measure as report
+    from hdassist.report.envelope import combine, to_json
+
+    if [*files, preset].count("-") > 1:
+        raise UsageError("standard input can be read once only")
+    out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
+    stated = parse_stated(budget)
+    parse_orders(orders or DEFAULT)
+    drive = load_preset(preset) if preset is not None else None
+    gearing = gearing_of(drive, ratio)
+    form = TraceForm(angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap)
+    done: list[Measurement] = []
+    answers, pages = [], []
+    for name in files:
+        try:
+            trace = read_trace(name, form, gearing and gearing.ratio)
+            result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed)
+        except HdassistError as fault:
+            if debug or isinstance(fault, UsageError) or (len(files) == 1 and not json):
+                raise
+            complain(fault, "" if name in fault.message else name)
+            answers.append(report.failure(name, fault))
+            continue
+        done.append(result)
+        answers.append(report.answer(result, drive))
+        pages.append(report.brief(result) if quiet else report.render(result, drive, out.look, plots=plot))
+        for text in result.warnings:
+            warn(f"{name}: {text}")
+    if json:
+        out.text(to_json(combine("measure", answers)))
+    elif pages:
+        from rich.console import Group
+
+        out.human(Group(*pages))
+    if done:
+        out.figures(report.csv(done))
+    raise typer.Exit(worst_exit_code(answer["exit_code"] for answer in answers))
