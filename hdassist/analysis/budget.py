@@ -50,16 +50,20 @@ def budget(
 ) -> tuple[Source, ...]:
     """Sources of uncertainty of a range.
 
-    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; unmodelled, size
-    of error beyond the declared orders; step, resolution of a reading; scatter, of single readings; stated, by source.
-    The two extremes of a range err by themselves: hence sqrt(2). A step that is less than twice the scatter is dithered by it.
+    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; unmodelled,
+    size of error beyond the declared orders; step, resolution of a reading; scatter, of single readings; stated, by
+    source. The two extremes of a range err by themselves: hence sqrt(2). A step below twice the scatter is dithered.
     """
     hidden = step / 2 < scatter
     sources = [
         Source("noise", noise, "bootstrap of the residuals"),
         Source("bias correction", bias, "a third of what was taken off"),
         Source("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
-        Source("resolution", 0.0 if hidden else step / sqrt(6), "in the noise" if hidden else "step of the readings"),
+        Source(
+            "resolution",
+            0.0 if hidden else step / sqrt(6),
+            "no step seen above the noise" if hidden else "step of the readings",
+        ),
     ]
     given = [
         Source(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")

@@ -1,8 +1,8 @@
 """Greatest minus least of a fitted curve over the angles that were visited, without the part that noise adds to it.
 
-Noise makes the range of a curve too large: the greatest value is looked for among values that err. The bias is estimated
-by a parametric bootstrap: coefficients shrunk towards nothing as far as they are noise stand for the true ones, and get
-noise as uncertain as the fit says; by how much the range of their curves is greater, on the mean, is taken off.
+Noise makes the range of a curve too large: the greatest value is looked for among values that err. The bias is
+estimated by a parametric bootstrap: coefficients shrunk towards nothing as far as they are noise stand for the true
+ones, and get noise as the fit says; by how much the range of their curves is greater, on the mean, is taken off.
 The standard uncertainty is the spread of those ranges, WIDER because the correction repeats the noise of the
 estimate, and a THIRD of the correction. Both numbers were found by simulation (tests/unit/test_measured.py).
 """
@@ -79,6 +79,6 @@ def _shrunk(fit: TraceFit) -> Array:
     """Coefficients with each order made smaller by the share of noise in its power."""
     if fit.condition > CORRELATED:
         return fit.coefficients
-    noise = sum(fit.pair((fit.factor**2).sum(axis=1)))
-    keep = np.maximum(0.0, 1 - noise / np.maximum(fit.amplitude**2, 1e-300))
-    return fit.coefficients * np.tile(keep, 2)
+    cosine, sine = fit.pair((fit.factor**2).sum(axis=1))
+    keep = np.maximum(0.0, 1 - (cosine + sine) / np.maximum(fit.amplitude**2, 1e-300))
+    return np.asarray(fit.coefficients * np.tile(keep, 2))

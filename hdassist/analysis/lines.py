@@ -1,7 +1,7 @@
 """Orders to which a measured trace is limited: those that are declared, and around each the beats with the output.
 
-Deviations of the wheel that turns with the output beat with those that stand still, so around each order n the error has
-lines n + k/ratio. BEATS of them to either side hold a model's error over the full cycle to about 1 % of its range.
+Deviations of the wheel that turns with the output beat with those that stand still, so around each order n the error
+has lines n + k/ratio. BEATS of them to either side hold a model's error over the full cycle to about 1 % of its range.
 A record of T cam turns tells lines apart that lie 1/T apart: of closer ones, fewer stand for all.
 """
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdassist.analysis.budget import COVERAGE_FACTOR, Source, budget, combined
+from hdassist.analysis.budget import COVERAGE_FACTOR, budget, combined
 from hdassist.analysis.cells import Cells, cells_of, travel_of
-from hdassist.analysis.coverage import Coverage, coverage
-from hdassist.analysis.fullrange import Range, range_of, visited
+from hdassist.analysis.coverage import coverage
+from hdassist.analysis.fullrange import range_of, visited
 from hdassist.analysis.gearing import Gearing, gearing_of
 from hdassist.analysis.lines import DEFAULT, WHOLE, lines, parse_orders
-from hdassist.analysis.measuredorders import MeasuredOrder, named
-from hdassist.analysis.tracefit import CELLS_PER_COLUMN, TraceFit, fit, waves
+from hdassist.analysis.measuredorders import named
+from hdassist.analysis.measurement import Direction, Measurement, Reversal
+from hdassist.analysis.tracefit import CELLS_PER_COLUMN, TraceFit, fit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.preset.drive import Drive
 from hdassist.preset.sweeps import Sweep
@@ -25,69 +24,6 @@ DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 SHORTEST = 1.0  # cam turns
 PER_PERIOD = 2.5  # steps of the angle in a period of the highest order, at least
 DRIFTED = 0.05  # of F'_ior: a drift left in that is said
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Direction:
-    """What a trace says of one direction: 1 for growing cam angles, -1 for falling ones.
-
-    fit: see there; range: over the visited angles, shape of grid_turns; raw_range_arcsec: of the readings themselves,
-    drift taken off where asked; coverage: None where the ratio is not known.
-    """
-
-    direction: int
-    cells: Cells
-    fit: TraceFit
-    grid_turns: Array
-    range: Range
-    raw_range_arcsec: float
-    orders: tuple[MeasuredOrder, ...]
-    coverage: Coverage | None
-    sources: tuple[Source, ...]
-
-    @property
-    def uncertainty_arcsec(self) -> float:
-        """Combined standard uncertainty of F'_ior."""
-        return combined(self.sources)
-
-    @property
-    def interval_arcsec(self) -> tuple[float, float]:
-        """F'_ior with its expanded uncertainty, k = 2, to either side."""
-        reach = COVERAGE_FACTOR * self.uncertainty_arcsec
-        return max(0.0, self.range.value - reach), self.range.value + reach
-
-    @property
-    def is_bound(self) -> bool:
-        """Whether F'_ior of the full cycle may be greater, because not all of it was visited."""
-        return self.coverage is None or not self.coverage.is_full
-
-
-@dataclass(frozen=True)
-class Reversal:
-    """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure."""
-
-    mean_arcsec: float
-    greatest_arcsec: float
-
-
-@dataclass(frozen=True, eq=False)
-class Measurement:
-    """A measured trace looked at: the directions, the one with the greatest F'_ior first; seed of the bootstrap."""
-
-    trace: MeasuredTrace
-    gearing: Gearing | None
-    directions: tuple[Direction, ...]
-    reversal: Reversal | None
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
-    seed: int
-
-    @property
-    def F_ior_arcsec(self) -> float:
-        """F'_ior: the greater one of both directions."""
-        return self.directions[0].range.value
 
 
 def measure(
@@ -105,8 +41,8 @@ def measure(
     Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn to which the
     error is limited, like "1-12" (None: these, or as far as the steps of the angle resolve them); drift, none, linear
     or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap.
-    Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that the
-    record does not resolve, or an F'_ior that is not clear of its noise.
+    Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
+    the record does not resolve, or an F'_ior that is not clear of its noise.
     """
     if drift not in DRIFTS:
         raise UsageError(f"--drift must be none, linear or quadratic, not {drift}")
@@ -124,7 +60,7 @@ def measure(
         cells = cells_of(trace, moves, declared[-1])
         result = _fit(cells, declared, gearing, DRIFTS[drift], notes)
         found.append(_direction(sign, trace, moves, cells, result, gearing, drive, stated or {}, seed))
-        if drift == "none" and (left := _drift_left(found[-1])):
+        if drift == "none" and (left := _drift_left(found[-1].cells, found[-1].fit, found[-1].range.value)):
             warnings.append(f"a linear drift of {left:.3g} arcsec over the record is left in (--drift linear)")
         if not found[-1].fit.unmodelled < found[-1].range.value / 5:
             size = f"{found[-1].fit.unmodelled:.2g} arcsec"
@@ -132,7 +68,7 @@ def measure(
     if not found:
         hint = "F'_ior is looked for over whole turns; is the angle that of the cam, and its unit right?"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
-    reversal = _reversal(found, gearing) if len(found) == 2 else None
+    reversal = _reversal(found) if len(found) == 2 else None
     found.sort(key=lambda d: -d.range.value)
     return Measurement(
         trace, gearing, tuple(found), reversal, tuple(dict.fromkeys(notes)), tuple(dict.fromkeys(warnings)), seed
@@ -190,7 +126,9 @@ def _direction(
     alone = combined(sources[:4])
     if not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its uncertainty of {alone:.3g} arcsec"
-        raise UntrustedError(f"{trace.file}: {message}", "record longer or with less noise; is it the right column?")
+        drifts = not len(result.drift) and _drift_left(cells, result, 0.0)
+        hint = "it drifts: --drift linear" if drifts else "record longer or with less noise; is it the right column?"
+        raise UntrustedError(f"{trace.file}: {message}", hint)
     travel = travel_of(trace)
     raw = np.concatenate(
         [trace.error_arcsec[m.start : m.stop] - result.drift_at(travel[m.start : m.stop]) for m in moves]
@@ -202,22 +140,22 @@ def _direction(
     return Direction(sign, cells, result, grid, extent, float(np.ptp(raw)), table, visits, sources)
 
 
-def _drift_left(found: Direction) -> float:
-    """Linear drift [arcsec] over the record that its residuals show clearly; 0 where there is none."""
-    travel, residual = found.cells.travel - found.cells.travel.mean(), found.fit.residual
-    power = float(travel @ travel)
-    slope = float(travel @ residual) / power
+def _drift_left(cells: Cells, result: TraceFit, extent: float) -> float:
+    """Linear drift [arcsec] over the record that its residuals show clearly beside a range; 0 where there is none."""
+    travel = cells.travel - cells.travel.mean()
+    slope = float(travel @ result.residual) / float(travel @ travel)
     size = slope * float(np.ptp(travel))
-    sure = abs(slope) > 4 * float(np.std(residual)) * np.sqrt(found.fit.correlated / power)
-    return size if sure and abs(size) > DRIFTED * found.range.value else 0.0
+    scatter = float(np.std(result.residual - slope * travel))
+    error = scatter * float(np.sqrt(12 / (2 * cells.span)))  # of a straight line, residuals alike for half a turn
+    return size if abs(size) > max(4 * error, DRIFTED * extent) else 0.0
 
 
-def _reversal(found: list[Direction], gearing: Gearing | None) -> Reversal | None:
+def _reversal(found: list[Direction]) -> Reversal | None:
     """Difference of the two directions at the angles that both have visited; None if there are none."""
     up, down = found
     shared = np.intersect1d(np.rint(up.grid_turns * 1e6), np.rint(down.grid_turns * 1e6)) / 1e6
     if not len(shared):
         return None
-    curves = [waves(shared, d.fit.orders) @ d.fit.coefficients + d.fit.level.mean() for d in found]
+    curves = [d.fit.curve(shared) + d.fit.level.mean() for d in found]
     apart = curves[0] - curves[1]
     return Reversal(float(apart.mean()), float(np.abs(apart - apart.mean()).max()))

@@ -40,8 +40,14 @@ def named(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[
             causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
     rows = zip(fit.orders, fit.amplitude, fit.amplitude_uncertainty, phase, strict=True)
     return tuple(
-        MeasuredOrder(*map(float, row), _cause(float(row[0]), causes.get(place, []), drive, gearing, width))
-        for place, row in enumerate(rows)
+        MeasuredOrder(
+            float(order),
+            float(amplitude),
+            float(uncertainty),
+            float(angle),
+            _cause(float(order), causes.get(place, []), drive, gearing, width),
+        )
+        for place, (order, amplitude, uncertainty, angle) in enumerate(rows)
     )
 
 

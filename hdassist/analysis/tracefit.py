@@ -1,7 +1,7 @@
 """Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
 
-error = level of the sweep + drift + sum of a cos(2 pi f x) + b sin(2 pi f x). The uncertainty of the coefficients is that
-of independent residuals, widened by the noise floor of the residuals at each order, or, in records too short for
+error = level of the sweep + drift + sum of a cos(2 pi f x) + b sin(2 pi f x). The coefficients are as uncertain as
+those of independent residuals, widened by the noise floor of the residuals at each order, or, in records too short for
 that, by the number of neighbours that err together: the integrated autocorrelation. What of the residuals goes on
 from one cell to the next is no noise of reading but error beyond the given orders, or slow: its size is kept as
 `unmodelled`.
@@ -32,8 +32,8 @@ class TraceFit:
 
     orders: per cam turn, shape (lines,); coefficients: of the cosines, then of the sines [arcsec], shape (2 lines,);
     factor: shape (2 lines, 2 lines + others), whose product with unit noise is an error of the coefficients; level:
-    shape (sweeps,); drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (cells,). correlated: cells that
-    err together; unmodelled: size of what is no noise of reading [arcsec]; condition: of the normal equations.
+    shape (sweeps,); drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (cells,). correlated: cells
+    that err together; unmodelled: size of what is no noise of reading [arcsec]; condition: of the normal equations.
     """
 
     orders: Array
@@ -60,6 +60,11 @@ class TraceFit:
         count = len(self.orders)
         along = (a / size)[:, None] * self.factor[:count] + (b / size)[:, None] * self.factor[count:]
         return np.asarray(np.sqrt((along**2).sum(axis=1)))
+
+    def curve(self, turns: Array) -> Array:
+        """The curve [arcsec] at cam angles [turns], without levels and drift."""
+        parts = range(0, len(turns), CHUNK)
+        return np.concatenate([waves(turns[k : k + CHUNK], self.orders) @ self.coefficients for k in parts])
 
     def pair(self, values: Array) -> tuple[Array, Array]:
         """Cosine and sine parts."""

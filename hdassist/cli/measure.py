@@ -64,7 +64,8 @@ def command(
     from hdassist.analysis.budget import parse_stated
     from hdassist.analysis.gearing import gearing_of
     from hdassist.analysis.lines import DEFAULT, parse_orders
-    from hdassist.analysis.measured import Measurement, measure
+    from hdassist.analysis.measured import measure
+    from hdassist.analysis.measurement import Measurement
     from hdassist.analysis.verdict import worst_exit_code
     from hdassist.cli.output import Output, complain, warn
     from hdassist.errors import HdassistError, UsageError
@@ -72,6 +73,7 @@ def command(
     from hdassist.preset.tracecolumns import TraceForm
     from hdassist.preset.tracefile import read_trace
     from hdassist.report import measure as report
+    from hdassist.report import measure_figures as figures
     from hdassist.report.envelope import combine, to_json
 
     if [*files, preset].count("-") > 1:
@@ -86,25 +88,32 @@ def command(
     answers, pages = [], []
     for name in files:
         try:
-            trace = read_trace(name, form, gearing and gearing.ratio)
+            trace = read_trace(name, form, gearing.ratio if gearing else None)
             result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed)
         except HdassistError as fault:
             if debug or isinstance(fault, UsageError) or (len(files) == 1 and not json):
                 raise
             complain(fault, "" if name in fault.message else name)
-            answers.append(report.failure(name, fault))
+            answers.append(figures.failure(name, fault))
             continue
         done.append(result)
-        answers.append(report.answer(result, drive))
+        answers.append(figures.answer(result, drive))
         pages.append(report.brief(result) if quiet else report.render(result, drive, out.look, plots=plot))
         for text in result.warnings:
             warn(f"{name}: {text}")
+    repeats = figures.repeats(done)
     if json:
-        out.text(to_json(combine("measure", answers)))
+        together = combine("measure", answers)
+        out.text(to_json({**together, "repeat_runs": repeats} if repeats else together))
     elif pages:
         from rich.console import Group
 
+        if repeats and not quiet:
+            mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
+            pages.append(
+                f"{repeats['files']} files: F'_ior {mean:.2f} arcsec on the mean, standard deviation {spread:.2f}"
+            )
         out.human(Group(*pages))
     if done:
-        out.figures(report.csv(done))
+        out.figures(figures.csv(done))
     raise typer.Exit(worst_exit_code(answer["exit_code"] for answer in answers))

@@ -85,6 +85,7 @@ def torque_overrides(torques: list[float]) -> list[str]:
 
 def shaft(text: str | None) -> Shaft | None:
     """A shaft of the command line: cam or output. Raises UsageError: anything else."""
-    if text is None or text == "cam" or text == "output":
-        return text
-    raise UsageError(f"--angle-of must be cam or output, not {text}")
+    shafts: dict[str | None, Shaft | None] = {None: None, "cam": "cam", "output": "output"}
+    if text not in shafts:
+        raise UsageError(f"--angle-of must be cam or output, not {text}")
+    return shafts[text]

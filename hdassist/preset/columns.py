@@ -1,6 +1,6 @@
-"""Long tables of numbers as arrays: parts without fault are read fast, the others with care, so that faults are named.
+"""Long tables of numbers as arrays: parts without fault are read fast, the others with care, to name their faults.
 
-The first lines are read by `numbertable.parse`, which settles names, separator and decimal mark. Of what follows, a part
+The first lines are read by `numbertable.parse`, which settles names, separator and decimal mark. A part of the rest
 that is nothing but rows of numbers goes through numpy; any other part goes through `parse`, behind the first lines.
 """
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 TURN = 360.0
 LEAP = 0.4  # of the wrap: a longer step could be one to either side
 JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-STEPS = 4.0  # median steps: the same, where steps are long
+STEPS, MOST = 4.0, 5.0  # median steps, at most so many deg: the same, where readings are coarse
 FEW = 5  # rows: what is no move
 SPIKE = 10.0  # median steps: how far the first step after a new start may go
 
@@ -64,7 +64,7 @@ def sweeps(angle: Angles) -> list[Sweep]:
     if not len(moving):
         raise AngleError(0, "the angle does not change", "is it the column of the angle?")
     step = float(np.median(moving))
-    found = [Sweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, STEPS * step))]
+    found = [Sweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, min(STEPS * step, MOST)))]
     for index, sweep in enumerate(found[:-1]):
         following = found[index + 1]
         if following.stop - following.start >= FEW or index + 2 == len(found):

@@ -1,4 +1,4 @@
-"""What the columns of a measured trace hold, and in which units: as asked for, else by their names, else by their order."""
+"""What the columns of a measured trace hold, and in which units: as asked for, by their names, or by their order."""
 
 from __future__ import annotations
 

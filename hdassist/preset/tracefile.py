@@ -33,7 +33,7 @@ class MeasuredTrace:
     """A measured trace in the order of its rows.
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
-    resolution of the error, the least difference of two readings. sweeps: moves in one direction each. sha256: of the
+    resolution of the readings, 0 where no step is seen. sweeps: moves in one direction each. sha256: of the
     file as it lies there. notes: what was converted, assumed or left out.
     """
 
@@ -89,7 +89,7 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
         raise _fault(table, row, column.other, message, "is it the error, and are its unit and the ratio right?")
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
-        notes.append(f"{left} rows of short moves to the other side left out")
+        notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(file, sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes))
 
 
@@ -125,10 +125,14 @@ def _second(table: Columns, column: Roles, form: TraceForm, cam: Array, ratio: f
 
 
 def _step(readings: Array) -> float:
-    """Resolution of readings: the least difference between two that is more than rounding."""
-    apart = np.diff(np.unique(readings))
+    """Resolution of readings that repeat themselves and lie on even steps; 0 where no such step is seen."""
+    levels = np.unique(readings)
+    apart = np.diff(levels)
     apart = apart[apart > 1e-9 * (np.abs(readings).max() + np.ptp(readings))]
-    return float(apart.min()) if len(apart) else 0.0
+    if 2 * len(levels) > len(readings) or not len(apart):
+        return 0.0
+    step = float(apart.min())
+    return step if np.abs(apart / step - np.rint(apart / step)).max() < 0.01 else 0.0
 
 
 def _fault(table: Columns, row: int, column: int, message: str, hint: str) -> PresetError:
