@@ -22,6 +22,7 @@ CHUNK = 8192  # rows of the design that stand in memory at once
 WORST = 1e8  # condition of the normal equations
 CELLS_PER_COLUMN = 1.5
 LAGS = 2000
+CLEAR = 4.0  # standard deviations of the power of noise
 
 Array = NDArray[np.float64]
 
@@ -65,6 +66,14 @@ class TraceFit:
         """The curve [arcsec] at cam angles [turns], without levels and drift."""
         parts = range(0, len(turns), CHUNK)
         return np.concatenate([waves(turns[k : k + CHUNK], self.orders) @ self.coefficients for k in parts])
+
+    @property
+    def clear_of_noise(self) -> bool:
+        """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
+        cosine, sine = self.pair((self.factor**2).sum(axis=1))
+        power = float((2 * self.amplitude**2 / np.maximum(cosine + sine, 1e-300)).sum())
+        freedom = 2 * len(self.orders)
+        return power > freedom + CLEAR * float(np.sqrt(2 * freedom))
 
     def pair(self, values: Array) -> tuple[Array, Array]:
         """Cosine and sine parts."""

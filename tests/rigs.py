@@ -1,0 +1,57 @@
+"""Simulated encoder rigs with a known answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.preset.sweeps import sweeps
+from hdassist.preset.tracefile import MeasuredTrace
+
+Array = NDArray[np.float64]
+Curve = Callable[[Array], Array]
+
+
+def recorded(turns: Array, error: Array, step: float = 0.0) -> MeasuredTrace:
+    """A trace as the reader gives it, from cam angles [turns] and errors [arcsec]."""
+    cam = np.asarray(turns) * 360
+    return MeasuredTrace("rig.csv", "", cam, error, np.arange(len(cam)) + 1, step, tuple(sweeps(cam)), ())
+
+
+def drive_error(rng: np.random.Generator, ratio: float, beats: int = 3, scale: float = 5.0) -> Curve:
+    """The error of a made-up drive: orders up to 6 with their beats, order 2 the greatest, random sizes and phases."""
+    orders, sizes = [], []
+    for n in range(7):
+        for k in range(-beats, beats + 1):
+            if n + k / ratio > 0 and rng.random() < 0.6:
+                orders.append(n + k / ratio)
+                sizes.append(scale * rng.exponential() * (1.0 if n == 2 else 0.3 / (1 + n)))
+    phases = rng.uniform(0, 2 * np.pi, len(orders))
+
+    def curve(turns: Array) -> Array:
+        total = np.zeros(len(turns))
+        for order, size, phase in zip(orders, sizes, phases, strict=True):
+            total += size * np.cos(2 * np.pi * order * turns + phase)
+        return total
+
+    return curve
+
+
+def whole_range(curve: Curve, turns: float) -> float:
+    """Greatest minus least over so many turns, on a fine grid."""
+    return float(np.ptp(curve(np.arange(int(turns * 400)) / 400)))
+
+
+def slow_noise(rng: np.random.Generator, count: int, size: float, memory: float) -> Array:
+    """First-order autoregressive noise."""
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter([size * np.sqrt(1 - memory**2)], [1, -memory], rng.standard_normal(count)))
+
+
+def text(columns: Sequence[Array], names: str, separator: str = ",", digits: int = 5) -> str:
+    """A file of columns under a line of names."""
+    rows = (separator.join(f"{value:.{digits}f}" for value in row) for row in zip(*columns, strict=True))
+    return "\n".join([names, *rows]) + "\n"
