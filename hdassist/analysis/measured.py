@@ -125,9 +125,7 @@ def _direction(
     sources = budget(extent.spread, extent.bias_uncertainty, result.unmodelled, trace.step_arcsec, scatter, stated)
     alone = combined(sources[:4])
     if not result.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
-        message = (
-            f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise: uncertainty {alone:.3g} arcsec"
-        )
+        message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
         drifts = not len(result.drift) and _drift_left(cells, result, 0.0)
         hint = "it drifts: --drift linear" if drifts else "record longer or with less noise; is it the right column?"
         raise UntrustedError(f"{trace.file}: {message}", hint)

@@ -80,10 +80,8 @@ def _first_of(kinds: Sequence[str], *wanted: str) -> list[int]:
 
 def _column(table: Columns, asked: str | None, found: list[int], option: str) -> int:
     if asked is not None:
-        for names in (list(table.names), [name.lower() for name in table.names]):
-            same = [
-                i for i, name in enumerate(names) if name == (asked if names == list(table.names) else asked.lower())
-            ]
+        for plain in (str, str.lower):
+            same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
             if len(same) == 1:
                 return same[0]
         if asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:

@@ -14,7 +14,8 @@ from pathlib import Path
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 COMMAND = [sys.executable, "-m", "hdassist"]
-CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/")}
+ROOT = str(Path(__file__).parents[2])  # the tree under test, from whatever folder it runs
+CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}
 
 
 def run(
