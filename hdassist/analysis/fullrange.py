@@ -22,6 +22,7 @@ PER_PERIOD = 16  # points in a period of the highest order
 GAP = 0.5  # periods of the highest order: what lies between readings further apart was not visited
 WIDER = 1.15
 THIRD = 1 / 3
+SHRINK = 2.0  # times the power of noise, taken off the power of each order
 CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
 
 Array = NDArray[np.float64]
@@ -80,5 +81,5 @@ def _shrunk(fit: TraceFit) -> Array:
     if fit.condition > CORRELATED:
         return fit.coefficients
     cosine, sine = fit.pair((fit.factor**2).sum(axis=1))
-    keep = np.maximum(0.0, 1 - (cosine + sine) / np.maximum(fit.amplitude**2, 1e-300))
+    keep = np.maximum(0.0, 1 - SHRINK * (cosine + sine) / np.maximum(fit.amplitude**2, 1e-300))
     return np.asarray(fit.coefficients * np.tile(keep, 2))

@@ -19,6 +19,7 @@ DEFAULT = "1-12"
 BEATS = 6
 RATIO = 100.0  # assumed for the width of the beats where none is known
 HIGHEST = 200.0
+FEWEST = 4.0  # turns: from here on one line to either side stands for beats that change the error slowly
 WHOLE = 0.97  # of an output turn: a record that has its beats
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def lines(declared: Sequence[float], turns: float, ratio: float | None, *, beats
     base = 1 / (ratio or RATIO)
     width = BEATS * base
     step = base if turns * base >= WHOLE else 1 / turns
-    count = int(width / step + 1e-9) if beats else 0
+    count = max(int(width / step + 1e-9), int(turns >= FEWEST)) if beats else 0
     around = np.arange(-count, count + 1) * step
     every = np.concatenate([around[around > 0], *(order + around for order in declared)])
     every = np.sort(every[every > 0])
