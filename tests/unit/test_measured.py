@@ -350,7 +350,8 @@ def test_lines_follow_what_the_record_resolves():
     assert len(lines((1.0, 2.0), 100.0, 100)) == 6 + 2 * 13
     part = lines((1.0, 2.0), 20.0, 100)
     assert np.diff(part).min() == pytest.approx(1 / 20)
-    assert lines((2.01, 2.02), 10.0, 100).tolist() == [2.01]
+    assert lines((2.0, 2.02), 10.0, 100).tolist() == pytest.approx([0.1, 1.9, 2.0, 2.1])
+    assert lines((2.01, 2.02), 10.0, 100, beats=False).tolist() == [2.01]
 
 
 @pytest.mark.parametrize(
