@@ -27,6 +27,7 @@ OPEN = 75.0  # deg: a direction that is known no better is open
 LISTED = 0.2  # of the probability: directions that hold more are named
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
 MOST = 50_000  # nodes that are looked at; more are stood for by draws
+NEGLIGIBLE = 1e-9  # of the likeliest node
 KEPT = 1 - 1e-5  # of the probability; what is less likely is left out of sums
 OUTCOMES = 64  # of a next trial that are looked at
 ENOUGH = 4000  # nodes for that
@@ -241,9 +242,12 @@ def posterior(
     log = -squares / 2 - np.sum([np.log(np.broadcast_to(spread, squares.shape)) for _, spread in fits], axis=0)
     weight = prior.weight * np.exp(log - log[prior.weight > 0].max())
     nodes, weight = _likeliest(weight.ravel())
-    now = prior.at(0.0).reshape(len(prior.torques), -1)[:, nodes]
-    at = [prior.at(rotation).reshape(len(prior.torques), -1)[:, nodes] for rotation in rotations_deg]
-    spread = [np.broadcast_to(_spread(prior, rig, place, r), squares.shape).ravel()[nodes] for r in rotations_deg]
+    now = prior.at_nodes(0.0, nodes)
+    at = [prior.at_nodes(rotation, nodes) for rotation in rotations_deg]
+    if rig.reseat_um:
+        spread = [_spread(prior, rig, place, rotation).ravel()[nodes] for rotation in rotations_deg]
+    else:
+        spread = [np.full(len(nodes), float(_spread(prior, rig, place, 0.0)[0]))] * len(rotations_deg)
     told = np.array([F_ior.ravel()[nodes] for F_ior, _ in fits])
     mean = told @ weight
     return Posterior(
@@ -301,8 +305,9 @@ def _require_explained(
 
 def _likeliest(weight: Array) -> tuple[NDArray[np.int64], Array]:
     """The likeliest nodes that hold KEPT of the weight, and their weight."""
-    order = np.argsort(-weight, kind="stable")
-    enough = int(np.searchsorted(np.cumsum(weight[order]), KEPT * weight.sum())) + 1
+    some = np.flatnonzero(weight > weight.max() * NEGLIGIBLE)  # quicker to sort
+    order = some[np.argsort(-weight[some], kind="stable")]
+    enough = int(np.searchsorted(np.cumsum(weight[order]), KEPT * weight[some].sum())) + 1
     nodes = np.sort(order[:enough])
     weight = weight[nodes] / weight[nodes].sum()
     if len(nodes) <= MOST:

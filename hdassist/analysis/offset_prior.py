@@ -86,6 +86,18 @@ class OffsetPrior:
         """
         return _turned(self.F_ior_arcsec, rotation_deg)
 
+    def at_nodes(self, rotation_deg: float, nodes: NDArray[np.int64]) -> Array:
+        """The same for some flat places among worlds, sizes and directions alone, shape (torques, nodes)."""
+        count = len(self.direction_deg)
+        flat = self.F_ior_arcsec.reshape(len(self.torques), -1)
+        whole, part = divmod(rotation_deg * count / 360, 1)
+        direction = nodes % count
+        start = nodes - direction
+        first = flat[:, start + (direction - int(whole)) % count]
+        if part < 1e-9:
+            return np.asarray(first)
+        return np.asarray((1 - part) * first + part * flat[:, start + (direction - int(whole) - 1) % count])
+
     def seat_error(self, rotation_deg: float, reseat_um: float) -> Array:
         """Standard deviation of F'_ior [arcsec] by the wheel's centre coming to lie reseat_um off, as at."""
         if not reseat_um:
