@@ -36,10 +36,13 @@ def command(
     trial_torque: Annotated[
         float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
     ] = None,
-    noise: Annotated[float, typer.Option(metavar="ARCSEC", help="Standard deviation of a measured F'_ior.")] = 1.0,
+    noise: Annotated[
+        float | None, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior (1 without it).")
+    ] = None,
     reseat: Annotated[
-        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
-    ] = 0.0,
+        float | None,
+        typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted (0)."),
+    ] = None,
     verify: Annotated[
         str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None,
