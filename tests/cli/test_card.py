@@ -28,6 +28,7 @@ def test_cards_are_written_beside_the_answer(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.slow
 def test_kinds_and_languages(tmp_path):
     target = tmp_path / "card.MD"
     result = run(*QUICK, "--card", str(target), "--lang", "ru", "-q")

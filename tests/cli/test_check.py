@@ -291,6 +291,7 @@ def test_unknown_solver(option):
     assert "clarabel" in result.stderr.lower()
 
 
+@pytest.mark.slow
 def test_another_solver_gives_the_same_numbers(answer):
     points = json.loads(answer.stdout)["operating_points"]
     other = json.loads(run("check", SMALL, "--json", "--solver", "daqp", "--cross-check", "osqp").stdout)

@@ -64,6 +64,7 @@ def test_people_see_what_was_found_and_assumed(rig):
     assert "at least" in plain
 
 
+@pytest.mark.slow
 def test_gzip_stdin_and_a_file_say_the_same(rig):
     (rig / "run.csv.gz").write_bytes(gzip.compress((rig / "run.csv").read_bytes()))
     quiet = [run("measure", name, "--ratio", "30", "-q", cwd=rig).stdout for name in ("run.csv", "run.csv.gz")]
@@ -77,6 +78,7 @@ def test_gzip_stdin_and_a_file_say_the_same(rig):
     assert packed.stdout.decode() == quiet[0]
 
 
+@pytest.mark.slow
 def test_several_files(rig):
     again = CURVE(TURNS) + np.random.default_rng(1).standard_normal(len(TURNS))
     (rig / "again.csv").write_text(text([360 * TURNS, again], "cam_deg,error_arcsec"))
@@ -137,6 +139,7 @@ def test_faults_end_clearly_and_write_nothing(rig, args, code, words):
     assert set(rig.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_million_rows(tmp_path):
     turns = np.linspace(0, 100, 1_000_000)
     error = 10 * np.cos(4 * np.pi * turns) + np.random.default_rng(0).standard_normal(len(turns))

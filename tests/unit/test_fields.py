@@ -159,6 +159,7 @@ def test_rolling_balls_add_error(reference):
     assert error(changed(reference, bearing__ball_motion="rolling")) - error(reference) > 0.09
 
 
+@pytest.mark.slow
 def test_ball_positions_converge(reference):
     rolling = changed(reference, bearing__ball_motion="rolling")
     traces = [turn(changed(rolling, numerics__n_beta=n)).error_arcsec for n in (4, 48, 192)]

@@ -71,7 +71,14 @@ def test_a_measured_first_harmonic_is_the_presets_in_every_hole(fixed):
         assert found == pytest.approx(once, rel=0.05)
 
 
-@pytest.mark.parametrize(("fixed", "rotation"), [("rigid", 270.0), ("rigid", 300.0), ("flexspline", 60.0)])
+@pytest.mark.parametrize(
+    ("fixed", "rotation"),
+    [
+        ("rigid", 270.0),
+        pytest.param("rigid", 300.0, marks=pytest.mark.slow),
+        pytest.param("flexspline", 60.0, marks=pytest.mark.slow),
+    ],
+)
 def test_a_measured_first_harmonic_is_the_presets_with_200_teeth(reference, fixed, rotation):
     drive = reference.model_copy(update={"mounting": reference.mounting.model_copy(update={"fixed": fixed})})
     once = kinematic_error(rotated(drive, rotation), 80, cross_check=None).F_ior_arcsec
