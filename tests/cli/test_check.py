@@ -328,7 +328,7 @@ def test_interrupt_ends_with_130_and_leaves_nothing(tmp_path):
 
 
 def test_progress_shows_on_a_terminal_only():
-    work = ("trace", "vzp160", "-n", "80", "-q")
+    work = ("check", "vzp160", "--torque", "80", "-q")
     _, page = on_terminal(*work, columns=80)
     assert "vzp160" in page
     assert "%" in page
