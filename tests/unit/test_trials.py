@@ -370,7 +370,10 @@ def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> Non
 
 def test_hills_of_a_density_on_a_circle() -> None:
     angle = np.arange(72) * 5.0
-    near = lambda middle, width: np.exp(-0.5 * (((angle - middle + 180) % 360 - 180) / width) ** 2)  # noqa: E731
+
+    def near(middle: float, width: float) -> np.ndarray:
+        return np.exp(-0.5 * (((angle - middle + 180) % 360 - 180) / width) ** 2)
+
     one = hills(near(355, 20))
     assert len(one) == 1
     assert len(one[0]) == 72
