@@ -15,6 +15,7 @@ STATED = {  # sources of which a single record says nothing
     "temperature": "temperature of drive and rig",
 }
 COVERAGE_FACTOR = 2.0
+OWN = 2  # of the sources, the first ones, belong to one range alone
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ PER_PERIOD = 16  # points in a period of the highest order
 GAP = 0.5  # periods of the highest order: what lies between readings further apart was not visited
 WIDER = 1.15
 THIRD = 1 / 3
+PARTS = 24  # of a turn, in steps of which single turns begin
 SHRINK = 2.0  # times the power of noise, taken off the power of each order
 CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
 
@@ -62,18 +63,32 @@ def visited(cells: Cells, highest: float, cycle: int | None) -> Array:
     return np.asarray(np.unique(every) / per_turn)
 
 
-def range_of(fit: TraceFit, turns: Array, rng: np.random.Generator) -> Range:
-    """Range of a fitted curve over angles [turns], shape (angles,), and its uncertainty."""
+def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator) -> tuple[Range, Range]:
+    """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
     best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], DRAWS))
     curves = np.concatenate([fit.coefficients[:, None], best[:, None], best[:, None] + noise], axis=1)
-    high, low = np.full(curves.shape[1], -np.inf), np.full(curves.shape[1], np.inf)
+    cell = np.floor(turns * PARTS + 1e-6).astype(np.int64)
+    cell -= cell[0]
+    high = np.full((int(cell[-1]) + PARTS, curves.shape[1]), -np.inf)
+    low = -high
     for start in range(0, len(turns), CHUNK):
-        values = waves(turns[start : start + CHUNK], fit.orders) @ curves
-        high, low = np.maximum(high, values.max(axis=0)), np.minimum(low, values.min(axis=0))
-    fitted, without, drawn = high[0] - low[0], high[1] - low[1], (high - low)[2:]
-    bias = max(0.0, float(drawn.mean() - without))
-    return Range(float(fitted), bias, WIDER * float(drawn.std(ddof=1)))
+        part = slice(start, start + CHUNK)
+        values = waves(turns[part], fit.orders) @ curves
+        found, first = np.unique(cell[part], return_index=True)
+        high[found] = np.maximum(high[found], np.maximum.reduceat(values, first))
+        low[found] = np.minimum(low[found], np.minimum.reduceat(values, first))
+    whole = high.max(axis=0) - low.min(axis=0)
+    within = np.max(
+        [high[k : k + PARTS].max(axis=0) - low[k : k + PARTS].min(axis=0) for k in range(int(cell[-1]) + 1)], axis=0
+    )
+    return _range(whole), _range(within)
+
+
+def _range(extents: Array) -> Range:
+    """Range out of those of the fitted curve, of the shrunk one, and of the drawn ones."""
+    fitted, without, drawn = float(extents[0]), float(extents[1]), extents[2:]
+    return Range(fitted, max(0.0, float(drawn.mean()) - without), WIDER * float(drawn.std(ddof=1)))
 
 
 def _shrunk(fit: TraceFit) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from hdassist.analysis.budget import COVERAGE_FACTOR, budget, combined
 from hdassist.analysis.cells import Cells, cells_of, travel_of
 from hdassist.analysis.coverage import coverage
-from hdassist.analysis.fullrange import range_of, visited
+from hdassist.analysis.fullrange import ranges_of, visited
 from hdassist.analysis.gearing import Gearing, gearing_of
 from hdassist.analysis.lines import DEFAULT, WHOLE, lines, parse_orders
 from hdassist.analysis.measuredorders import named
@@ -120,7 +120,7 @@ def _direction(
     highest = float(result.orders[-1])
     cycle = gearing.cycle if gearing and cells.span >= WHOLE * gearing.ratio else None
     grid = visited(cells, highest, cycle)
-    extent = range_of(result, grid, np.random.default_rng([seed, sign + 1]))
+    extent, revolution = ranges_of(result, grid, np.random.default_rng([seed, sign + 1]))
     scatter = float(np.sqrt(np.mean(cells.rows * result.residual**2)))
     sources = budget(extent.spread, extent.bias_uncertainty, result.unmodelled, trace.step_arcsec, scatter, stated)
     alone = combined(sources[:4])
@@ -137,7 +137,7 @@ def _direction(
         coverage(np.concatenate([trace.cam_deg[m.start : m.stop] for m in moves]) / 360, gearing) if gearing else None
     )
     table = named(result, drive, gearing)
-    return Direction(sign, cells, result, grid, extent, float(np.ptp(raw)), table, visits, sources)
+    return Direction(sign, cells, result, grid, extent, revolution, float(np.ptp(raw)), table, visits, sources)
 
 
 def _drift_left(cells: Cells, result: TraceFit, extent: float) -> float:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.analysis.budget import COVERAGE_FACTOR, Source, combined
+from hdassist.analysis.budget import COVERAGE_FACTOR, OWN, Source, combined
 from hdassist.analysis.cells import Cells
 from hdassist.analysis.coverage import Coverage
 from hdassist.analysis.fullrange import Range
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 class Direction:
     """What a trace says of one direction: 1 for growing cam angles, -1 for falling ones.
 
-    fit: see there; range: over the visited angles, shape of grid_turns; raw_range_arcsec: of the readings themselves,
+    fit: see there; range: over the visited angles, shape of grid_turns; revolution: the greatest within one turn of
+    the cam; raw_range_arcsec: of the readings themselves,
     drift taken off where asked; coverage: None where the ratio is not known.
     """
 
@@ -32,6 +34,7 @@ class Direction:
     fit: TraceFit
     grid_turns: Array
     range: Range
+    revolution: Range
     raw_range_arcsec: float
     orders: tuple[MeasuredOrder, ...]
     coverage: Coverage | None
@@ -41,6 +44,11 @@ class Direction:
     def uncertainty_arcsec(self) -> float:
         """Combined standard uncertainty of F'_ior."""
         return combined(self.sources)
+
+    @property
+    def revolution_uncertainty_arcsec(self) -> float:
+        """Combined standard uncertainty of the range within one cam turn: its own noise, the other sources alike."""
+        return hypot(self.revolution.spread, self.revolution.bias_uncertainty, combined(self.sources[OWN:]))
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:

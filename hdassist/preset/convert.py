@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.drive import Drive, Section, fields, is_optional, is_torque, kind_of, sections, unit_of
+from hdassist.preset.drive import Drive, Section, fields, is_number, is_optional, kind_of, sections, unit_of
 from hdassist.preset.findings import MAX_FINDINGS, OVERRIDE, Findings, near
 from hdassist.preset.spread import is_spread, read_spread
 from hdassist.preset.units import UnitError, convert
@@ -93,8 +93,8 @@ class Converter:
             self._put(section, path, self.count, value)
         elif kind in ("numbers", "holes") and value != "all":
             self._items(section, path, info, value)
-        elif kind == "limits":
-            self._limits(section, path, unit_of(info), value)
+        elif kind in ("limits", "orders"):
+            self._limits(section, path, info, value)
         else:
             section[key] = value
 
@@ -121,24 +121,29 @@ class Converter:
             numbers.append(self.count(at, item) if holes else self.number(at, item, unit_of(info)))
         section[str(path[-1])] = tuple(numbers)  # an item that is no number has its finding already
 
-    def _limits(self, section: Values, path: Path, unit: str, value: Any) -> None:
+    def _limits(self, section: Values, path: Path, info: FieldInfo, value: Any) -> None:
+        orders, unit = kind_of(info) == "orders", unit_of(info)
+        what, word = ("an order per cam turn", "order") if orders else ("a torque in N*m, or all", "torque")
         if not isinstance(value, dict):
             limit = self.number(path, value, unit)
-            if limit is not None:
+            if limit is not None and orders:
+                self.findings.add(path, "must be a table of orders per cam turn", "like {2: 10}")
+            elif limit is not None:
                 section[str(path[-1])] = {"all": limit}
             return
         limits: dict[str, float] = {}
-        torques: set[float] = set()
+        seen: set[float] = set()
         for key, item in value.items():
             at = (*path, key)
-            if key != "all" and not is_torque(key):
-                self.findings.add(at, "must be a torque in N*m, or all", got=self._key(key), key=True)
-            elif key != "all" and float(key) in torques:
-                self.findings.add(at, "the same torque twice", got=self._key(key), key=True)
+            fits = is_number(key) and (float(key) > 0 or not orders)
+            if not fits and (orders or key != "all"):
+                self.findings.add(at, f"must be {what}", got=self._key(key), key=True)
+            elif fits and float(key) in seen:
+                self.findings.add(at, f"the same {word} twice", got=self._key(key), key=True)
             elif (limit := self.number(at, item, unit)) is not None:
                 limits[key] = limit
-            if is_torque(key):
-                torques.add(float(key))
+            if fits:
+                seen.add(float(key))
         section[str(path[-1])] = limits
 
     def _uncertainty(self, values: Values, data: Any) -> None:

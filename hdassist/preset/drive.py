@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 
 SCHEMA = "hdassist.preset/1"
 
-Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits"]
+Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 
 
 class Section(BaseModel):
@@ -39,16 +39,27 @@ def _as_tuple(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value if isinstance(value, tuple) else (value,)
 
 
-def is_torque(key: str) -> bool:
-    """Whether a key of acceptance.F_ior is a torque [N*m] (the other key is "all")."""
+def is_number(key: str) -> bool:
+    """Whether a key of a table of limits is a number, such as a torque [N*m] (the other key is "all")."""
     return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
 
 
-def _torque_keys(limits: dict[str, float]) -> dict[str, float]:
+def _keys(limits: dict[str, float]) -> dict[str, float]:
     for key in limits:
-        if key != "all" and not is_torque(key):
-            raise ValueError("each key must be a torque in N*m, or all")
+        if key != "all" and not is_number(key):
+            raise ValueError("each key must be a number, or all")
     return limits
+
+
+def _order_keys(limits: dict[str, float]) -> dict[str, float]:
+    for key in limits:
+        if not is_number(key) or float(key) <= 0:
+            raise ValueError("each key must be an order per cam turn")
+    return limits
+
+
+Limit = Annotated[float, Field(gt=0, le=1e6)]
+PerTorque = Annotated[dict[str, Limit], AfterValidator(_keys)]
 
 
 class Gears(Section):
@@ -163,11 +174,25 @@ class Operation(Section):
 
 
 class Acceptance(Section):
-    """Limits."""
+    """Limits, and the rule that decides."""
 
-    F_ior: Annotated[dict[str, Annotated[float, Field(gt=0, le=1e6)]], AfterValidator(_torque_keys)] = field(
+    F_ior: PerTorque = field(
         "limit of F'_ior with the self error, per torque {80: 30} or for all torques", "arcsec", {}
     )
+    revolution_range: PerTorque = field("limit of the range within one cam turn, as F_ior", "arcsec", {})
+    self_error: PerTorque = field("limit of the self error, as F_ior", "arcsec", {})
+    order_amplitude: Annotated[dict[str, Limit], AfterValidator(_order_keys)] = field(
+        "limit of the amplitude of orders per cam turn {2: 10}, at all torques", "arcsec", {}
+    )
+    lost_motion: float | None = field("limit of the lost motion", "arcsec", None, gt=0, le=1e6)
+    K_1: float | None = field("least torsional stiffness near zero", "N*m/rad", None, gt=0, le=1e12)
+    K_2: float | None = field("least torsional stiffness of the second segment", "N*m/rad", None, gt=0, le=1e12)
+    K_3: float | None = field("least torsional stiffness of the third segment", "N*m/rad", None, gt=0, le=1e12)
+    rule: Literal["guard", "simple"] = field(
+        "decision rule for measured values: guard bands of 1.65 standard uncertainties, or simple acceptance",
+        default="guard",
+    )
+    margin: float = field("margin of a predicted value, in percent of it, to either side", "%", 10.0, ge=0, le=100)
 
 
 class Numerics(Section):
@@ -234,9 +259,9 @@ class Drive(Section):
         """Where the drive was read."""
         return self._origin
 
-    def limit(self, torque: float) -> float | None:
-        """Limit of F'_ior [arcsec] at a torque [N*m], or None where none is set."""
-        limits = self.acceptance.F_ior
+    def limit(self, torque: float, name: str = "F_ior") -> float | None:
+        """Limit [arcsec] at a torque [N*m] of F'_ior or another of the per-torque limits; None where none is set."""
+        limits: dict[str, float] = getattr(self.acceptance, name)
         for key, value in limits.items():
             if key != "all" and float(key) == torque:
                 return value
@@ -288,7 +313,7 @@ def unit_of(info: FieldInfo) -> str:
 
 
 def kind_of(info: FieldInfo) -> Kind:
-    """What a field takes: a number, count, text, choice, several numbers, holes, or limits per torque."""
+    """What a field takes: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
     union = get_origin(info.annotation) in (Union, UnionType)
     parts = get_args(info.annotation) if union else (info.annotation,)
     if float in parts:
@@ -298,7 +323,9 @@ def kind_of(info: FieldInfo) -> Kind:
     origins = [get_origin(part) for part in parts]
     if Literal in origins:
         return "holes" if tuple in origins else "choice"
-    return "numbers" if tuple in origins else "limits" if dict in origins else "text"
+    if dict in origins:
+        return "orders" if AfterValidator(_order_keys) in info.metadata else "limits"
+    return "numbers" if tuple in origins else "text"
 
 
 def is_optional(info: FieldInfo) -> bool:

@@ -173,11 +173,8 @@ def _warnings(drive: Drive, findings: Findings) -> Iterator[Finding]:
 
     used = set(drive.operation.M_g)
     torques = yamltext.shown(", ".join(map(plain, drive.operation.M_g[:20])))
-    for key in drive.acceptance.F_ior:
-        if key != "all" and float(key) not in used:
-            warn(
-                ("acceptance", "F_ior", key),
-                "a limit for a torque that is not in operation.M_g",
-                f"M_g: {torques}",
-            )
+    for path in sets.PER_TORQUE:
+        for key in drive.value(".".join(path)):
+            if key != "all" and float(key) not in used:
+                warn((*path, key), "a limit for a torque that is not in operation.M_g", f"M_g: {torques}")
     yield from in_order(found)

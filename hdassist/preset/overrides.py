@@ -10,6 +10,8 @@ from hdassist.errors import Finding, UsageError
 from hdassist.preset.findings import OVERRIDE
 from hdassist.preset.yamltext import Document, Mark, Path, Place, path_text, read, shown
 
+PER_TORQUE = [("acceptance", name) for name in ("F_ior", "revolution_range", "self_error")]
+
 
 @dataclass(frozen=True)
 class Override:
@@ -76,8 +78,8 @@ def _set(document: Document, override: Override) -> None:
         inner = table.get(part)
         path = override.path[:depth]
         if inner is None or not isinstance(inner, dict):
-            # One entry of acceptance.F_ior on top of a bare number, which is the limit for all torques.
-            keep = {} if inner is None or path[:2] != ("acceptance", "F_ior") else {"all": inner}
+            # one entry on top of a bare number, which is the limit for all torques
+            keep = {} if inner is None or path[:2] not in PER_TORQUE else {"all": inner}
             if inner is not None and not keep:
                 message = f"{path_text(path)} is no table of keys"
                 document.findings.append(Finding(OVERRIDE, *override.mark, path_text(override.path), message))

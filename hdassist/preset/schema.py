@@ -11,7 +11,8 @@ from hdassist.preset.spread import spread_pattern
 from hdassist.preset.units import pattern_for, spelled_units, units_for
 
 Schema = dict[str, Any]
-TORQUE_KEY = r"^(all|[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?)$"
+NUMBER = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
+KEYS = {"limits": rf"^(all|[-+]?{NUMBER})$", "orders": rf"^[+]?{NUMBER}$"}
 
 
 def preset_schema() -> Schema:
@@ -73,12 +74,12 @@ def _field(declared: Schema, info: FieldInfo) -> Schema:
     if kind == "numbers":
         one = _quantity(declared["items"], unit)
         return about | {"anyOf": [*one, {"type": "array", "items": {"anyOf": one}, "minItems": 1}]}
-    if kind == "limits":
+    if kind in KEYS:
         one = _quantity(declared["additionalProperties"], unit)
         limits = {
-            "type": "object", "propertyNames": {"pattern": TORQUE_KEY}, "additionalProperties": {"anyOf": one}
+            "type": "object", "propertyNames": {"pattern": KEYS[kind]}, "additionalProperties": {"anyOf": one}
         }  # fmt: skip
-        return about | {"anyOf": [*one, limits]}
+        return about | ({"anyOf": [*one, limits]} if kind == "limits" else limits)
     number = declared.get("anyOf", [declared])[0]
     choices = _quantity(number, unit) + ([{"type": "null"}] if is_optional(info) else [])
     if kind == "number":

@@ -35,6 +35,12 @@ _TABLE: dict[str, dict[str, Decimal | int | str]] = {
     "a compliance": {
         "mm/N": 1, "um/N": "1e-3", "nm/N": "1e-6", "mm/kN": "1e-3", "um/kN": "1e-6", "m/N": 1000,
     },
+    "a torsional stiffness": {
+        f"{torque}/{angle}": size / share
+        for torque, size in (("N*m", Decimal(1)), ("Nm", Decimal(1)), ("kN*m", Decimal(1000)), ("kNm", Decimal(1000)))
+        for angle, share in (("rad", Decimal(1)), ("mrad", Decimal("1e-3")), ("deg", _DEGREE), ("arcmin", _DEGREE / 60))
+    },
+    "a share": {"%": 1},
 }  # fmt: skip
 _SIZES = {name: {unit: Decimal(size) for unit, size in units.items()} for name, units in _TABLE.items()}
 

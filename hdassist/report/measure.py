@@ -50,7 +50,9 @@ def render(result: Measurement, drive: Drive | None, look: Look, *, plots: bool 
 def _direction(result: Measurement, found: Direction, look: Look, plots: bool) -> list[RenderableType]:
     parts: list[RenderableType] = [Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold")]
     raw = f"raw range {found.raw_range_arcsec:.2f} arcsec; limited to the orders {found.range.fitted:.2f}"
-    parts += [Text(f"{raw}, of which noise adds {found.range.bias:.2f}"), Text(_visited(result, found)), Text("")]
+    within = f"{found.revolution.value:.2f} arcsec, u = {found.revolution_uncertainty_arcsec:.2f}"
+    parts += [Text(f"{raw}, of which noise adds {found.range.bias:.2f}"), Text(f"greatest within one turn: {within}")]
+    parts += [Text(_visited(result, found)), Text("")]
     if plots:
         first = found.cells.sweep == 0
         x, y = found.cells.turns[first], found.cells.error[first] - found.fit.level[0]

@@ -72,7 +72,7 @@ def test_decimal_conversion_rounds_once() -> None:
         ("3 foo", "mm", "unknown unit foo", "units: mm, um"),
         ("3 NM", "N*m", "unknown unit NM", "did you mean N*m?"),
         ("3 MM", "mm", "unknown unit MM", "did you mean mm?"),
-        ("3 %", "um", "unknown unit %", "units:"),
+        ("3 %", "um", "% is the unit of a share, a length is wanted", "units:"),
         ("200 teeth", "", "takes a pure number, without a unit", ""),
         ("3 mm", "", "takes a pure number, without a unit", ""),
         ("160", "mm", "must be a number, not text", "quotes"),
