@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import calibrate, check, measure, mount, presets, self_error, stiffness, trace
+from hdassist.cli import accept, calibrate, check, explain, measure, mount, presets, self_error, stiffness, trace
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 
@@ -26,8 +26,10 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command("accept")(accept.command)
 app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
+app.command("explain")(explain.command)
 app.command("measure")(measure.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)

@@ -15,28 +15,16 @@ def command(
         str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
     ] = None,
     ratio: Annotated[float | None, typer.Option(help="Cam turns per output turn, where no drive is given.")] = None,
-    angle: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")] = None,
-    angle_of: Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")] = None,
-    angle_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")] = None,
-    error: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the error, or its number.")] = None,
-    error_unit: Annotated[
-        str | None, typer.Option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")
-    ] = None,
-    second: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Column of the output's own angle, instead of an error.")
-    ] = None,
-    wrap: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", help="Angle after which encoders begin again.", show_default="guessed"),
-    ] = None,
-    orders: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
-    ] = None,
-    drift: Annotated[str, typer.Option(metavar="KIND", help="Drift to take off: none, linear, quadratic.")] = "none",
-    budget: Annotated[
-        list[str],
-        typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
-    ] = [],  # noqa: B006 (typer copies it)
+    angle: o.Angle = None,
+    angle_of: o.AngleOf = None,
+    angle_unit: o.AngleUnit = None,
+    error: o.Error = None,
+    error_unit: o.ErrorUnit = None,
+    second: o.Second = None,
+    wrap: o.Wrap = None,
+    orders: o.Orders = None,
+    drift: o.Drift = "none",
+    budget: o.Budget = [],  # noqa: B006 (typer copies it)
     seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")] = 0,
     json: o.Json = False,
     csv: o.Csv = None,

@@ -1,0 +1,187 @@
+"""Acceptance of a drive: each limit of its preset held against what was measured, or else against the prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from hdassist.analysis.budget import COVERAGE_FACTOR
+from hdassist.analysis.checklist import (
+    BUDGET,
+    COVERAGE,
+    F_IOR,
+    FROM_TRACES,
+    NOT_TESTED,
+    RATED,
+    RECORD,
+    REVOLUTION_RANGE,
+    UNCERTAINTY,
+    Remark,
+)
+from hdassist.analysis.decision import Asked, Decision, Known, decide
+from hdassist.analysis.limits import limits_of
+from hdassist.analysis.measurement import Direction, Measurement
+from hdassist.analysis.predictions import Predictions, predict
+from hdassist.analysis.verdict import Verdict, worst
+from hdassist.errors import DataError
+from hdassist.preset.drive import Drive
+from hdassist.solve.answers import Progress
+
+QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A value measured elsewhere, in the unit of its check, with its standard uncertainty."""
+
+    value: float
+    uncertainty: float
+
+
+@dataclass(frozen=True)
+class Said:
+    """A remark, and what it is about in words."""
+
+    remark: Remark
+    text: str
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """Decisions on the limits of a drive, in the order of the checklist.
+
+    left_out: limits that were not decided on; measurements: traces by torque [N*m]; predictions: None where all was
+    measured.
+    """
+
+    drive: Drive
+    decisions: tuple[Decision, ...]
+    left_out: tuple[Asked, ...]
+    measurements: Mapping[float, Measurement]
+    predictions: Predictions | None
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of the decisions."""
+        return worst(decision.verdict for decision in self.decisions)
+
+    @property
+    def remarks(self) -> tuple[Said, ...]:
+        """What the verdict should not be read without."""
+        return tuple(_remarks(self))
+
+
+def accept(
+    drive: Drive,
+    measurements: Mapping[float, Measurement] | None = None,
+    *,
+    stated: Mapping[Asked, Stated] | None = None,
+    measured_only: bool = False,
+    predictions: Predictions | None = None,
+    cross_check: str = "CLARABEL",
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Acceptance:
+    """Hold a drive against the limits of its preset.
+
+    Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
+    measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions,
+    of the same drive and limits where they are known already; the others as in predict.
+    Raises DataError: no limit, or something measured that no limit is for; and what predict raises.
+    """
+    limits, measured, told = limits_of(drive), measurements or {}, stated or {}
+    _require_limits(drive, limits, measured, told)
+    left = to_predict(limits, measured, told)
+    if measured_only and len(left) == len(limits):
+        raise DataError(
+            f"{drive.name}: nothing was measured that has a limit", "--measured FILE, or no --measured-only"
+        )
+    if left and not measured_only and predictions is None:
+        predictions = predict(drive, left, cross_check=cross_check, seed=seed, executor=executor, progress=progress)
+    decisions = []
+    for asked in limits:
+        if asked in told:
+            known: Known | None = Known(told[asked].value, told[asked].uncertainty, "stated")
+        elif asked not in left:
+            known = _measured(asked, measured[asked.M_g or 0.0])
+        elif measured_only or predictions is None:
+            continue
+        else:
+            known = predictions.known(asked)
+        decisions.append(decide(asked, known, drive.acceptance.rule, drive.acceptance.margin / 100))
+    used = predictions if left and not measured_only else None
+    return Acceptance(drive, tuple(decisions), tuple(left) if measured_only else (), measured, used)
+
+
+def to_predict(
+    limits: Sequence[Asked], measured: Mapping[float, Measurement], stated: Mapping[Asked, Stated]
+) -> list[Asked]:
+    """Limits that nothing was measured for."""
+    return [a for a in limits if a not in stated and not (a.check in FROM_TRACES and a.M_g in measured)]
+
+
+def _require_limits(
+    drive: Drive, limits: Sequence[Asked], measured: Mapping[float, Measurement], stated: Mapping[Asked, Stated]
+) -> None:
+    for M_g in measured:
+        if not any(a.M_g == M_g and a.check in FROM_TRACES for a in limits):
+            raise DataError(
+                f"{drive.name}: measured at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:g}=30"
+            )
+    for asked in stated:
+        if asked not in limits:
+            raise DataError(
+                f"{drive.name}: a value of {asked.label} is stated, which has no limit", "--limit gives one"
+            )
+
+
+def _measured(asked: Asked, measurement: Measurement) -> Known | None:
+    """What a trace says of a limit: the worse of its directions."""
+    found = [known for d in measurement.directions if (known := _of_direction(asked, d)) is not None]
+    return max(found, key=lambda known: known.value, default=None)
+
+
+def _of_direction(asked: Asked, found: Direction) -> Known | None:
+    if asked.check == F_IOR:
+        extent = found.range.value, found.uncertainty_arcsec
+    elif asked.check == REVOLUTION_RANGE:
+        extent = found.revolution.value, found.revolution_uncertainty_arcsec
+    else:
+        orders = [o for o in found.orders if abs(o.per_cam_rev - (asked.order or 0.0)) <= 0.5 / found.cells.span]
+        if not orders:
+            return None
+        order = min(orders, key=lambda o: abs(o.per_cam_rev - (asked.order or 0.0)))
+        known = Known(order.amplitude_arcsec, order.uncertainty_arcsec, "measured")
+        return known if not found.is_bound else Known(known.value, known.uncertainty, "measured", "part")
+    return Known(*extent, "measured", "at least" if found.is_bound else "whole")
+
+
+def _remarks(result: Acceptance) -> list[Said]:
+    said = []
+    for M_g, measurement in result.measurements.items():
+        where = f"{measurement.trace.file}, {M_g:g} N*m"
+        first = measurement.directions[0]
+        if first.is_bound:
+            share = (
+                f"{100 * first.coverage.share:.3g} % of the full cycle visited" if first.coverage else "unknown cycle"
+            )
+            said.append(Said(COVERAGE, f"{where}: {share}"))
+        missing = [source.name for source in first.sources if source.arcsec is None]
+        if missing:
+            said.append(Said(BUDGET, f"{where}: nothing stated of {', '.join(missing)}"))
+        said += [Said(RECORD, f"{where}: {text}") for text in measurement.warnings]
+    for decision in result.decisions:
+        expanded, limit = decision.expanded, decision.asked.limit
+        if expanded is not None and expanded > QUARTER * limit:
+            text = f"{decision.asked.label}: U = {expanded:.3g} beside a limit of {limit:g}, k = {COVERAGE_FACTOR:g}"
+            said.append(Said(UNCERTAINTY, text))
+    rated = result.drive.operation.rated
+    over = {d.asked.M_g for d in result.decisions if rated and d.asked.M_g and abs(d.asked.M_g) > rated}
+    said += [
+        Said(RATED, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m") for M_g in sorted(filter(None, over))
+    ]
+    if result.left_out:
+        said.append(Said(NOT_TESTED, "; ".join(asked.label for asked in result.left_out)))
+    return said

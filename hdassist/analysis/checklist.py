@@ -1,0 +1,154 @@
+"""The named checks of an acceptance, and the remarks beside them, declared once.
+
+Reports, `hdassist explain`, the docs and the tests read these declarations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdassist.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Explained:
+    """Something that has a code: what it is called, what it tests, what goes wrong, and what to change."""
+
+    code: str
+    words: str
+    tests: str
+    wrong: str
+    change: str
+
+
+@dataclass(frozen=True)
+class Check(Explained):
+    """A value held against a limit of the preset.
+
+    field: of the section acceptance that has the limit; unit; upper: whether the limit is the greatest value allowed,
+    not the least.
+    """
+
+    field: str
+    unit: str = "arcsec"
+    upper: bool = True
+
+
+@dataclass(frozen=True)
+class Remark(Explained):
+    """Something that a verdict should not be read without."""
+
+
+F_IOR = Check(
+    "F_IOR",
+    "F'_ior",
+    "The greatest minus the least error of the output angle over the full cycle, at constant torque, turning one way; "
+    "predicted with the self error on top.",
+    "The output is not where the cam says: the catalogue's transmission accuracy is missed. Pitch deviations of both "
+    "wheels and the offsets of the cam stand unluckily to each other, or are too large for this wave and clearance.",
+    "Turn the fixed wheel (hdassist mount): it costs nothing. Then the tolerance that moves F'_ior most "
+    "(hdassist compare tells which deviation explains a measured one), the clearance j_n, the wave W_0.",
+    "F_ior",
+)
+REVOLUTION_RANGE = Check(
+    "REVOLUTION_RANGE",
+    "range in one cam turn",
+    "The greatest range of the error within any one turn of the cam: what a drive shows that moves little.",
+    "Offsets of the cam and second orders of the pitch deviations make the output swing in each turn of the cam.",
+    "Less offset of the cam (seat, bearing, bore), more evenly worn or better centred wheels, more teeth in mesh.",
+    "revolution_range",
+)
+ORDER = Check(
+    "ORDER",
+    "amplitude of an order",
+    "The amplitude of one order of the error per turn of the cam, over the whole cycle.",
+    "One cause stands out: order 2 of the cam excites the drive at twice its speed, low orders are the wheels'.",
+    "hdassist trace names the cause of each order; change the deviation it names.",
+    "order_amplitude",
+)
+SELF_ERROR = Check(
+    "SELF_ERROR",
+    "self error",
+    "The error that the drive would have without any deviation, over tooth and ball phase.",
+    "The teeth and balls carry the load unevenly by design: no tolerance and no mounting angle makes it less.",
+    "The design: number of balls, ring stiffness, wave, tooth height, so that more teeth share the load.",
+    "self_error",
+)
+LOST_MOTION = Check(
+    "LOST_MOTION",
+    "lost motion",
+    "The twist between plus and minus 4 % of the rated torque.",
+    "The output is loose around zero torque: clearance of flanks and bearing is taken up before the teeth carry.",
+    "Less clearance j_n or g_b, a larger wave W_0, a stiffer ring.",
+    "lost_motion",
+)
+STIFFNESSES = tuple(
+    Check(
+        f"K_{k}",
+        f"torsional stiffness K_{k}",
+        f"The stiffness of the {which} segment of the twist over torque, the shell's tube included.",
+        "The output yields more under load than the axis allows: resonances fall, positions wander with torque.",
+        "A stiffer shell or ring, more teeth in mesh (wave, clearance), larger balls or more of them.",
+        f"K_{k}",
+        "N·m/rad",
+        upper=False,
+    )
+    for k, which in ((1, "first"), (2, "second"), (3, "third"))
+)
+CHECKS = (F_IOR, REVOLUTION_RANGE, ORDER, SELF_ERROR, LOST_MOTION, *STIFFNESSES)
+PER_TORQUE = (F_IOR, REVOLUTION_RANGE, SELF_ERROR)
+FROM_TRACES = (F_IOR, REVOLUTION_RANGE, ORDER)
+
+COVERAGE = Remark(
+    "COVERAGE",
+    "part of the cycle only",
+    "Whether the record visited the full cycle of cam and output.",
+    "A part of the cycle bounds F'_ior from below: it can fail a drive, never pass it.",
+    "Record the full cycle in one direction: one turn of the output, two where the flexspline has an odd number of "
+    "teeth.",
+)
+UNCERTAINTY = Remark(
+    "UNCERTAINTY",
+    "uncertain beside its limit",
+    "Whether the expanded uncertainty of a measured value is at most a quarter of its limit.",
+    "Guard bands eat the tolerance: good drives come out INCONCLUSIVE, and a simple rule passes bad ones.",
+    "A longer or quieter record, repeated runs; less uncertainty of encoder and coupling.",
+)
+BUDGET = Remark(
+    "BUDGET",
+    "uncertainty not stated",
+    "Whether every source of uncertainty that a record cannot tell has been stated.",
+    "Encoder, coupling, reseating or temperature may be as large as the error that is decided on.",
+    "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing.",
+)
+RECORD = Remark(
+    "RECORD",
+    "the record is not clean",
+    "Whether the record drifts, or has error beyond the declared orders.",
+    "What is left in adds to the uncertainty, or to the value itself.",
+    "--drift linear, or more --orders; hdassist measure shows both.",
+)
+RATED = Remark(
+    "RATED",
+    "above the rated torque",
+    "Whether the torque of a check is within the rated torque.",
+    "The model is compared with tests up to the rated torque only; teeth may ratchet beyond.",
+    "Test at or below operation.rated.",
+)
+NOT_TESTED = Remark(
+    "NOT_TESTED",
+    "limits not tested",
+    "Whether each limit of the preset was decided on.",
+    "The verdict says nothing of limits that were left out.",
+    "Measure them too, or leave out --measured-only: then the model predicts them.",
+)
+REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, RECORD, RATED, NOT_TESTED)
+CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
+
+
+def explained(code: str) -> Explained:
+    """What stands behind a code, in any case of letters. Raises UsageError: no such code."""
+    found = CODES.get(code.upper().replace("-", "_"))
+    if found is None:
+        raise UsageError(f"no check has the code {code}", f"codes: {', '.join(CODES)}")
+    return found
