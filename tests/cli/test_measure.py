@@ -160,12 +160,13 @@ def test_a_million_rows(tmp_path):
 
 @pytest.mark.skipif(not REAL.exists(), reason="the digitised trace is not there")
 def test_the_real_trace():
-    result = run("measure", str(REAL), "--error", "error_arcsec_star1", "--ratio", "100", "--json")
+    # the amplitudes its README gives are those of these orders alone, fitted together
+    result = run("measure", str(REAL), "--error", "error_arcsec_star1", "--ratio", "100", "--orders", "1-4,6", "--json")
     told = json.loads(result.stdout)
     (found,) = told["directions"]
     orders = {o["per_cam_rev"]: o["amplitude_arcsec"] for o in found["orders"]}
     for order, amplitude in {2: 21.6, 4: 3.9, 1: 3.5, 3: 1.8, 6: 1.0}.items():
-        assert orders[order] == pytest.approx(amplitude, abs=0.15)
+        assert round(orders[order], 1) == amplitude
     assert found["raw_range_arcsec"] == pytest.approx(55, abs=0.5)
     assert found["F_ior_is_lower_bound"] is True
     assert found["coverage"]["share"] < 0.03
