@@ -1,8 +1,15 @@
-"""Run hdassist as a process: in pipes, and on a pseudo-terminal of a given width."""
+"""Run hdassist as a process: in pipes, and on a pseudo-terminal of a given width.
+
+Runs in pipes come from a warm start (warm.py) unless HDASSIST_COLD is set; what a start of Python itself may
+change (an environment, a hash seed, a signal) is for cold ones.
+"""
 
 from __future__ import annotations
 
+import atexit
 import fcntl
+import functools
+import io
 import os
 import pty
 import struct
@@ -12,20 +19,42 @@ import termios
 from collections.abc import Mapping
 from pathlib import Path
 
+from tests.cli.warm import LONGEST, Warm
+
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 COMMAND = [sys.executable, "-m", "hdassist"]
 ROOT = str(Path(__file__).parents[2])  # the tree under test, from whatever folder it runs
 CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}
+WARM = sys.platform == "linux" and "HDASSIST_COLD" not in os.environ  # where hdassist forks too (cli/workers.py)
 
 
 def run(
     *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command with pipes on all streams."""
+    """Run a command with pipes on all streams; with an environment of its own in a cold process."""
+    if env or not WARM:
+        return run_cold(*args, env=env, stdin=stdin, cwd=cwd)
+    code, *streams = _warm().run(args, (stdin or "").encode(), str(cwd or Path.cwd()))
+    out, err = (io.TextIOWrapper(io.BytesIO(stream), encoding="utf-8").read() for stream in streams)
+    return subprocess.CompletedProcess([*COMMAND, *args], code, out, err)
+
+
+def run_cold(
+    *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command with pipes on all streams, in a process that Python starts from nothing."""
     return subprocess.run(
         [*COMMAND, *args], input=stdin or "", capture_output=True, text=True, encoding="utf-8",
-        env=CLEAN | dict(env or {}), cwd=cwd, check=False, timeout=240,
+        env=CLEAN | dict(env or {}), cwd=cwd, check=False, timeout=LONGEST,
     )  # fmt: skip
+
+
+@functools.cache
+def _warm() -> Warm:
+    """The warm start of this test process."""
+    warm = Warm(CLEAN)
+    atexit.register(warm.close)
+    return warm
 
 
 def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:
@@ -47,4 +76,4 @@ def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) 
             break
         sent += part
     os.close(leader)
-    return process.wait(timeout=240), sent.decode("utf-8").replace("\r\n", "\n")
+    return process.wait(timeout=LONGEST), sent.decode("utf-8").replace("\r\n", "\n")
