@@ -12,10 +12,12 @@ import functools
 import io
 import os
 import pty
+import signal
 import struct
 import subprocess
 import sys
 import termios
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -55,6 +57,23 @@ def _warm() -> Warm:
     warm = Warm(CLEAN)
     atexit.register(warm.close)
     return warm
+
+
+def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
+    """Run a command in a cold process, and interrupt it [s] after its own processes have begun to work."""
+    process = subprocess.Popen(
+        [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8"
+    )
+    begun = time.monotonic()
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    while time.monotonic() - begun < (60 if children.exists() else 3) and process.poll() is None:
+        if children.exists() and children.read_text():
+            break
+        time.sleep(0.05)
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    return subprocess.CompletedProcess([*COMMAND, *args], process.returncode, out, err)
 
 
 def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:

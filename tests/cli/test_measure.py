@@ -175,10 +175,17 @@ def test_the_real_trace():
 
 def test_the_tutorial_runs(tmp_path):
     page = (ROOT / "docs/measure.md").read_text(encoding="utf-8")
-    shell = "set -euo pipefail\n" + f'hdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
-    shell += "\n".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL))
-    done = subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=CLEAN, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "at least" in done.stdout
-    assert "full cycle: 100 cam turns, 1 output turn" in re.sub(r"\s+", " ", done.stdout)
+    hdassist = f'set -euo pipefail\nhdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
+    told = ""
+    for line in "".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL)).splitlines():
+        if re.fullmatch(r"hdassist [\w .=-]+", line):
+            done = run(*line.split()[1:], cwd=tmp_path)
+        else:  # a shell's work
+            done = subprocess.run(
+                ["bash", "-c", hdassist + line], cwd=tmp_path, env=CLEAN, capture_output=True, text=True
+            )
+        assert done.returncode == 0, done.stderr
+        told += done.stdout
+    assert "at least" in told
+    assert "full cycle: 100 cam turns, 1 output turn" in re.sub(r"\s+", " ", told)
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"

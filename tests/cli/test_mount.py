@@ -5,14 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
-import signal
-import subprocess
-import time
 
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from tests.cli.process import CLEAN, COMMAND, SMALL, run, run_cold
+from tests.cli.process import SMALL, interrupted, run, run_cold
 
 QUICK = ("mount", SMALL, "--set", "mounting.holes=6")
 
@@ -98,18 +95,12 @@ def test_wrong_input(args, code):
 
 
 def test_an_interrupt_ends_with_130_and_what_is_done():
-    process = subprocess.Popen(
-        [*COMMAND, "mount", "vzp160", "--step", "1", "--json"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True,
-    )  # fmt: skip
-    time.sleep(5)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Traceback" not in err
-    if out:  # a slow machine may have nothing to keep yet
-        assert "interrupted" in err
-        told = json.loads(out)
+    done = interrupted("mount", SMALL, "--step", "0.1", "--json", after=2)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    if done.stdout:  # a slow machine may have nothing to keep yet
+        assert "interrupted" in done.stderr
+        told = json.loads(done.stdout)
         assert (told["exit_code"], told["complete"]) == (130, False)
-        assert 0 < len(told["curves"][0]["phase_deg"]) < 360
+        assert 0 < len(told["curves"][0]["phase_deg"]) < 3600
         assert "positions were done" in told["warnings"][0]
