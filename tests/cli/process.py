@@ -60,20 +60,30 @@ def _warm() -> Warm:
 
 
 def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
-    """Run a command in a cold process, and interrupt it [s] after its own processes have begun to work."""
+    """Run a command in a cold process, and interrupt it when its own processes have worked for so long [s]."""
     process = subprocess.Popen(
         [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8"
     )
     begun = time.monotonic()
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-    while time.monotonic() - begun < (60 if children.exists() else 3) and process.poll() is None:
-        if children.exists() and children.read_text():
-            break
+    while process.poll() is None and _worked(process.pid, time.monotonic() - begun) < after:
         time.sleep(0.05)
-    time.sleep(after)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     return subprocess.CompletedProcess([*COMMAND, *args], process.returncode, out, err)
+
+
+def _worked(pid: int, elapsed: float) -> float:
+    """Processor time [s] of the processes that a process has begun; without /proc a guess from the time elapsed."""
+    begun = Path(f"/proc/{pid}/task/{pid}/children")
+    if not begun.exists():
+        return elapsed - 2
+    try:
+        stats = [
+            Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split() for child in begun.read_text().split()
+        ]
+    except OSError:  # one of them has just ended
+        return 0.0
+    return sum(int(stat[k]) for stat in stats for k in (11, 12)) / os.sysconf("SC_CLK_TCK")
 
 
 def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:
