@@ -174,10 +174,12 @@ def test_verbose_tells_timings_on_stderr():
 
 
 @pytest.mark.parametrize(
-    ("limit", "verdict", "code"), [("1000", "PASS", 0), ("100", "FAIL", 3), ("{1: 1000, 4: 5}", "FAIL", 3)]
+    ("limit", "torques", "verdict", "code"),
+    [("1000", ["1"], "PASS", 0), ("100", ["1"], "FAIL", 3), ("{1: 1000, 4: 5}", ["1", "4"], "FAIL", 3)],
 )
-def test_verdict_and_exit_code(limit, verdict, code):
-    result = run("check", SMALL, "--json", "--set", f"acceptance.F_ior={limit}")
+def test_verdict_and_exit_code(limit, torques, verdict, code):
+    asked = (f"--torque={torque}" for torque in torques)
+    result = run("check", SMALL, "--json", *asked, "--set", f"acceptance.F_ior={limit}")
     assert result.returncode == code
     assert json.loads(result.stdout)["verdict"] == verdict
     assert json.loads(result.stdout)["exit_code"] == code

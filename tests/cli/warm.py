@@ -48,8 +48,9 @@ class Warm:
         for fd in theirs:
             os.close(fd)
         with ThreadPoolExecutor(3) as pool:
-            pool.submit(_write, pipes[0][1], stdin)
+            fed = pool.submit(_write, pipes[0][1], stdin)
             out, err = (pool.submit(_read, pipe[0]) for pipe in pipes[1:])
+        fed.result()
         try:
             return int(self._socket.recv(16)), out.result(), err.result()
         except (ConnectionError, ValueError):  # nothing came
@@ -75,7 +76,7 @@ def _read(fd: int) -> bytes:
 
 
 def _serve(client: socket.socket) -> None:
-    """Fork a process for each run; returns in it, with its streams and folder, and when nobody asks any more."""
+    """Fork a process for each run and return in it alone, with its streams and folder; ends when nobody asks."""
     while True:
         asked, fds, _, _ = socket.recv_fds(client, 1 << 20, 3)
         if not asked:
