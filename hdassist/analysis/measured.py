@@ -14,7 +14,8 @@ from hdassist.analysis.gearing import Gearing, gearing_of
 from hdassist.analysis.lines import DEFAULT, WHOLE, lines, parse_orders
 from hdassist.analysis.measuredorders import named
 from hdassist.analysis.measurement import Direction, Measurement, Reversal
-from hdassist.analysis.tracefit import CELLS_PER_COLUMN, TraceFit, fit
+from hdassist.analysis.tracedesign import CELLS_PER_COLUMN
+from hdassist.analysis.tracefit import TraceFit, fit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.preset.drive import Drive
 from hdassist.preset.sweeps import Sweep
@@ -35,12 +36,14 @@ def measure(
     drift: str = "none",
     stated: Mapping[str, float] | None = None,
     seed: int = 0,
+    together: bool = False,
 ) -> Measurement:
     """Look at a measured trace.
 
     Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn to which the
     error is limited, like "1-12" (None: these, or as far as the steps of the angle resolve them); drift, none, linear
-    or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap.
+    or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
+    together, both directions as one, which is then 0.
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
     the record does not resolve, or an F'_ior that is not clear of its noise.
     """
@@ -49,8 +52,8 @@ def measure(
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
     found: list[Direction] = []
-    for sign in (1, -1):
-        moves = [sweep for sweep in trace.sweeps if sweep.direction == sign]
+    for sign in (0,) if together else (1, -1):
+        moves = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in moves), default=0.0)
         if longest < SHORTEST - 0.01:
             if moves:

@@ -1,0 +1,45 @@
+"""The five deviation vectors of a drive in terms of its preset: a size and a direction each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdassist.analysis.torus import Complex
+from hdassist.preset.drive import Drive
+
+
+@dataclass(frozen=True)
+class Vector:
+    """One deviation: paths of its size [um] and its direction [deg], and what it is in words."""
+
+    size: str
+    direction: str
+    words: str
+
+
+VECTORS = (
+    Vector("tolerances.F_i1", "phases.xi_g", "teeth of the flexspline"),
+    Vector("tolerances.F_i2", "phases.xi_b", "teeth of the rigid wheel"),
+    Vector("tolerances.e_hb", "phases.phi_hb", "cam offset with the rigid wheel"),
+    Vector("tolerances.e_hh", "phases.phi_hh", "cam offset with the cam"),
+    Vector("tolerances.e_hg", "phases.phi_hg", "cam offset with the flexspline"),
+)
+
+
+def vectors_of(drive: Drive) -> Complex:
+    """Deviations of a drive as complex numbers [um], shape (5,)."""
+    sizes = np.array([drive.value(v.size) for v in VECTORS], dtype=float)
+    turned = np.radians([drive.value(v.direction) for v in VECTORS])
+    return np.asarray(sizes * np.exp(1j * turned))
+
+
+def with_vectors(drive: Drive, vectors: Complex, free: Sequence[int]) -> Drive:
+    """The drive with some of its deviations, by their place, as in vectors; the directions from -180 to 180 deg."""
+    values = {}
+    for k in free:
+        values[VECTORS[k].size] = float(abs(vectors[k]))
+        values[VECTORS[k].direction] = float(np.degrees(np.angle(vectors[k])))
+    return drive.with_values(values)
