@@ -22,7 +22,9 @@ from hdassist.preset.drive import Drive
 STEP = 1.0  # um, of a difference quotient
 FARTHEST = 30.0  # um or deg, of one step
 STEPS = 15
-STILL = 0.05  # less chi-square by a step, as a share of that of one degree of freedom: no progress
+STILL = 0.05  # of chi-square: a step that gains less is the last
+SLOW = 1e-3  # of the chi-square that is left: the same
+NEARER = 0.7  # of the chi-square: a first look must be so much better for the way to begin there
 BLIND = 0.5  # of the greatest deviation: a greater standard uncertainty says nothing
 LEAST_BLIND = 20.0  # um
 TURNED = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg: directions looked at before the first step
@@ -96,11 +98,10 @@ class VectorFitter:
         starts = self._starts(free)
         waves = self._torus.waves([with_vectors(self._drive, v, [free]) for v in starts], COARSE)
         looks = [scan(self._record, w, base.place, start=self._start, zero=self._zero) for w in waves]
-        found = [self._descend(self._here, base.place, (free,))]
         best = int(np.argmin([chi for _, chi in looks]))
-        if best > 0:
-            found.append(self._descend(starts[best], looks[best][0], (free,)))
-        return min(found, key=lambda fit: fit.chi_square)
+        if looks[best][1] > NEARER * looks[0][1]:
+            return self._descend(self._here, base.place, (free,))
+        return self._descend(starts[best], looks[best][0], (free,))
 
     def joint(self, begin: VectorFit) -> VectorFit:
         """All vectors changed, as far as the record tells them apart."""
@@ -136,7 +137,7 @@ class VectorFitter:
                     if tried @ tried < before:
                         (vectors, place), left, waves = there, tried, other
                         break
-                if before - float(left @ left) < STILL * max(1.0, before / self._record.freedom(0)):
+                if before - float(left @ left) < max(STILL, SLOW * before):
                     break
         slopes = self._slopes(vectors, place, unknowns, waves)
         seen, blind, sizes = self._split(slopes, self._alike(vectors, unknowns))
