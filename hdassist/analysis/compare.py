@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.analysis.comparison import Comparison, Explanation, Mirror, OrderPair
-from hdassist.analysis.explain import conclude, explanation, solved, values
+from hdassist.analysis.explain import conclude, explanation, values
 from hdassist.analysis.extremes import CycleSearch, worth_searching
 from hdassist.analysis.kinematic_error import kinematic_error
 from hdassist.analysis.measured import measure
 from hdassist.analysis.measurement import Direction, Measurement
-from hdassist.analysis.record import Place, Record
+from hdassist.analysis.record import CLEAR, Place, Record
 from hdassist.analysis.solvedrecord import solved_curve
 from hdassist.analysis.torus import Torus
 from hdassist.analysis.tracedesign import CHUNK, waves
@@ -27,8 +27,8 @@ from hdassist.preset.tracefile import MeasuredTrace
 from hdassist.solve.answers import Certificate, Progress
 
 MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less than that is worth a word
-TIED = 30.0  # deg: a start that is less sure is said
-WORK = 60_000  # states of the fits, about, for a progress bar
+LEFT = 3  # orders that are named of what is left
+WORK = 200_000  # states of the fits, about, for a progress bar
 
 
 @dataclass(frozen=True)
@@ -137,17 +137,19 @@ def _solved(
     proof += more
     best = min(singles, key=lambda single: single.chi_square)
     done = []
-    for each in singles if joint is None else [*singles, joint]:
-        whole = left = None
+    for found_one in singles if joint is None else [*singles, joint]:
+        each = found_one
         if each.overrides:
             there = drive.with_values(values(each.overrides))
             whole, more = search.F_ior(there)
             proof += more
-            if each in (best, joint):
+            each = replace(each, F_ior_arcsec=whole)
+            if each.vectors == best.vectors or len(each.vectors) > 1:
                 again, more = solved_curve(there, case.M_g, found.cells.turns, each.place)
                 proof += more
-                left = _rms(record.measured - record.of_curve(again))
-        done.append(solved(each, whole, left))
+                left = record.measured - record.of_curve(again)
+                each = replace(each, left_arcsec=_rms(left), left_orders=_left_orders(found, left, record.covariance))
+        done.append(each)
     if joint is not None:
         joint = done.pop()
     finding = conclude(now, done, joint, mirrored=mirror is not None)
@@ -203,6 +205,14 @@ def _curve(found: Direction, coefficients: Array) -> Array:
 
 def _rms(coefficients: Array) -> float:
     return float(np.sqrt((coefficients**2).sum() / 2))
+
+
+def _left_orders(found: Direction, left: Array, covariance: Array) -> tuple[tuple[float, float, str], ...]:
+    """The greatest orders of what is left that are clear of noise: order, amplitude, cause."""
+    pairs = _pairs(found, left, left, covariance)
+    clear = [pair for pair in pairs if pair.difference_arcsec > CLEAR * pair.difference_uncertainty_arcsec]
+    greatest = sorted(clear, key=lambda pair: -pair.difference_arcsec)[:LEFT]
+    return tuple((pair.per_cam_rev, pair.difference_arcsec, pair.cause) for pair in greatest)
 
 
 def _place_uncertainty(base: VectorFit, k: int, now: Explanation) -> float | None:

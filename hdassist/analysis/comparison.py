@@ -53,7 +53,7 @@ class Explanation:
     in units of its noise, that is explained; clear: a better fit than chance makes; sufficient: no more is left than
     noise; overrides: of the preset, empty where not all is told; F_ior_arcsec, of the full cycle then, solved; None
     without overrides; left_arcsec: rms of what is left within the orders, from solved states of the record; None where
-    those were not solved.
+    those were not solved; left_orders: order, amplitude [arcsec] and cause of the greatest of that, clear of noise.
     """
 
     vectors: tuple[int, ...]
@@ -67,6 +67,7 @@ class Explanation:
     overrides: tuple[str, ...]
     F_ior_arcsec: float | None
     left_arcsec: float | None
+    left_orders: tuple[tuple[float, float, str], ...]
     place: Place
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,6 +45,7 @@ def explanation(fit: VectorFit, base: VectorFit, record: Record, drive: Drive) -
         overrides=_overrides(fit, changes, drive) if complete else (),
         F_ior_arcsec=None,
         left_arcsec=None,
+        left_orders=(),
         place=fit.place,
     )
 
@@ -134,8 +134,3 @@ def as_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanati
     """Other single deviations that explain the difference as well as the best one."""
     scale = max(1.0, best.chi_square / best.freedom)
     return [s for s in singles if s is not best and s.clear and s.chi_square - best.chi_square <= ALIKE * scale]
-
-
-def solved(found: Explanation, F_ior: float | None, left: float | None) -> Explanation:
-    """An explanation with what was solved for it."""
-    return replace(found, F_ior_arcsec=F_ior, left_arcsec=left)
