@@ -45,10 +45,8 @@ class Reading:
     cam_sense: str = "ccw"
 
 
-def torque_of(drive: Drive, torque: float | None) -> float:
-    """Torque [N*m] of a comparison: as given, else the preset's only one. Raises UsageError where it has several."""
-    if torque is not None:
-        return torque
+def torque_of(drive: Drive) -> float:
+    """Torque [N*m] of a comparison: the preset's only one. Raises UsageError where it has several."""
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         raise UsageError(f"{drive.name} has several torques: {several}", "say which was on the rig: --torque")

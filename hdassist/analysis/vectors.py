@@ -21,11 +21,11 @@ class Vector:
 
 
 VECTORS = (
-    Vector("tolerances.F_i1", "phases.xi_g", "teeth of the flexspline"),
-    Vector("tolerances.F_i2", "phases.xi_b", "teeth of the rigid wheel"),
-    Vector("tolerances.e_hb", "phases.phi_hb", "cam offset with the rigid wheel"),
-    Vector("tolerances.e_hh", "phases.phi_hh", "cam offset with the cam"),
-    Vector("tolerances.e_hg", "phases.phi_hg", "cam offset with the flexspline"),
+    Vector("tolerances.F_i1", "phases.xi_g", "flexspline teeth"),
+    Vector("tolerances.F_i2", "phases.xi_b", "rigid wheel teeth"),
+    Vector("tolerances.e_hb", "phases.phi_hb", "offset, rigid wheel"),
+    Vector("tolerances.e_hh", "phases.phi_hh", "offset, cam"),
+    Vector("tolerances.e_hg", "phases.phi_hg", "offset, flexspline"),
 )
 
 

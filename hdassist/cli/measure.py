@@ -82,7 +82,7 @@ def command(
             if debug or isinstance(fault, UsageError) or (len(files) == 1 and not json):
                 raise
             complain(fault, "" if name in fault.message else name)
-            answers.append(figures.failure(name, fault))
+            answers.append(figures.failure("measure", name, fault))
             continue
         done.append(result)
         answers.append(figures.answer(result, drive))

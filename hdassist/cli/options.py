@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -108,3 +109,16 @@ def shaft(text: str | None) -> Shaft | None:
     if text not in shafts:
         raise UsageError(f"--angle-of must be cam or output, not {text}")
     return shafts[text]
+
+
+def degrees_or_fit(option: str, text: str) -> float | None:
+    """An angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
+    if text == "fit":
+        return None
+    try:
+        angle = float(text)
+    except ValueError:
+        angle = float("nan")
+    if not isfinite(angle):
+        raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
+    return angle
