@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.analysis.comparison import Comparison, Explanation, Mirror, OrderPair
-from hdassist.analysis.explain import conclude, explanation, values
+from hdassist.analysis.explain import BY_CHANCE, TOLD, conclude, explanation, values
 from hdassist.analysis.extremes import CycleSearch, worth_searching
 from hdassist.analysis.kinematic_error import kinematic_error
 from hdassist.analysis.measured import measure
@@ -27,6 +27,8 @@ from hdassist.preset.tracefile import MeasuredTrace
 from hdassist.solve.answers import Certificate, Progress
 
 MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less than that is worth a word
+SCREEN = 0.5  # of a clear gain: what slopes alone must promise for deviations to be looked at
+POLISHED = 2.0  # times the least chi-square: fits up to that are finished on the fine torus
 LEFT = 3  # orders that are named of what is left
 WORK = 200_000  # states of the fits, about, for a progress bar
 
@@ -93,13 +95,23 @@ def compare(
     record = Record(measurement.directions[0], torus, Kinematics.of(drive))
     fitter = VectorFitter(drive, record, torus, start=reading.start_deg is None, zero=reading.zero_deg is None)
     base = fitter.base(place_of(trace, drive, reading))
+    now = explanation(base, base, record, drive)
+    case = _Case(drive, M_g, measurement, record, torus, base)
+    if now.sufficient and fitter.gains(base).max() < SCREEN * BY_CHANCE:
+        return _solved(case, now, [], None, None)
+    others = [] if now.sufficient else _mirrored(trace, fitter, base)
+    if others and record.within_noise(others[0][0], base.unknowns.count):
+        return _solved(case, now, [], None, Mirror(others[0][1], fitter.left_arcsec(others[0][2])))
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
-    now, *singles = (explanation(fit, base, record, drive) for fit in (base, *fits))
-    mirror = None if now.sufficient else _mirror(trace, fitter, base, min(s.chi_square for s in singles))
+    good = POLISHED * min(fit.chi_square for fit in fits)
+    fits = [fitter.polished(fit) if fit.chi_square <= good else fit for fit in fits]
+    singles = [explanation(fit, base, record, drive) for fit in fits]
+    least = min(MIRRORED * base.chi_square, *(single.chi_square for single in singles))
+    mirror = next((Mirror(way, fitter.left_arcsec(fit)) for chi, way, fit in others[:1] if chi <= least), None)
     joint = None
     if conclude(now, singles, None, mirrored=mirror is not None).kind not in ("agrees", "mirrored"):
         joint = explanation(fitter.joint(min(fits, key=lambda fit: fit.chi_square)), base, record, drive)
-    return _solved(_Case(drive, M_g, measurement, record, torus, base), now, singles, joint, mirror)
+    return _solved(case, now, singles, joint, mirror)
 
 
 @dataclass(frozen=True)
@@ -133,7 +145,7 @@ def _solved(
     search = _Search(drive, case.M_g)
     F_ior, more = search.F_ior(drive)
     proof += more
-    best = min(singles, key=lambda single: single.chi_square)
+    best = min(singles, key=lambda single: single.chi_square, default=now)
     done = []
     for found_one in singles if joint is None else [*singles, joint]:
         each = found_one
@@ -219,14 +231,14 @@ def _place_uncertainty(base: VectorFit, k: int, now: Explanation) -> float | Non
     if not wanted[k]:
         return None
     row = sum(wanted[:k])
-    if (base.blind[row] ** 2).sum() > 1e-6:
+    if (base.blind[row] ** 2).sum() > TOLD:
         return 360.0
     scale = max(1.0, now.chi_square / now.freedom)
     return float(np.sqrt(scale * base.covariance()[row, row]))
 
 
-def _mirror(trace: MeasuredTrace, fitter: VectorFitter, base: VectorFit, least: float) -> Mirror | None:
-    """Whether the file fits clearly better with its signs swapped, and better than with any one deviation changed."""
+def _mirrored(trace: MeasuredTrace, fitter: VectorFitter, base: VectorFit) -> list[tuple[float, str, VectorFit]]:
+    """The file with its signs swapped: chi-square, what is swapped and the fit, the best first."""
     ways = [("cam_sense", base.place.sign, -base.place.sense)]
     if not trace.output_sense:
         ways += [("error_is", -base.place.sign, base.place.sense), ("both", -base.place.sign, -base.place.sense)]
@@ -234,10 +246,7 @@ def _mirror(trace: MeasuredTrace, fitter: VectorFitter, base: VectorFit, least: 
     for name, sign, sense in ways:
         fit = fitter.base(replace(base.place, sign=sign, sense=sense))
         found.append((fit.chi_square, name, fit))
-    chi, name, fit = min(found, key=lambda each: each[0])
-    if chi > min(MIRRORED * base.chi_square, least):
-        return None
-    return Mirror(name, fitter.left_arcsec(fit))
+    return sorted(found, key=lambda each: each[0])
 
 
 def _pairs(found: Direction, predicted: Array, apart: Array, covariance: Array) -> tuple[OrderPair, ...]:

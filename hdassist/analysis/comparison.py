@@ -94,8 +94,8 @@ class Comparison:
     M_g [N*m]; found: the measured side; place and its standard uncertainties [deg], None where given; predicted_arcsec
     at the cells, levels and drift as the residual has none; residual_arcsec at the cells; coefficients of the orders,
     measured and predicted; ranges [arcsec] limited to the orders over the angles visited; F_ior_arcsec of the drive
-    over the full cycle; chi_square and freedom of the drive as it is; singles: one of each vector; joint: None where
-    none is called for.
+    over the full cycle; chi_square and freedom of the drive as it is; singles: one of each vector; joint;
+    both none where nothing is called for.
     """
 
     drive: Drive

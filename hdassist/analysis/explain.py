@@ -118,7 +118,7 @@ def conclude(
     base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool = False
 ) -> Finding:
     """What the fits say together: the simplest that leaves no more than noise."""
-    best = min(singles, key=lambda single: single.chi_square)
+    best = min(singles, key=lambda single: single.chi_square, default=base)
     if base.sufficient and not best.clear:
         return Finding("agrees")
     if mirrored:

@@ -85,7 +85,7 @@ class VectorFitter:
         """The drive as it is, with the place fitted where that is asked for."""
         waves = self._torus.waves([self._drive])[0]
         found, _ = scan(self._record, waves, place, start=self._start, zero=self._zero)
-        return self._descend(self._here, found, ())
+        return self._descend(self._here, found, (), POINTS)
 
     def left_arcsec(self, fit: VectorFit) -> float:
         """Rms of what a fit leaves within the orders [arcsec]."""
@@ -94,18 +94,37 @@ class VectorFitter:
         return float(np.sqrt((left**2).sum() / 2))
 
     def single(self, free: int, base: VectorFit) -> VectorFit:
-        """One vector changed, the others as they are."""
+        """One vector changed, the others as they are; on a torus that is good enough to tell the good ones."""
         starts = self._starts(free)
         waves = self._torus.waves([with_vectors(self._drive, v, [free]) for v in starts], COARSE)
         looks = [scan(self._record, w, base.place, start=self._start, zero=self._zero) for w in waves]
         best = int(np.argmin([chi for _, chi in looks]))
         if looks[best][1] > NEARER * looks[0][1]:
-            return self._descend(self._here, base.place, (free,))
-        return self._descend(starts[best], looks[best][0], (free,))
+            return self._descend(self._here, base.place, (free,), MIDDLE)
+        return self._descend(starts[best], looks[best][0], (free,), MIDDLE)
+
+    def gains(self, base: VectorFit) -> Array:
+        """How much chi-square each vector alone would take off, as far as the slopes at the drive tell, shape (5,)."""
+        everything = Unknowns(tuple(range(len(self._here))), self._start, self._zero)
+        left, waves = self._left(base.vectors, base.place, (), POINTS)
+        slopes = self._slopes(base.vectors, base.place, everything, waves)
+        rest = list(range(2 * len(self._here), everything.count))
+        columns = [[2 * k, 2 * k + 1, *rest] for k in everything.vectors]
+        taken = [np.linalg.lstsq(slopes[:, own], left)[0] for own in columns]
+        return np.array(
+            [
+                2 * left @ slopes[:, own] @ t - ((slopes[:, own] @ t) ** 2).sum()
+                for own, t in zip(columns, taken, strict=True)
+            ]
+        )
+
+    def polished(self, fit: VectorFit) -> VectorFit:
+        """A fit gone on with on a fine torus."""
+        return self._descend(fit.vectors, fit.place, fit.unknowns.vectors, POINTS)
 
     def joint(self, begin: VectorFit) -> VectorFit:
         """All vectors changed, as far as the record tells them apart."""
-        return self._descend(begin.vectors, begin.place, tuple(range(len(self._here))))
+        return self._descend(begin.vectors, begin.place, tuple(range(len(self._here))), POINTS)
 
     def _starts(self, free: int) -> list[Complex]:
         """The drive's own vectors, and with one of them turned or scaled."""
@@ -120,25 +139,23 @@ class VectorFitter:
             vectors[free] = value
         return result
 
-    def _descend(self, vectors: Complex, place: Place, free: tuple[int, ...]) -> VectorFit:
-        """Steps downhill, on a coarser torus first."""
+    def _descend(self, vectors: Complex, place: Place, free: tuple[int, ...], points: int) -> VectorFit:
         unknowns = Unknowns(free, self._start, self._zero)
-        for points in (MIDDLE, POINTS) if free else (POINTS,):
-            left, waves = self._left(vectors, place, free, points)
-            for _ in range(STEPS):
-                slopes = self._slopes(vectors, place, unknowns, waves)
-                seen, _, sizes = self._split(slopes, self._alike(vectors, unknowns))
-                step = seen @ ((seen.T @ slopes.T @ left) / sizes**2)
-                step *= min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-12))
-                before = float(left @ left)
-                for share in SHARES:
-                    there = self._moved(vectors, place, unknowns, share * step)
-                    tried, other = self._left(*there, free, points)
-                    if tried @ tried < before:
-                        (vectors, place), left, waves = there, tried, other
-                        break
-                if before - float(left @ left) < max(STILL, SLOW * before):
+        left, waves = self._left(vectors, place, free, points)
+        for _ in range(STEPS):
+            slopes = self._slopes(vectors, place, unknowns, waves)
+            seen, _, sizes = self._split(slopes, self._alike(vectors, unknowns))
+            step = seen @ ((seen.T @ slopes.T @ left) / sizes**2)
+            step *= min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-12))
+            before = float(left @ left)
+            for share in SHARES:
+                there = self._moved(vectors, place, unknowns, share * step)
+                tried, other = self._left(*there, free, points)
+                if tried @ tried < before:
+                    (vectors, place), left, waves = there, tried, other
                     break
+            if before - float(left @ left) < max(STILL, SLOW * before):
+                break
         slopes = self._slopes(vectors, place, unknowns, waves)
         seen, blind, sizes = self._split(slopes, self._alike(vectors, unknowns))
         return VectorFit(unknowns, vectors, place, float(left @ left), slopes, seen, blind, 1 / sizes)

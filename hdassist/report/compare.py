@@ -64,8 +64,9 @@ def render(result: Comparison, reading: Reading, look: Look, *, plots: bool = Tr
     if plots:
         parts.append(Text(_plot(result, look)))
     parts += [Text(look.text(_ranges(result))), _orders(result, look)]
-    parts.append(_singles(result, look))
-    if result.joint:
+    if result.singles:
+        parts.append(_singles(result, look))
+    if result.joint and result.joint.changes:
         parts.append(_joint(result.joint, look))
     parts += [Text(look.text(words)) for words in _advice(result)]
     proof = result.certificate
@@ -83,7 +84,7 @@ def _place(result: Comparison) -> str:
         if uncertainty is None:
             words.append(f"{name} = {turned(angle):g} deg, given")
         elif uncertainty > NOTHING:
-            words.append(f"{name}: makes no difference")
+            words.append(f"{name}: fitted, but not told by the record")
         else:
             words.append(f"{name} = {turned(angle):.1f} deg, u = {uncertainty:.1f}, fitted")
     return "; ".join(words)
@@ -196,11 +197,15 @@ def _advice(result: Comparison) -> list[str]:
     finding, best = result.finding, result.finding.best
     lines = []
     if result.joint:
-        lines += [f"The record does not tell apart: {', '.join(names)}." for names in result.joint.untold]
-    if finding.kind == "one" and best:
-        names = ", ".join(VECTORS[s.vectors[0]].size for s in as_good(best, result.singles))
+        names = sorted({name for combination in result.joint.untold for name in combination})
         if names:
-            lines.append(f"As well explained by {names} alone: the record does not tell which of them it is.")
+            count = len(result.joint.untold)
+            ways = "one combination" if count == 1 else f"{count} combinations"
+            lines.append(f"Fitted together, {ways} of {', '.join(names)} cannot be told from this record.")
+    if finding.kind == "one" and best:
+        others = ", ".join(VECTORS[s.vectors[0]].size for s in as_good(best, result.singles))
+        if others:
+            lines.append(f"As well explained by {others} alone: the record does not tell which of them it is.")
     if finding.kind == "unexplained":
         named = result.joint if result.joint and result.joint.left_orders else best
         left = (
@@ -208,7 +213,7 @@ def _advice(result: Comparison) -> list[str]:
         )
         lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + BEYOND)
     if best and best.overrides and finding.kind in ("one", "several"):
-        left = f"; {best.left_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
+        rest = f"; {best.left_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
         sets = " ".join(f"--set {text}" for text in best.overrides)
-        lines.append(f"To go on with it{left}:\n  {sets}")
+        lines.append(f"To go on with it{rest}:\n  {sets}")
     return lines
