@@ -11,7 +11,7 @@ from hdassist.analysis.comparison import Comparison, Explanation, Mirror, OrderP
 from hdassist.analysis.explain import BY_CHANCE, TOLD, conclude, explanation, values
 from hdassist.analysis.extremes import CycleSearch, worth_searching
 from hdassist.analysis.kinematic_error import kinematic_error
-from hdassist.analysis.measured import measure
+from hdassist.analysis.measured import DRIFT_LEFT, drift_left, measure
 from hdassist.analysis.measurement import Direction, Measurement
 from hdassist.analysis.record import CLEAR, Place, Record
 from hdassist.analysis.solvedrecord import solved_curve
@@ -139,6 +139,8 @@ def _solved(
     travel = found.cells.travel / record.design.reach
     off = off + sum((c * travel ** (k + 1) for k, c in enumerate(drift)), np.zeros(len(travel)))
     residual = difference - off
+    # a drift that the prediction has too, a beat that the record does not resolve, is none
+    slope = 0.0 if len(drift) else drift_left(found.cells, residual, found.range.value)
     apart = solution[:count]
     curve = _curve(found, apart)
     worst = int(np.abs(curve).argmax())
@@ -187,7 +189,7 @@ def _solved(
         finding=finding,
         mirror=mirror,
         certificate=proof + case.torus.certificate,
-        warnings=case.measurement.warnings,
+        warnings=(DRIFT_LEFT.format(slope),) if slope else (),
     )
 
 

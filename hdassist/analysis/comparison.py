@@ -49,8 +49,8 @@ class Explanation:
     """The drive with some deviations fitted to the record.
 
     vectors: places in VECTORS of those that were free; changes: of those that the record tells; untold: names of
-    those that it does not tell from each other, a tuple a combination; chi_square, freedom; share: of the difference,
-    in units of its noise, that is explained; clear: a better fit than chance makes; sufficient: no more is left than
+    those that it does not tell from each other, a tuple a combination; chi_square, freedom; share: of the difference's
+    chi-square above that of noise, explained; clear: a better fit than chance makes; sufficient: no more is left than
     noise; overrides: of the preset, empty where not all is told; F_ior_arcsec, of the full cycle then, solved; None
     without overrides; left_arcsec: rms of what is left within the orders, from solved states of the record; None where
     those were not solved; left_orders: order, amplitude [arcsec] and cause of the greatest of that, clear of noise.

@@ -9,11 +9,11 @@ import numpy as np
 from hdassist.analysis.comparison import Change, Explanation, Finding
 from hdassist.analysis.record import CLEAR, Record
 from hdassist.analysis.vectorfit import VectorFit
-from hdassist.analysis.vectors import VECTORS, with_vectors
+from hdassist.analysis.vectors import VECTORS, direction_of, with_vectors
 from hdassist.model.geometry import Array
 from hdassist.preset.drive import Drive
 
-BY_CHANCE = 18.4  # chi-square of two unknowns that noise makes once in ten thousand
+BY_CHANCE = 25.0  # chi-square of two unknowns that noise makes four times in a million
 ALIKE = 9.0  # chi-square: fits that are no further apart are not told apart
 TOLD = 0.1  # of an unknown's square that may lie along what the record does not tell
 MAIN = 0.3  # of a combination: what has less is not named
@@ -29,7 +29,7 @@ def explanation(fit: VectorFit, base: VectorFit, record: Record, drive: Drive) -
     gain = (base.chi_square - fit.chi_square) / scale
     more = fit.unknowns.count - base.unknowns.count
     covariance = scale * fit.covariance()
-    told = [_change(fit, i, covariance) for i in range(len(unknowns.vectors))]
+    told = [_change(fit, i, covariance, drive) for i in range(len(unknowns.vectors))]
     untold = _untold(fit)
     changes = tuple(change for change in told if change is not None)
     complete = len(changes) == len(unknowns.vectors) and not untold
@@ -39,7 +39,7 @@ def explanation(fit: VectorFit, base: VectorFit, record: Record, drive: Drive) -
         untold=untold,
         chi_square=fit.chi_square,
         freedom=freedom,
-        share=1 - fit.chi_square / base.chi_square if base.chi_square else 0.0,
+        share=_share(fit.chi_square - freedom, base.chi_square - record.freedom(base.unknowns.count)),
         clear=gain > max(BY_CHANCE, more + CLEAR * float(np.sqrt(2 * more))),
         sufficient=record.within_noise(fit.chi_square, unknowns.count),
         overrides=_overrides(fit, changes, drive) if complete else (),
@@ -48,6 +48,11 @@ def explanation(fit: VectorFit, base: VectorFit, record: Record, drive: Drive) -
         left_orders=(),
         place=fit.place,
     )
+
+
+def _share(left: float, before: float) -> float:
+    """Share that is explained of a chi-square above its degrees of freedom."""
+    return 1 - max(left, 0.0) / before if before > 0 else 0.0
 
 
 def _polar(fit: VectorFit, i: int) -> Array:
@@ -60,7 +65,7 @@ def _polar(fit: VectorFit, i: int) -> Array:
     return result
 
 
-def _change(fit: VectorFit, i: int, covariance: Array) -> Change | None:
+def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> Change | None:
     """New value of vector i; None where the record does not tell its size."""
     k = fit.unknowns.vectors[i]
     along, across = _polar(fit, i)
@@ -71,8 +76,8 @@ def _change(fit: VectorFit, i: int, covariance: Array) -> Change | None:
     spread = [float(np.sqrt(way @ covariance @ way)) for way in (along, across)]
     turn = float(np.degrees(spread[1] / size)) if size else np.inf
     vague = blind[1] > TOLD or turn > VAGUE
-    direction = None if vague else float(np.degrees(np.angle(fit.vectors[k])))
-    return Change(k, size, spread[0], direction, None if vague else turn)
+    direction = direction_of(fit.vectors[k], float(drive.value(VECTORS[k].direction)))
+    return Change(k, size, spread[0], None if vague else direction, None if vague else turn)
 
 
 def _untold(fit: VectorFit) -> tuple[tuple[str, ...], ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.analysis.budget import COVERAGE_FACTOR, budget, combined
 from hdassist.analysis.cells import Cells, cells_of, travel_of
@@ -22,8 +23,11 @@ from hdassist.preset.sweeps import Sweep
 from hdassist.preset.tracefile import MeasuredTrace
 
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
+Array = NDArray[np.float64]
+
 SHORTEST = 1.0  # cam turns
 PER_PERIOD = 2.5  # steps of the angle in a period of the highest order, at least
+DRIFT_LEFT = "a linear drift of {:.3g} arcsec over the record is left in (--drift linear)"
 DRIFTED = 0.05  # of F'_ior: a drift left in that is said
 
 
@@ -63,8 +67,8 @@ def measure(
         cells = cells_of(trace, moves, declared[-1])
         result = _fit(cells, declared, gearing, DRIFTS[drift], notes)
         found.append(_direction(sign, trace, moves, cells, result, gearing, drive, stated or {}, seed))
-        if drift == "none" and (left := _drift_left(found[-1].cells, found[-1].fit, found[-1].range.value)):
-            warnings.append(f"a linear drift of {left:.3g} arcsec over the record is left in (--drift linear)")
+        if drift == "none" and (left := drift_left(found[-1].cells, found[-1].fit.residual, found[-1].range.value)):
+            warnings.append(DRIFT_LEFT.format(left))
         if not found[-1].fit.unmodelled < found[-1].range.value / 5:
             size = f"{found[-1].fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -129,7 +133,7 @@ def _direction(
     alone = combined(sources[:4])
     if not result.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
-        drifts = not len(result.drift) and _drift_left(cells, result, 0.0)
+        drifts = not len(result.drift) and drift_left(cells, result.residual, 0.0)
         hint = "it drifts: --drift linear" if drifts else "record longer or with less noise; is it the right column?"
         raise UntrustedError(f"{trace.file}: {message}", hint)
     travel = travel_of(trace)
@@ -143,12 +147,12 @@ def _direction(
     return Direction(sign, cells, result, grid, extent, revolution, float(np.ptp(raw)), table, visits, sources)
 
 
-def _drift_left(cells: Cells, result: TraceFit, extent: float) -> float:
-    """Linear drift [arcsec] over the record that its residuals show clearly beside a range; 0 where there is none."""
+def drift_left(cells: Cells, residual: Array, extent: float) -> float:
+    """Linear drift [arcsec] over the record that residuals show clearly beside a range; 0 where there is none."""
     travel = cells.travel - cells.travel.mean()
-    slope = float(travel @ result.residual) / float(travel @ travel)
+    slope = float(travel @ residual) / float(travel @ travel)
     size = slope * float(np.ptp(travel))
-    scatter = float(np.std(result.residual - slope * travel))
+    scatter = float(np.std(residual - slope * travel))
     error = scatter * float(np.sqrt(12 / (2 * cells.span)))  # of a straight line, residuals alike for half a turn
     return size if abs(size) > max(4 * error, DRIFTED * extent) else 0.0
 

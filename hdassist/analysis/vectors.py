@@ -36,10 +36,15 @@ def vectors_of(drive: Drive) -> Complex:
     return np.asarray(sizes * np.exp(1j * turned))
 
 
+def direction_of(vector: complex, near: float) -> float:
+    """Direction of a vector [deg], in the turn that is nearest to another direction."""
+    return near + float((np.degrees(np.angle(vector)) - near + 180) % 360 - 180)
+
+
 def with_vectors(drive: Drive, vectors: Complex, free: Sequence[int]) -> Drive:
-    """The drive with some of its deviations, by their place, as in vectors; the directions from -180 to 180 deg."""
+    """The drive with some of its deviations, by their place, as in vectors; directions near to those it has."""
     values = {}
     for k in free:
         values[VECTORS[k].size] = float(abs(vectors[k]))
-        values[VECTORS[k].direction] = float(np.degrees(np.angle(vectors[k])))
+        values[VECTORS[k].direction] = direction_of(vectors[k], float(drive.value(VECTORS[k].direction)))
     return drive.with_values(values)

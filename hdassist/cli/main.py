@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import accept, calibrate, check, compare, explain, measure, mount, presets, self_error, stiffness, trace
+from hdassist.cli import (
+    accept,
+    calibrate,
+    check,
+    compare,
+    explain,
+    measure,
+    mount,
+    presets,
+    self_error,
+    stiffness,
+    trace,
+)
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 

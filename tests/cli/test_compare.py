@@ -69,7 +69,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     told = re.sub(r"\s+", " ", page.stdout)
     for words in (
         "explained by one deviation, tolerances.e_hb", ". measured, o predicted, # both", "phi_g0 = 20 deg, given",
-        "the file's error is cam/ratio - output", "limited to the orders", "rigid wheel + cam", "all deviations fitted",
+        "the file's error is cam/ratio - output", "limited to the orders", "none: as the", "all deviations fitted",
         "--set tolerances.e_hb=4", "certificate",
     ):  # fmt: skip
         assert words in told
@@ -87,9 +87,7 @@ def test_the_answer_alone_goes_back_into_the_command(rig):
     ("args", "code", "words"),
     [
         (["own.csv"], 2, "several torques: 1, 4"),
-        (["own.csv", "--torque", "4", "--phi-g0", "north"], 2, "--phi-g0 must be an angle in deg, or fit"),
         (["none.csv", "--torque", "4"], 4, "no such file: none.csv"),
-        (["short.csv", "--torque", "4"], 4, "less than one cam turn"),
         (["noise.csv", "--torque", "4"], 5, "not clear of its noise"),
     ],
 )
@@ -97,13 +95,13 @@ def test_faults_end_clearly_and_write_nothing(rig, args, code, words):
     turns = np.arange(240) / 60
     noise = np.random.default_rng(2).standard_normal(240)
     (rig / "noise.csv").write_text(text([360 * turns, noise], "cam_deg,error_arcsec"))
-    (rig / "short.csv").write_text(text([360 * turns[:50], noise[:50]], "cam_deg,error_arcsec"))
     result = run("compare", SMALL, *args, "-o", "page.txt", cwd=rig)
     assert (result.returncode, result.stdout) == (code, "")
     assert words in result.stderr
     assert not (rig / "page.txt").exists()
 
 
+@pytest.mark.slow
 def test_the_page_of_the_docs_runs(tmp_path):
     page = (ROOT / "docs/compare.md").read_text(encoding="utf-8")
     shell = "set -euo pipefail\n" + f'hdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'

@@ -13,6 +13,7 @@ from hdassist.analysis.record import Place
 from hdassist.analysis.solvedrecord import solved_curve
 from hdassist.analysis.torus import Torus
 from hdassist.analysis.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.cli.options import degrees_or_fit
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
@@ -124,14 +125,15 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
 
 
 def test_what_a_short_record_does_not_tell_has_no_number(drive):
-    hidden = drive.with_values({"tolerances.e_hb": 60.0})
-    result = compare(rig(hidden, 3, noise=0.5), drive, M_G)
+    hidden = drive.with_values({"phases.xi_b": 150.0})
+    result = compare(rig(hidden, 3, noise=1.0), drive, M_G)
     assert result.joint is not None
     assert result.joint.untold
     assert result.joint.overrides == ()
     assert result.joint.F_ior_arcsec is None
 
 
+@pytest.mark.slow
 def test_direction_against_an_unknown_start_is_no_number(drive):
     result = compare(rig(drive.with_values({"tolerances.F_i1": 60.0, "phases.xi_g": 70.0}), 10, noise=0.5), drive, M_G)
     (change,) = result.singles[0].changes
@@ -139,6 +141,7 @@ def test_direction_against_an_unknown_start_is_no_number(drive):
     assert change.size_um == pytest.approx(60, abs=4 * change.size_uncertainty_um)
 
 
+@pytest.mark.slow
 def test_what_no_deviation_explains_is_said(drive):
     turns = np.arange(10 * 62) / 62
     error = rig(drive, 10).error_arcsec + 6 * np.cos(2 * np.pi * 5 * turns)
@@ -158,11 +161,28 @@ def test_solved_states_between_pitches(drive):
     assert proof.states <= 16
 
 
+def test_directions_stay_in_the_turn_of_the_preset(drive):
+    vectors = vectors_of(drive)
+    for near, expected in ((90.0, 80.0), (-300.0, -280.0), (460.0, 440.0)):
+        there = drive.with_values({"phases.xi_b": near})
+        turned = vectors.copy()
+        turned[1] = 40 * np.exp(1j * np.radians(80))
+        assert with_vectors(there, turned, [1]).phases.xi_b == pytest.approx(expected)
+
+
 def test_vectors_go_there_and_back(drive):
     vectors = vectors_of(drive) + np.array([1, 2j, -3, 4 - 1j, 5])
     assert vectors_of(with_vectors(drive, vectors, range(5))) == pytest.approx(vectors)
     kept = with_vectors(drive, vectors, [2])
     assert kept.value(VECTORS[0].size) == drive.value(VECTORS[0].size)
+
+
+def test_an_angle_or_fit():
+    assert degrees_or_fit("--phi-g0", "fit") is None
+    assert degrees_or_fit("--phi-g0", "-12.5") == -12.5
+    for wrong in ("north", "nan", "inf"):
+        with pytest.raises(UsageError, match="--phi-g0 must be an angle in deg, or fit"):
+            degrees_or_fit("--phi-g0", wrong)
 
 
 def test_torque_and_balls_are_asked_for(drive):
