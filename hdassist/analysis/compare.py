@@ -55,6 +55,16 @@ def torque_of(drive: Drive) -> float:
     return drive.operation.M_g[0]
 
 
+def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> float | None:
+    """Zero [deg] of a record where none is stated, None to fit it.
+
+    A cam angle counts as phi_h; an angle of the output says phi_h where it is known how the output stands at phi_h = 0.
+    """
+    if trace.angle_of == "cam":
+        return 0.0
+    return None if start_deg is None else -Kinematics.of(drive).u * start_deg
+
+
 def place_of(trace: MeasuredTrace, drive: Drive, reading: Reading) -> Place:
     """Where the record stands and how it counts, fitted angles 0. Raises UsageError for a reading that cannot be."""
     direct = Kinematics.of(drive).u > 0

@@ -24,7 +24,7 @@ def command(
             "--cam-zero",
             metavar="DEG",
             help="phi_h where the rig's cam angle is 0, or fit.",
-            show_default="0; fit for angles of the output",
+            show_default="0; by --phi-g0 or fit for angles of the output",
         ),
     ] = None,
     error_is: Annotated[
@@ -70,8 +70,10 @@ def command(
     Each deviation is fitted alone, then all together, through the contact model; what the record does not tell is said.
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell.
     """
+    from dataclasses import replace
+
     from hdassist.analysis.budget import parse_stated
-    from hdassist.analysis.compare import WORK, Reading, compare, torque_of
+    from hdassist.analysis.compare import WORK, Reading, compare, torque_of, zero_of
     from hdassist.analysis.comparison import Comparison
     from hdassist.analysis.gearing import gearing_of
     from hdassist.analysis.lines import DEFAULT, parse_orders
@@ -91,20 +93,19 @@ def command(
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
     stated = parse_stated(budget)
     parse_orders(orders or DEFAULT)
-    shaft = o.shaft(angle_of)
-    reading = Reading(
-        o.degrees_or_fit("--phi-g0", start),
-        o.degrees_or_fit("--cam-zero", zero or ("fit" if shaft == "output" else "0")), error_is, cam_sense,
+    asked = Reading(
+        o.degrees_or_fit("--phi-g0", start), o.degrees_or_fit("--cam-zero", zero or "0"), error_is, cam_sense
     )  # fmt: skip
     drive = load_preset(preset, [*overrides, *o.torque_overrides([] if torque is None else [torque])])
     M_g = torque_of(drive)
     gearing = gearing_of(drive, None)
-    form = TraceForm(angle, shaft, angle_unit, error, error_unit, second, wrap)
+    form = TraceForm(angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap)
     done: list[Comparison] = []
     answers, pages = [], []
     for name in files:
         try:
             trace = read_trace(name, form, gearing.ratio if gearing else None)
+            reading = asked if zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
             with out.progress(f"{drive.name}, {trace.file}", WORK) as progress:
                 result = compare(
                     trace, drive, M_g, reading=reading, orders=orders, drift=drift, stated=stated, seed=seed,

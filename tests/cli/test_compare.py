@@ -75,6 +75,7 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
         assert words in told
 
 
+@pytest.mark.slow
 def test_the_answer_alone_goes_back_into_the_command(rig):
     first = run("compare", SMALL, "changed.csv", "--torque", "4", "-q", "--phi-g0", "20", cwd=rig)
     kind, *options = first.stdout.split()
