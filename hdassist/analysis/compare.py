@@ -115,6 +115,8 @@ def compare(
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
     good = POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.polished(fit) if fit.chi_square <= good else fit for fit in fits]
+    best = int(np.argmin([fit.chi_square for fit in fits]))
+    fits[best] = fitter.profiled(fits[best])
     singles = [explanation(fit, base, record, drive) for fit in fits]
     least = min(MIRRORED * base.chi_square, *(single.chi_square for single in singles))
     mirror = next((Mirror(way, fitter.left_arcsec(fit)) for chi, way, fit in others[:1] if chi <= least), None)

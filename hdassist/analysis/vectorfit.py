@@ -29,6 +29,10 @@ BLIND = 0.5  # of the greatest deviation: a greater standard uncertainty says no
 LEAST_BLIND = 20.0  # um
 TURNED = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg: directions looked at before the first step
 SCALED = (0.5, 1.5, 2.0)
+NEARLY = 1e-2  # of an unknown's square along what the record does not tell
+SHARP = 1.0  # deg: a start that is surer leaves no room for a bend
+WALK = 6  # standard uncertainties of the start to either side that are looked at
+FAR = 12.0  # of chi-square above the least: far enough
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
 ROUNDING = 1e-3  # of the greatest slope: as sure as difference quotients are
 WHEELS = ((0, 4), (1, 2))  # vectors that turn with the flexspline, with the rigid wheel
@@ -55,7 +59,8 @@ class VectorFit:
 
     vectors [um], shape (5,); place; slopes: whitened, by x and y of each free vector [1/um], then start and zero
     [1/deg], shape (2 lines, unknowns); seen, blind: orthonormal directions among the unknowns that the record tells
-    and does not tell, shape (unknowns, ...); spread: standard uncertainties along seen, noise alone.
+    and does not tell, shape (unknowns, ...); spread: standard uncertainties along seen, noise alone; wide: covariance
+    of the unknowns over many starts, where slopes at one do not tell it.
     """
 
     unknowns: Unknowns
@@ -66,9 +71,12 @@ class VectorFit:
     seen: Array
     blind: Array
     spread: Array
+    wide: Array | None = None
 
     def covariance(self) -> Array:
         """Covariance of the unknowns along what the record tells, noise alone."""
+        if self.wide is not None:
+            return self.wide
         return np.asarray((self.seen * self.spread**2) @ self.seen.T)
 
 
@@ -121,6 +129,43 @@ class VectorFitter:
     def polished(self, fit: VectorFit) -> VectorFit:
         """A fit gone on with on a fine torus."""
         return self._descend(fit.vectors, fit.place, fit.unknowns.vectors, POINTS)
+
+    def profiled(self, fit: VectorFit) -> VectorFit:
+        """A fit of one vector looked at over many starts, where its start is uncertain: a bent valley has other minima.
+
+        The covariance is that over the starts, each as likely as its chi-square says.
+        """
+        row = 2 * len(fit.unknowns.vectors)
+        if not self._start or self._zero or (fit.blind[row] ** 2).sum() > NEARLY:
+            return fit
+        step = float(np.sqrt(fit.covariance()[row, row]))
+        if step < SHARP:
+            return fit
+        still = VectorFitter(self._drive, self._record, self._torus, start=False, zero=False)
+        free = fit.unknowns.vectors
+        found = [still._descend(fit.vectors, fit.place, free, MIDDLE)]
+        for way in (1, -1):
+            here = found[0]
+            for _ in range(WALK):
+                start = here.place.start + way * np.radians(step)
+                here = still._descend(here.vectors, replace(here.place, start=float(start)), free, MIDDLE)
+                found.append(here)
+                if here.chi_square > min(f.chi_square for f in found) + FAR:
+                    break
+        best = min(found, key=lambda f: f.chi_square)
+        result = fit
+        if best is not found[0]:
+            other = self._descend(best.vectors, best.place, free, POINTS)
+            result = min(fit, other, key=lambda f: f.chi_square)
+        weight = np.exp(-(np.array([f.chi_square for f in found]) - best.chi_square) / 2)
+        wide = np.zeros((row + 1, row + 1))
+        for share, each in zip(weight / weight.sum(), found, strict=True):
+            moved = each.vectors[list(free)] - result.vectors[list(free)]
+            turned = np.degrees(each.place.start - result.place.start)
+            away = np.array([*(part for value in moved for part in (value.real, value.imag)), turned])
+            wide += share * np.outer(away, away)
+            wide[:row, :row] += share * each.covariance()
+        return replace(result, wide=wide)
 
     def joint(self, begin: VectorFit) -> VectorFit:
         """All vectors changed, as far as the record tells them apart."""
