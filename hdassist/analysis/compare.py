@@ -71,11 +71,11 @@ def place_of(trace: MeasuredTrace, drive: Drive, reading: Reading) -> Place:
     sense = 1.0 if reading.cam_sense == "ccw" else -1.0
     if trace.angle_of == "output" and not direct:
         sense = -sense  # the cam turns against the output
-    if trace.output_sense:
+    if trace.sense:
         if reading.error_is != "cam-output":
             raise UsageError("two encoders tell the sign of the error", "leave out --error-is")
         # the output's encoder counts as the model's angles do, or the other way
-        sign = -trace.output_sense * sense * (1.0 if direct else -1.0)
+        sign = -trace.sense * sense * (1.0 if direct else -1.0)
     else:
         sign = 1.0 if reading.error_is == "cam-output" else -1.0
     return Place(np.radians(reading.start_deg or 0.0), np.radians(reading.zero_deg or 0.0), sign, sense)
@@ -254,7 +254,7 @@ def _place_uncertainty(base: VectorFit, k: int, now: Explanation) -> float | Non
 def _mirrored(trace: MeasuredTrace, fitter: VectorFitter, base: VectorFit) -> list[tuple[float, str, VectorFit]]:
     """The file with its signs swapped: chi-square, what is swapped and the fit, the best first."""
     ways = [("cam_sense", base.place.sign, -base.place.sense)]
-    if not trace.output_sense:
+    if not trace.sense:
         ways += [("error_is", -base.place.sign, base.place.sense), ("both", -base.place.sign, -base.place.sense)]
     found = []
     for name, sign, sense in ways:

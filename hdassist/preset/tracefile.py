@@ -34,9 +34,9 @@ class MeasuredTrace:
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
     resolution of the readings, 0 where no step is seen. sweeps: moves in one direction each. sha256: of the
-    file as it lies there. notes: what was converted, assumed or left out. output_sense: of two encoders, 1 where
-    the output's counts as the cam's, -1 where it counts to the other side; 0 for a column of errors. angle_of: whose
-    angle the file has.
+    file as it lies there. angle_of: what the angles were counted at; those of the output were multiplied by the ratio.
+    sense: of two encoders, 1 where both count up, -1 where one counts down, 0 for a column of errors.
+    notes: what was converted, assumed or left out.
     """
 
     file: str
@@ -47,8 +47,8 @@ class MeasuredTrace:
     step_arcsec: float
     sweeps: tuple[Sweep, ...]
     notes: tuple[str, ...]
-    output_sense: float = 0.0
     angle_of: Shaft = "cam"
+    sense: int = 0
 
 
 def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | None = None) -> MeasuredTrace:
@@ -79,9 +79,10 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
     step = _step(readings) * column.other_size
-    error, sense = _second(table, column, form, cam, abs(ratio or 0), notes) if column.other_is == "second" else (
-        readings * column.other_size, 0.0
-    )  # fmt: skip
+    if column.other_is == "second":
+        error, sense = _second(table, column, form, cam, abs(ratio or 0), notes)
+    else:
+        error, sense = readings * column.other_size, 0
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -95,7 +96,7 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
     if left:
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
-        file, sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes), sense, column.angle_of
+        file, sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes), column.angle_of, sense
     )
 
 
@@ -117,8 +118,8 @@ def _angle(table: Columns, column: int, size: float, wrap: float | None, notes: 
 
 def _second(
     table: Columns, column: Roles, form: TraceForm, cam: Array, ratio: float, notes: list[str]
-) -> tuple[Array, float]:
-    """Error [arcsec] out of the angles of two encoders, and the sense in which the output's counts."""
+) -> tuple[Array, int]:
+    """Error [arcsec] out of the angles of two encoders, and the sense in which they count."""
     output = _angle(table, column.other, column.other_size, form.wrap, notes)
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
@@ -126,7 +127,7 @@ def _second(
         found = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         hint = "are the units, the ratio and the columns right?"
         raise _fault(table, 0, column.other, f"{found}, the ratio is {ratio:g}", hint)
-    sense = 1.0 if slope > 0 else -1.0
+    sense = 1 if slope > 0 else -1
     notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC
     return np.asarray(error), sense

@@ -80,9 +80,9 @@ def test_two_encoders_tell_the_sign(drive, fixed):
     there = load_preset(SMALL, [f"mounting.fixed={fixed}"])
     u = Kinematics.of(there).u
     column = recorded(np.arange(100) / 40, np.zeros(100))
-    counts_alike = replace(column, output_sense=np.sign(u))  # both encoders counter-clockwise
+    counts_alike = replace(column, sense=np.sign(u))  # both encoders counter-clockwise
     assert place_of(counts_alike, there, Reading()).sign == -1  # output - cam/ratio = -F_kpp
-    assert place_of(replace(column, output_sense=-np.sign(u)), there, Reading()).sign == 1
+    assert place_of(replace(column, sense=-np.sign(u)), there, Reading()).sign == 1
     assert place_of(replace(counts_alike, angle_of="output"), there, Reading()).sense == np.sign(u)
     with pytest.raises(UsageError, match="two encoders"):
         place_of(counts_alike, there, Reading(error_is="output-cam"))
