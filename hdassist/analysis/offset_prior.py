@@ -16,6 +16,7 @@ from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 from scipy.stats import norm, qmc
 
 from hdassist.analysis.extremes import searchable
@@ -37,6 +38,7 @@ TRACED = 32  # draws where traces tell what to draw
 SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed; between them it is interpolated
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed; docs/trials.md shows what it brings
 SCALES = np.linspace(-2.4, 2.4, 7)  # standard deviations at which it is taken
+BETWEEN = 16  # offsets between those, at which the interpolation is compared
 NEGLIGIBLE = 1e-9  # of the likeliest size, direction and scale in a world
 STATES = 4_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
 
@@ -50,7 +52,8 @@ class OffsetPrior:
     a micrometre more of that wheel's own deviation (half its range) [arcsec/um], shape (torques, worlds, sizes,
     directions); tooth_um, that deviation, shape (worlds,); model, which set of stiffnesses a world has, 0 for the
     preset's, and scale, the drive's F'_ior over the model's, already in F_ior_arcsec, shape (worlds,);
-    standard_error_arcsec of F_ior_arcsec, shape (torques,); traced: trials whose traces were taken in.
+    standard_error_arcsec of F_ior_arcsec, of the tables and of the grid over sizes and directions, shape
+    (torques,); traced: trials whose traces were taken in.
     """
 
     drive: Drive
@@ -215,8 +218,9 @@ def prior_of(
         for t in range(len(torques))
         for k, world in worlds
     ]
-    F_ior, slope, told = [], [], []
-    for values, slopes, likely in run(_world, tasks):
+    F_ior, slope, off, told = [], [], [], []
+    for values, slopes, missed, likely in run(_world, tasks):
+        off.append(missed)
         F_ior.append(values)
         slope.append(slopes)
         if likely is not None:
@@ -245,7 +249,7 @@ def prior_of(
         tooth_um=np.tile([float(world.value(unknowns.names.tooth)) / 2 for _, world in worlds], len(scale)),
         model=np.tile(model, len(scale)),
         scale=np.repeat(scale, len(worlds)),
-        standard_error_arcsec=found.standard_error_arcsec,
+        standard_error_arcsec=np.sqrt(found.standard_error_arcsec**2 + np.array(off).reshape(shape[:2]).mean(axis=1)),
         certificate=found.certificate,
         traced=traced,
     )
@@ -290,23 +294,24 @@ TOOTH_STEP = 5.0  # um of the fixed wheel's deviation, over which the slope is t
 _World = tuple[Drive, Unknowns, Response, bool, Evidence | None]
 
 
-def _world(task: _World) -> tuple[Array, Array, Array | None]:
+def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
     """F'_ior [arcsec] of one world and its slope by the wheel's own deviation, shape (sizes, directions) each.
 
-    And the log likelihood of the traces, shape (scales, sizes, directions), where there are any.
+    And the mean square of what interpolation over sizes and directions misses; and the log likelihood of the traces,
+    shape (scales, sizes, directions), where there are any.
     """
     drive, unknowns, response, reseat, evidence = task
-    values, told = _over_offsets(drive, unknowns, response, evidence)
+    values, missed, told = _over_offsets(drive, unknowns, response, evidence)
     if not reseat:
-        return values, np.zeros_like(values), told
+        return values, np.zeros_like(values), missed, told
     tooth = unknowns.names.tooth
     more = drive.with_values({tooth: float(drive.value(tooth)) + 2 * TOOTH_STEP})
-    return values, (_over_offsets(more, unknowns, response, None)[0] - values) / TOOTH_STEP, told
+    return values, (_over_offsets(more, unknowns, response, None)[0] - values) / TOOTH_STEP, missed, told
 
 
 def _over_offsets(
     drive: Drive, unknowns: Unknowns, response: Response, evidence: Evidence | None
-) -> tuple[Array, Array | None]:
+) -> tuple[Array, float, Array | None]:
     # the scalars are affine in the offset's two components
     names = unknowns.names
     nothing, x, y = (
@@ -317,16 +322,25 @@ def _over_offsets(
     phi = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     kinematics = Kinematics.of(drive)
     coarse, curves = [], []
+
+    def scalars(s: Array, p: Array) -> Array:
+        along, aside = ((s * part(p))[:, None, None] for part in (np.cos, np.sin))
+        return np.asarray(nothing + along * (x - nothing) + aside * (y - nothing))
+
     for s in size:
-        scalars = np.array([nothing + s * (np.cos(p) * (x - nothing) + np.sin(p) * (y - nothing)) for p in phi])
-        rotation = response.rotation(scalars)
+        rotation = response.rotation(scalars(np.full(DIRECTIONS, s), phi))
         coarse.append(response.range_of(rotation))
         if evidence:
             curves.append(np.asarray(curves_of(rotation, kinematics), dtype=np.float32))
     told = None
     if evidence:
         told = log_likelihood(np.array(curves), evidence, 1 + SCALE * SCALES, kinematics.u, FINE_SIZES, FINE_DIRECTIONS)
-    return _finer(np.array(coarse)), told
+    grid = np.array(coarse)
+    share = qmc.Sobol(2, seed=0).random(BETWEEN)
+    exact = response.F_ior(scalars(unknowns.widest * share[:, 0], 2 * np.pi * share[:, 1]))
+    around = np.append(grid, grid[:, :1], axis=1)
+    between = map_coordinates(around, share.T * [[SIZES - 1], [DIRECTIONS]], order=1)
+    return _finer(grid), float(np.mean(np.square(exact - between))), told
 
 
 def _finer(coarse: Array) -> Array:

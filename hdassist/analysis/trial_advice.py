@@ -97,7 +97,7 @@ class TrialAdvice:
             0,
             known.prior.certificate,
             tuple(known.prior.standard_error_arcsec[: known.deciding]),
-            chosen=known.best,
+            order=tuple(self.ranked),
         )
         drive = self._facing
         if not known.pointed:  # no direction to draw
@@ -107,14 +107,14 @@ class TrialAdvice:
 
 @dataclass(frozen=True)
 class FromTrials(Robust):
-    """Samples of what is known after trials, whose choice is made."""
+    """Samples of what is known after trials, whose choice is made; order: the positions, best first."""
 
-    chosen: int = 0
+    order: tuple[int, ...] = (0,)
 
     @property
     def best(self) -> int:
         """Which of the positions is the choice."""
-        return self.chosen
+        return self.order[0]
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,13 @@ class AdviceFromTrials(Advice):
     def worth_turning(self) -> bool:
         """Whether the choice is another position than the first one."""
         return bool(self.chosen.rotation_deg)
+
+    @property
+    def ranked(self) -> list[Position]:
+        """The positions by the criterion that decides, best first, as the report has them."""
+        sampled = self.robust
+        assert isinstance(sampled, FromTrials)
+        return [self.curve.at(sampled.places[place]) for place in sampled.order]
 
 
 def work(drive: Drive, torques: Sequence[float], rig: Rig, *, traced: bool = False) -> int:

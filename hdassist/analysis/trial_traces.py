@@ -23,7 +23,7 @@ from hdassist.preset.sweeps import Sweep
 from hdassist.preset.tracefile import MeasuredTrace, read_trace
 
 CELLS = TURNS  # of a cam turn: where the wheels stand for which the prior computes the error
-TOGETHER = 4.0  # cam turns that are folded: the output goes on by some 14 deg
+TOGETHER = 15.0  # deg of the output over which cam turns are folded, one turn at least
 APART = 90.0  # deg of the output between stretches of a record that tell something of their own
 SHORTEST = 0.99  # cam turns
 DENSE = 20  # readings of a cam turn, at least
@@ -103,8 +103,9 @@ def trial_trace(trace: MeasuredTrace, drive: Drive, rotation_deg: float, *, reve
     # the wheels then stand where the prior has them, from the present position of the fixed wheel
     phi_h = np.radians(rotation_deg) + 2 * np.pi * np.arange(CELLS) / CELLS
     travel, means, variances = [], [], []
-    for start in _stretches(turns, abs(kinematics.u)):
-        chosen = (turns >= start) & (turns < start + TOGETHER)
+    width = max(abs(kinematics.u) * TOGETHER / 360, 1.0) + 1 / CELLS
+    for start in _stretches(turns, width, abs(kinematics.u)):
+        chosen = (turns >= start) & (turns < start + width)
         if not chosen.any():
             continue
         mean, count = _folded(turns[chosen], error[chosen], phi_h)
@@ -158,12 +159,11 @@ def _noise(trace: MeasuredTrace, moves: list[Sweep]) -> float:
     return float(np.hypot(np.sqrt(np.mean(np.square(np.concatenate(bends))) / 6), trace.step_arcsec / np.sqrt(12)))
 
 
-def _stretches(turns: Array, ratio: float) -> list[float]:
-    """First cam turns of the stretches of a record, evenly over it."""
-    first, span = float(turns.min()), float(np.ptp(turns))
-    most = int((span - TOGETHER) / (ratio * APART / 360)) if span > TOGETHER else 0
-    count = min(1 + most, round(360 / APART))
-    return [first + k * (span - TOGETHER) / max(count - 1, 1) for k in range(count)]
+def _stretches(turns: Array, width: float, ratio: float) -> list[float]:
+    """First cam turns of the stretches of a record, which are so wide [turns], evenly over it."""
+    first, spare = float(turns.min()), max(float(np.ptp(turns)) - width, 0.0)
+    count = min(1 + int(spare / (ratio * APART / 360)), round(360 / APART))
+    return [first + k * spare / max(count - 1, 1) for k in range(count)]
 
 
 def _folded(turns: Array, error: Array, phi_h: Array) -> tuple[Array, Array]:
