@@ -149,8 +149,6 @@ def test_a_trace_beside_a_number(tmp_path: Path):
     assert traced["trace"]["angles"] == "growing"
     assert 0 < traced["trace"]["range_arcsec"] < traced["explained_arcsec"] + 3 * traced["explained_sd_arcsec"]
     assert (number["hole"], number["F_ior_arcsec"], number["trace"]) == (4, 18.7, None)
-    best = told["directions"][0]
-    assert abs(best["direction_deg"] - 20) < max(3 * best["direction_sd_deg"], 5)
     text = " ".join(card.read_text(encoding="utf-8").split())
     assert f"sha256 {traced['trace']['sha256'][:12]}, range" in text
     assert "hole 0 is where the wheel stood before the first trial" in text
