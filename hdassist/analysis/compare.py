@@ -107,7 +107,8 @@ def compare(
     base = fitter.base(place_of(trace, drive, reading))
     now = explanation(base, base, record, drive)
     case = _Case(drive, M_g, measurement, record, torus, base)
-    if now.sufficient and fitter.gains(base).max() < SCREEN * BY_CHANCE:
+    usual = now.chi_square <= now.freedom + np.sqrt(2 * now.freedom)
+    if now.sufficient and usual and fitter.gains(base).max() < SCREEN * BY_CHANCE:
         return _solved(case, now, [], None, None)
     others = [] if now.sufficient else _mirrored(trace, fitter, base)
     if others and record.within_noise(others[0][0], base.unknowns.count):

@@ -127,6 +127,7 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
     assert best.left_arcsec < 0.5 * result.difference_rms_arcsec
 
 
+@pytest.mark.slow
 def test_what_a_short_record_does_not_tell_has_no_number(drive):
     hidden = drive.with_values({"phases.xi_b": 150.0})
     result = compare(rig(hidden, 3, noise=1.0), drive, M_G)
