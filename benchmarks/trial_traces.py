@@ -143,6 +143,8 @@ def section(cases: int, results: list[tuple[Row, list[float]]]) -> str:
         "",
         "Made by `python -m benchmarks.trial_traces --write`.",
         "",
+        *HOW,
+        "",
         f"{cases} of the same drives a row, at the same torque; in place of F'_ior the error over {TURNS} turns of",
         "the cam is recorded, wherever the output stands, with white noise (standard deviation",
         f"{READING:g}″) on each of its 404 readings. `--noise` is left at 1″, so slow errors of that size are allowed",
@@ -163,6 +165,16 @@ def section(cases: int, results: list[tuple[Row, list[float]]]) -> str:
         lines.append(f"| {row.study.words} | {row.words} | {numbers} |")
     return "\n".join([*lines, "", *SAYS]) + "\n"
 
+
+HOW = (
+    "A trace has the cam's angle from its index (phi_h = 0), counter-clockwise seen from the cam side, over one turn or",
+    "more, and the error F_kpp = cam/u - output as `hdassist trace` writes it; of two encoders it is made so. Growing",
+    "angles are taken where there are both. Means over 9° of the cam are compared with the model's curve; its level and",
+    "where in the output's turn it began are open. Noise of the readings is seen in them and averages out; slow errors of",
+    "rig and model are taken as `--noise`, alike over 20° of the cam (assumed). What else is open, such as the cam's own",
+    "offset, is drawn as likely as the traces make it. Traces that nothing explains, or that are a hundred times likelier",
+    "with the other sign of the error, are refused.",
+)
 
 SAYS = (
     "What it says: where all else is known one trace advises about as well as three F'_ior do, and two traces better.",
