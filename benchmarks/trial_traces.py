@@ -167,20 +167,21 @@ def section(cases: int, results: list[tuple[Row, list[float]]]) -> str:
 
 
 HOW = (
-    "A trace has the cam's angle from its index (phi_h = 0), counter-clockwise seen from the cam side, over one turn or",
-    "more, and the error F_kpp = cam/u - output as `hdassist trace` writes it; of two encoders it is made so. Growing",
-    "angles are taken where there are both. Means over 9° of the cam are compared with the model's curve; its level and",
-    "where in the output's turn it began are open. Noise of the readings is seen in them and averages out; slow errors of",
-    "rig and model are taken as `--noise`, alike over 20° of the cam (assumed). What else is open, such as the cam's own",
-    "offset, is drawn as likely as the traces make it. Traces that nothing explains, or that are a hundred times likelier",
-    "with the other sign of the error, are refused.",
+    "A trace has the cam's angle from its index (phi_h = 0), counter-clockwise seen from the cam side, over one",
+    "turn or more, and the error F_kpp = cam/u - output as `hdassist trace` writes it; of two encoders it is made",
+    "so. Growing angles are taken where there are both. Means over 9° of the cam are compared with the model's",
+    "curve; its level and where in the output's turn it began are open. Noise of the readings is seen in them and",
+    "averages out; slow errors of rig and model are taken as `--noise`, alike over 20° of the cam (assumed). What",
+    "else is open, such as the cam's own offset, is drawn as likely as the traces make it. Traces that nothing",
+    "explains, or that are a hundred times likelier with the other sign of the error, are refused.",
 )
 
 SAYS = (
-    "What it says: where all else is known one trace advises about as well as three F'_ior do, and two traces better.",
-    "It then errs to the safe side: told losses are above those seen, intervals hold more than they promise, for the",
-    "simulated traces have none of the slow errors that are allowed for. Where the cam's own offset is not known one",
-    "trace does not settle much, and where it says that it does it is a little too sure; give a second trace.",
+    "What it says: where all else is known one trace advises about as well as three F'_ior do, and two traces",
+    "better. It then errs to the safe side: told losses are above those seen, intervals hold more than they",
+    "promise, for the simulated traces have none of the slow errors that are allowed for. Where the cam's own",
+    "offset is not known one trace does not settle much, and of the ten drives where it said that it does two",
+    "were lost: give a second trace or another F'_ior.",
 )
 
 
