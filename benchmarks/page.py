@@ -27,8 +27,8 @@ def page(measured: dict[str, Any]) -> str:
         "## Searches\n",
         DRAWN,
         _table(
-            ("drives", "cases", "F'_ior", "most states", "greatest difference", "above 0.01″", "a stride of 67 misses up to",
-             "a stride of 101 misses up to"),
+            ("drives", "cases", "F'_ior", "most states", "greatest difference", "above 0.01″",
+             "a stride of 67 misses up to", "a stride of 101 misses up to"),
             (_search(name, group) for name, group in measured["search"]["groups"].items()),
         ),
         "## Whole processes\n",
@@ -37,7 +37,7 @@ def page(measured: dict[str, Any]) -> str:
             map(_process, measured["processes"]),
         ),
         "## Growth with the number of teeth\n",
-        "`vzp160` with other teeth on the same pitch circle (module × teeth constant), set-up and certificate included.\n",
+        "`vzp160` with other teeth on the same pitch circle (module × teeth constant); set-up included.\n",
         _growth(measured["growth"]),
         CHOSEN,
     ]  # fmt: skip

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import ContactSystem, contact_system
+from hdassist.model.contacts import ContactSystems, contact_system
 from hdassist.model.deviations import ToothDeviations, gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, Answers, Certificate, Progress, solve_states
 from hdassist.solve.engine import Engine, StateSolver, ThroughCvxpy
-from hdassist.solve.formulation import formulate, require_solver, solve_through_cvxpy
+from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
@@ -121,28 +121,35 @@ def kinematic_error(
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
     parts = []
-    for rows, system in _systems(drive, states):
+    for rows, formulation in _formulations(drive, states):
         rows = rows[neighbours_together(kinematics, states.take(rows))]
         part = states.take(rows)
-        formulation, torque = formulate(system), M_g * N_MM
+        system, torque = formulation.system, M_g * N_MM
         way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
         delta_p = gaps(drive, system, part, teeth)
         parts.append((rows, solve_states(system, way, torque, delta_p, partial(place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)
     if cross_check:
-        result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed))
+        # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
+        stated = formulation if len(parts) == 1 else None
+        result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed, stated))
     return result
 
 
-def _systems(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int64], ContactSystem]]:
-    """Rows of the states that share a contact system, and that system: one for each position of the balls."""
-    if drive.bearing.ball_motion == "locked":
-        yield np.arange(len(states)), contact_system(drive)
+def _formulations(
+    drive: Drive, states: States, stated: Formulation | None = None
+) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
+    """Rows of the states that share a contact system, and its programme: one for each position of the balls.
+
+    Arguments: stated, the programme of all states, where it is there already.
+    """
+    if stated or drive.bearing.ball_motion == "locked":
+        yield np.arange(len(states)), stated or formulate(contact_system(drive))
         return
-    steps = drive.numerics.n_beta
+    systems, steps = ContactSystems(drive), drive.numerics.n_beta
     nearest = np.rint(ball_phase(drive, states.phi_h) * steps).astype(np.int64) % steps
     for step in np.unique(nearest):
-        yield np.flatnonzero(nearest == step), contact_system(drive, beta=step / steps)
+        yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
 
 
 def _collect(
@@ -160,15 +167,21 @@ def _collect(
 
 
 def _cross_check(
-    drive: Drive, result: KinematicError, teeth: ToothDeviations | None, solver: str, sample: int, seed: int
+    drive: Drive,
+    result: KinematicError,
+    teeth: ToothDeviations | None,
+    solver: str,
+    sample: int,
+    seed: int,
+    stated: Formulation | None,
 ) -> CrossCheck:
     count = len(result.states)
     some = np.random.default_rng(seed).choice(count, min(sample, count), replace=False)
     rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
     chosen = result.states.take(rows)
     worst = 0.0
-    for part, system in _systems(drive, chosen):
-        formulation = formulate(system)
+    for part, formulation in _formulations(drive, chosen, stated):
+        system = formulation.system
         for k, delta_p in zip(part, gaps(drive, system, chosen.take(part), teeth), strict=True):
             _, free = solve_through_cvxpy(formulation, delta_p, result.M_g * N_MM, solver)
             difference = abs(free[system.free_rotation] * ARCSEC - result.rotation_arcsec[rows[k]])

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from hdassist.model.contacts import assemble
-from hdassist.model.geometry import Array, Geometry, flank_candidates
+from hdassist.model.contacts import ContactSystems
+from hdassist.model.geometry import Array
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
 from hdassist.solve.engine import Engine
@@ -51,15 +51,13 @@ def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | N
 
     Progress is told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
     """
-    geometry, window = Geometry.of(drive), float(np.radians(drive.numerics.window))
-    grid = drive.numerics.n_phase
+    systems, grid = ContactSystems(drive), drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY] * len(torques)
     engines: dict[float, Engine] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
     for i in range(grid):
-        flanks = flank_candidates(geometry, window, i / grid)
         for k in range(grid):
-            system = assemble(drive, flanks, k / grid)
+            system = systems.at(i / grid, k / grid)
             formulation = formulate(system)
             for t, M_g in enumerate(torques):
                 torque = M_g * N_MM

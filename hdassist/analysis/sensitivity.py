@@ -35,6 +35,7 @@ def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
     if not searchable(drive):
         return None
     slopes, proof = [], EMPTY
+    search: CycleSearch | None = None
     for path, micrometre in MICROMETRE.items():
         section, name = path.split(".")
         table = getattr(drive, section)
@@ -44,7 +45,8 @@ def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
         for steps in (-down, 1):
             moved = table.model_copy(update={name: value + steps * micrometre})
             there = drive.model_copy(update={section: moved})
-            found.append(CycleSearch(there, M_g).extremes(there))
+            search = CycleSearch(there, M_g, like=search)
+            found.append(search.extremes(there))
             proof += found[-1].certificate
         slopes.append((found[1].F_ior_arcsec - found[0].F_ior_arcsec) / (1 + down))
     j_n, W_0, g_b = slopes

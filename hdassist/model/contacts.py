@@ -91,45 +91,72 @@ def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) ->
 
     Without beta, that of the preset. Raises UntrustedError where no teeth overlap.
     """
-    window = float(np.radians(drive.numerics.window))
-    flanks = flank_candidates(Geometry.of(drive), window, tau)
-    return assemble(drive, flanks, drive.bearing.beta if beta is None else beta)
+    return ContactSystems(drive).at(tau, drive.bearing.beta if beta is None else beta)
 
 
-def assemble(drive: Drive, flanks: Flanks, beta: float) -> ContactSystem:
-    """Contact system of a drive with given flank pairs, at ball phase beta [ball pitches]."""
-    geometry = Geometry.of(drive)
-    bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
-    balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
-    return ContactSystem(
-        geometry=geometry,
-        flanks=flanks,
-        bore_theta=bore,
-        ball_theta=balls,
-        D=_compliance(drive, geometry, flanks, bore, balls),
-        G=_motion(geometry, flanks, bore, balls),
-        C=_supports(drive),
-        delta_p=_gaps(drive, geometry, flanks, bore, balls),
-        deviation_map=_deviation_map(flanks, bore, balls),
-        c_t=drive.contact.c_t,
-    )
+class ContactSystems:
+    """Contact systems of a drive at many phases: what hangs on one phase alone is made once for each."""
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive, self._geometry = drive, Geometry.of(drive)
+        self._bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
+        self._flexspline: dict[float, tuple[Flanks, Array]] = {}
+        self._ring: dict[float, tuple[Array, Array]] = {}
+
+    def at(self, tau: float, beta: float) -> ContactSystem:
+        """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches], errors as contact_system."""
+        drive, geometry, bore = self._drive, self._geometry, self._bore
+        if tau not in self._flexspline:
+            flanks = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
+            self._flexspline[tau] = flanks, _flexspline_compliance(drive, geometry, flanks, bore)
+        if beta not in self._ring:
+            balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
+            self._ring[beta] = balls, _ring_compliance(drive, geometry, bore, balls)
+        (flanks, flexspline), (balls, ring) = self._flexspline[tau], self._ring[beta]
+        return ContactSystem(
+            geometry=geometry,
+            flanks=flanks,
+            bore_theta=bore,
+            ball_theta=balls,
+            D=_compliance(flexspline, ring, len(bore)),
+            G=_motion(geometry, flanks, bore, balls),
+            C=_supports(drive),
+            delta_p=_gaps(drive, geometry, flanks, bore, balls),
+            deviation_map=_deviation_map(flanks, bore, balls),
+            c_t=drive.contact.c_t,
+        )
 
 
-def _compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
-    flexspline, ring = flexspline_ring(drive, geometry), outer_ring(drive, geometry)
+def _compliance(flexspline: Array, ring: Array, bore: int) -> Array:
+    """D of flanks, bore and balls from what the flexspline and the outer ring each give; both see the bore."""
+    flanks = len(flexspline) - bore
+    D = np.zeros((flanks + len(ring), flanks + len(ring)))
+    D[: len(flexspline), : len(flexspline)] = flexspline
+    D[flanks:, flanks:] += ring
+    return D
+
+
+def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
+    """Compliance of the flexspline, of tooth pairs and of bore nodes, between flanks and bore."""
+    flexspline = flexspline_ring(drive, geometry)
     push = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)  # outward normal of the tooth
     at_flank = push[0][:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
     at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
     # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
-    loads_flexspline = np.vstack([-at_flank, flexspline.radial(bore), np.zeros((len(balls), at_flank.shape[1]))])
-    rows = np.zeros((len(flanks.theta), len(ring.compliance)))
-    loads_ring = np.vstack([rows, -ring.radial(bore), ring.radial(balls)])
-    local = np.repeat(
-        [drive.contact.c_t, drive.contact.c_bore, drive.contact.c_ball],
-        [len(flanks.theta), len(bore), len(balls)],
-    )
-    D = (loads_flexspline * flexspline.compliance) @ loads_flexspline.T
-    D += (loads_ring * ring.compliance) @ loads_ring.T
+    loads = np.vstack([-at_flank, flexspline.radial(bore)])
+    local = np.repeat([drive.contact.c_t, drive.contact.c_bore], [len(flanks.theta), len(bore)])
+    return _symmetric((loads * flexspline.compliance) @ loads.T, local)
+
+
+def _ring_compliance(drive: Drive, geometry: Geometry, bore: Array, balls: Array) -> Array:
+    """Compliance of the outer ring and of balls between bore and balls."""
+    ring = outer_ring(drive, geometry)
+    loads = np.vstack([-ring.radial(bore), ring.radial(balls)])
+    local = np.repeat([0.0, drive.contact.c_ball], [len(bore), len(balls)])
+    return _symmetric((loads * ring.compliance) @ loads.T, local)
+
+
+def _symmetric(D: Array, local: Array) -> Array:
     D[np.diag_indices_from(D)] += local
     return np.asarray((D + D.T) / 2)
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import cvxpy as cp
@@ -128,10 +128,14 @@ TIGHT: dict[str, dict[str, Any]] = {
 
 def require_solver(name: str) -> str:
     """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
-    able = sorted(set(cp.installed_solvers()) & ABLE)
-    if name.upper() not in able:
-        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(able).lower()}")
+    if name.upper() not in _able():
+        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(_able()).lower()}")
     return name.upper()
+
+
+@cache  # cvxpy looks for every solver anew each time
+def _able() -> list[str]:
+    return sorted(set(cp.installed_solvers()) & ABLE)
 
 
 def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
