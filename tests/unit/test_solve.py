@@ -1,5 +1,7 @@
 """One statement of the programme, one proof of the answer."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import cvxpy as cp
@@ -244,3 +246,18 @@ def test_the_sample_of_the_cross_check_is_seeded(reference):
     assert one == same
     assert 8 <= one.states <= 10
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec
+
+
+def test_cvxpy_starts_without_statistics_and_lacks_nothing_of_it():
+    lines = (
+        "import sys",
+        "import hdassist.solve.formulation",
+        "assert not [name for name in sys.modules if name.startswith('scipy.stats')]",
+        "import cvxpy, numpy, scipy.stats",
+        "identity = cvxpy.Constant(numpy.eye(2))",
+        "print(cvxpy.quantum_rel_entr(identity, 2 * identity).value, scipy.stats.norm.cdf(0))",
+    )
+    child = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    entropy, half = map(float, child.stdout.split())
+    assert entropy == pytest.approx(-2 * np.log(2))
+    assert half == 0.5
