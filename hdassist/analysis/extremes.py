@@ -154,7 +154,7 @@ class _Torus:
         The step is even and a power of two. The order is there and back, so that neighbours follow each other.
         """
         self.step = 2 ** max(1, int(np.log2(max(self._shape.min() / cells, 2))))
-        rows, columns = (self._shape - self.step // 2 - 1) // self.step + 1
+        rows, columns = -(-self._shape // self.step)
         lines = [np.arange(row % 2, columns, 2)[:: -1 if row % 2 else 1] for row in range(rows)]
         points = np.concatenate([np.stack([np.full_like(line, row), line], axis=1) for row, line in enumerate(lines)])
         return np.asarray(points * self.step)

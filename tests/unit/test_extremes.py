@@ -4,22 +4,23 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.analysis.extremes import QUICK, CycleSearch, searchable, worth_searching
+from hdassist.analysis.extremes import QUICK, CycleSearch, _Torus, searchable, worth_searching
 from hdassist.errors import UsageError
+from hdassist.model.kinematics import Kinematics
 from tests.cli.process import SMALL
 from tests.support import changed
 
 
-def random_small(seed: int):
+def random_drive(seed: int, preset: str = SMALL):
     rng = np.random.default_rng(seed)
     low = {"tolerances.F_i1": 80, "tolerances.F_i2": 80, "tolerances.e_hb": 80, "tolerances.e_hh": 50}
     low |= {"phases.xi_b": 360, "phases.xi_g": 360, "phases.phi_hh": 360, "gears.j_n": 12, "bearing.g_b": 4}
-    return load_preset(SMALL, [f"{name}={rng.uniform(0, high):.4f}" for name, high in low.items()])
+    return load_preset(preset, [f"{name}={rng.uniform(0, high):.4f}" for name, high in low.items()])
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_search_finds_what_every_state_shows(seed):
-    drive, M_g = random_small(seed), (1.0, 4.0)[seed % 2]
+    drive, M_g = random_drive(seed), (1.0, 4.0)[seed % 2]
     full = kinematic_error(drive, M_g, cross_check=None)
     found = CycleSearch(drive, M_g).extremes(drive)
     assert found.F_ior_arcsec == pytest.approx(full.F_ior_arcsec, abs=0.01)
@@ -27,6 +28,28 @@ def test_search_finds_what_every_state_shows(seed):
     assert full.error_arcsec[found.at_max] == pytest.approx(full.error_arcsec.max(), abs=0.01)
     assert full.error_arcsec[found.at_min] == pytest.approx(full.error_arcsec.min(), abs=0.01)
     assert found.certificate.states < len(full.states)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(60))
+def test_search_finds_what_every_state_shows_of_larger_drives(seed):
+    preset, torques = (("vzp160", (80.0, 800.0)), ("synthetic-160-162", (10.0, 100.0)))[seed % 2]
+    drive, M_g = random_drive(seed, preset), torques[seed // 2 % 2]
+    full = kinematic_error(drive, M_g, cross_check=None)
+    found = CycleSearch(drive, M_g).extremes(drive)
+    assert found.F_ior_arcsec == pytest.approx(full.F_ior_arcsec, abs=0.01)
+    assert found.certificate.states < len(full.states) / 8
+
+
+def test_a_grid_leaves_out_every_other_point_and_looks_reach_along_both_wheels():
+    torus = _Torus(Kinematics(z_g=200, z_b=202, fixed="rigid"), lambda j: j.astype(float))
+    points = torus.grid(12)
+    assert torus.step == 16
+    assert len(points) == len({tuple(p) for p in points.tolist()}) == 85
+    assert np.all((points // torus.step).sum(axis=1) % 2 == 0)
+    steps = {tuple(s) for s in torus.around().tolist()}
+    assert {(k, 0) for k in (-16, 16)} | {(0, l) for l in (-16, 16)} <= steps
+    assert all((-k, -l) in steps and (k + l) % 2 == 0 for k, l in steps)
 
 
 @pytest.mark.parametrize(
