@@ -43,8 +43,8 @@ CHOSEN = """\
 
 - **Principal pivots that neighbouring states share**, not one active-set solve after another (DAQP, warm): the table
   of solvers above. Both run the matrices that cvxpy compiled; states that pivots give up go to DAQP.
-- **A search on the torus of tooth positions**, not a stride: a look at every 67th or 101st state (less than half of what
-  the search solves) misses as much of the error as the table of searches says.
+- **A search on the torus of tooth positions**, not a stride: a look at every 67th or 101st state (fewer than half of
+  what the search solves) misses as much of the error as the table of searches says.
 - **Few coarse points and many climbs**: 85 points 16 pitches apart, every other one left out, 30 climbs and three looks
   around, against 625 points, 8 climbs and one look before: a fifth fewer states, and of 300 random drives none is
   missed by more than 0.01″, where three were.
