@@ -181,7 +181,7 @@ SAYS = (
     "better. It then errs to the safe side: told losses are above those seen, intervals hold more than they",
     "promise, for the simulated traces have none of the slow errors that are allowed for. Where the cam's own",
     "offset is not known one trace does not settle much, and of the ten drives where it said that it does two",
-    "were lost: give a second trace or another F'_ior.",
+    "were lost; a second trace brings most of it back.",
 )
 
 
