@@ -10,13 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from hdassist.analysis.acceptance_request import FailOn, Request
+from hdassist.analysis.budget import parse_stated
+from hdassist.analysis.limitwords import limit_overrides
+from hdassist.analysis.lines import DEFAULT, parse_orders
 from hdassist.analysis.lot import Lot, read_lot
+from hdassist.analysis.measured import require_drift
 from hdassist.analysis.replaying import still_stands
 from hdassist.analysis.verdict import worst_exit_code
 from hdassist.cli.lotwork import answers as work
 from hdassist.cli.output import Output, complain, note
 from hdassist.cli.workers import count, workers
 from hdassist.errors import HdassistError, UsageError
+from hdassist.preset.overrides import parse
 from hdassist.report import lot as report
 from hdassist.report import lot_figures as figures
 from hdassist.report.envelope import to_json
@@ -96,10 +101,11 @@ def accept_lot(
     others as on the command line. Raises what read_lot does, and UsageError or DataError for files.
     """
     begun = time.monotonic()
+    _require_sound(base)
     lot = read_lot(path, base)
     for text in lot.notes:
         note(f"{lot.file}: {text}")
-    kept = _kept(lot, files, fail_on) if files.resume else {}
+    kept = _kept(lot, files, fail_on, out.force) if files.resume else {}
     width = max(len(row.serial) for row in lot.rows)
     shown = not (json or files.take_stdout or out.csv == "-")
     done: list[Answer] = []
@@ -137,8 +143,24 @@ def accept_lot(
     return worst_exit_code(answer["exit_code"] for answer in done)
 
 
-def _kept(lot: Lot, files: Files, fail_on: FailOn) -> dict[str, Answer]:
-    """Answers by serial that are there from before and still stand."""
+def _require_sound(base: Request) -> None:
+    """Raise what is wrong with the options before every row says it: UsageError, or what a common preset has wrong."""
+    parse_stated(base.reading.budget)
+    parse_orders(base.reading.orders or DEFAULT)
+    require_drift(base.reading.drift)
+    base.reading.form.require_sound()
+    limits = limit_overrides(base.limits)
+    if base.preset:
+        base.load()
+    for place, text in enumerate((*base.overrides, *limits), 1):
+        parse(text, place)
+
+
+def _kept(lot: Lot, files: Files, fail_on: FailOn, force: bool) -> dict[str, Answer]:
+    """Answers by serial that are there from before and still stand.
+
+    Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
+    """
     assert files.lines is not None
     if not Path(files.lines).exists() or not Path(files.lines).stat().st_size:
         return {}
@@ -148,6 +170,9 @@ def _kept(lot: Lot, files: Files, fail_on: FailOn) -> dict[str, Answer]:
         answer = before.pop(row.serial, None)
         if answer is not None and not row.fault and still_stands(answer, row.request, __version__, fail_on):
             kept[row.serial] = {**answer, "place": row.place}
+    if not kept and any("error" not in answer for answer in read_answers(files.lines)) and not force:
+        words = f"{files.lines}: not one of its answers is of these drives, files, options and version"
+        raise UsageError(words, "--force begins anew")
     spare = f"; {len(before)} answers in it are of no row and are left out" if before else ""
     note(f"{files.lines}: {len(kept)} of {len(lot.rows)} rows are known{spare}")
     return kept
@@ -162,7 +187,7 @@ def _all(
     if files.to_file is not None:
         put_text(files.to_file, to_lines(filter(None, known)))
     with out.progress(lot.file, len(to_do)) as progress, workers(jobs) as executor:
-        found = work(to_do, executor, fail_on, ahead=2 * count(jobs), debug=debug)
+        found = work(to_do, executor, fail_on, ahead=count(jobs) + 1, debug=debug)
         for answer in known:
             if answer is None:
                 answer = next(found)

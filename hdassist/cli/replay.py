@@ -36,7 +36,7 @@ def replay_answers(
     to_do = [row for row, _ in looked if row is not None]
     with out.progress("replay", len(to_do)) as progress, workers(jobs) as executor:
         # what makes an exit code of verdicts is no part of what is compared
-        found = work(to_do, executor, "fail", ahead=2 * count(jobs), debug=debug)
+        found = work(to_do, executor, "fail", ahead=count(jobs) + 1, debug=debug)
         replayed = []
         for row, before in looked:
             if row is not None:
