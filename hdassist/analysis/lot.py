@@ -115,6 +115,7 @@ def _row(
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
     elif "-" in (preset, *lists["measured"]):
         wrong(1, "", "a row cannot read standard input", hint="name a file")
+    serial = serial or f"line {line}"
     request = replace(
         base, preset=preset, serial=serial,
         measured=tuple(lists["measured"]),
@@ -122,7 +123,7 @@ def _row(
         limits=(*base.limits, *lists["limits"]),
         overrides=(*base.overrides, *lists["overrides"]),
     )  # fmt: skip
-    return LotRow(serial or f"line {line}", request, f"{table.file}:{line}", PresetError(found) if found else None)
+    return LotRow(serial, request, f"{table.file}:{line}", PresetError(found) if found else None)
 
 
 def _beside(file: str, path: str, may_have_torque: bool) -> str:

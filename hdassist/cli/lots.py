@@ -164,13 +164,14 @@ def _kept(lot: Lot, files: Files, fail_on: FailOn, force: bool) -> dict[str, Ans
     assert files.lines is not None
     if not Path(files.lines).exists() or not Path(files.lines).stat().st_size:
         return {}
-    before = {answer.get("serial"): answer for answer in read_answers(files.lines)}
+    before = {answer.get("serial"): answer for answer in read_answers(files.lines) if "error" not in answer}
+    there = len(before)
     kept = {}
     for row in lot.rows:
         answer = before.pop(row.serial, None)
         if answer is not None and not row.fault and still_stands(answer, row.request, __version__, fail_on):
             kept[row.serial] = {**answer, "place": row.place}
-    if not kept and any("error" not in answer for answer in read_answers(files.lines)) and not force:
+    if there and not kept and not force:
         words = f"{files.lines}: not one of its answers is of these drives, files, options and version"
         raise UsageError(words, "--force begins anew")
     spare = f"; {len(before)} answers in it are of no row and are left out" if before else ""

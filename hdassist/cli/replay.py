@@ -51,13 +51,15 @@ def replay_answers(
     else:
         out.text(out.look.text("\n".join(map(report.line, replayed))) + "\n")
     for one in replayed:
-        if one.fault:
+        if one.fault and not one.left_out:
             complain(HdassistError(one.fault, one.hint))
     return worst_exit_code(one.exit_code for one in replayed)
 
 
 def _look(answer: dict[str, Any], presets: Sequence[str]) -> tuple[LotRow | None, Replayed]:
     """What is to be done again, and what is known of it before; nothing where its files are not the same."""
+    if Replayed(answer).left_out:
+        return None, Replayed(answer, fault="its row was wrong in itself: nothing was asked")
     try:
         request = request_of(answer)
         request = replace(request, preset=presets[0]) if presets else request

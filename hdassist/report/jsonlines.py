@@ -58,4 +58,7 @@ def _checked(answer: Any, file: str, number: int) -> dict[str, Any]:
     if schema != SCHEMA:
         raise DataError(f"{file}:{number}: no answer of hdassist accept (schema {schema})", f"schema {SCHEMA}")
     assert isinstance(answer, dict)
+    preset = answer.get("preset")
+    if not isinstance(preset, dict) or not isinstance(preset.get("name"), str):
+        raise DataError(f"{file}:{number}: an answer without the name of its preset", "is the file whole?")
     return answer

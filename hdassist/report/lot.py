@@ -81,11 +81,13 @@ def _spread(rows: Sequence[Mapping[str, Any]], look: Look) -> RenderableType:
     for words in ("check", "values", *HEADINGS, "limit"):
         grid.add_column(look.text(words), justify="left" if words == "check" else "right", no_wrap=words != "check",
                         overflow="fold")  # fmt: skip
+    several = len({row["preset"] for row in rows}) > 1
     for row in rows:
         what, unit = asked({**row, "limit": row["limit_greatest"]}), row["unit"]
         ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
         limit = ("≤ " if what.check.upper else "≥ ") + " to ".join(ends)
         found = ["-" if row[key] is None else number(row[key], unit) for key in QUANTILE_KEYS]
-        cells = [f"{what.label}, {unit}, {row['basis'] or 'no value'}", str(row["values"]), *found, limit]
+        name = f"{row['preset']}: " if several else ""
+        cells = [f"{name}{what.label}, {unit}, {row['basis'] or 'no value'}", str(row["values"]), *found, limit]
         grid.add_row(*map(look.text, cells))
     return grid

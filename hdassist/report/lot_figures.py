@@ -82,20 +82,22 @@ def summary(answers: Sequence[Answer]) -> dict[str, Any]:
 
 
 def _spread(answers: Sequence[Answer]) -> list[dict[str, Any]]:
-    """Values by check and by how they are known, in the order in which they come first."""
+    """Values by preset, check and how they are known, in the order in which they come first."""
     groups: dict[tuple[Any, ...], list[Answer]] = {}
     for answer in answers:
         for check in answer.get("checks", ()):
-            groups.setdefault(tuple(check[k] for k in ("code", "M_g_Nm", "per_cam_rev", "basis")), []).append(check)
+            what = (check[key] for key in ("code", "M_g_Nm", "per_cam_rev", "basis"))
+            groups.setdefault((answer["preset"]["name"], *what), []).append(check)
     rows = []
-    for (code, M_g, order, basis), checks in groups.items():
+    for (preset, code, M_g, order, basis), checks in groups.items():
         whole = [check["value"] for check in checks if check["value"] is not None and check["extent"] == "whole"]
         limits = [check["limit"] for check in checks]
         spread = quantiles(whole) if whole else [None] * len(QUANTILE_KEYS)
         rows.append(
             {
-                "code": code, "M_g_Nm": M_g, "per_cam_rev": order, "basis": basis, "unit": checks[0]["unit"],
-                "drives": len(checks), "values": len(whole), "of_part_only": len(checks) - len(whole),
+                "preset": preset, "code": code, "M_g_Nm": M_g, "per_cam_rev": order, "basis": basis,
+                "unit": checks[0]["unit"], "drives": len(checks), "values": len(whole),
+                "of_part_only": len(checks) - len(whole),
                 **dict(zip(QUANTILE_KEYS, spread, strict=True)),
                 "limit_is": checks[0]["limit_is"], "limit_least": min(limits), "limit_greatest": max(limits),
                 "passed": sum(check["verdict"] == "PASS" for check in checks),

@@ -25,8 +25,15 @@ class Replayed:
     hint: str = ""
 
     @property
+    def left_out(self) -> bool:
+        """Whether there was nothing to do in the first place: a row of a lot that was wrong in itself."""
+        return "error" in self.recorded and "place" in self.recorded and self.recorded.get("request") is None
+
+    @property
     def exit_code(self) -> int:
         """0 agrees, 3 differs, 4 its files changed or it cannot be done; 1 and 5 as the answer now where it differs."""
+        if self.left_out:
+            return 0
         if self.now is None:
             return CHANGED
         code = int(self.now["exit_code"])
@@ -35,6 +42,8 @@ class Replayed:
     @property
     def words(self) -> str:
         """In a word or two."""
+        if self.left_out:
+            return "left out"
         return "cannot be replayed" if self.now is None else "differs" if self.differences else "agrees"
 
 
