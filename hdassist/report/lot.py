@@ -14,7 +14,8 @@ from hdassist.report.console import Look, table
 from hdassist.report.lot_figures import QUANTILE_KEYS, VERDICTS, asked, status, summary
 from hdassist.version import __version__
 
-HEADINGS = ("least", "5 %", "50 %", "95 %", "greatest")
+HEADINGS = ("values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
+WIDE = 80  # columns that the table of values needs
 
 
 def line(answer: Mapping[str, Any], width: int) -> str:
@@ -77,17 +78,25 @@ def render(lot: Lot, answers: Sequence[Mapping[str, Any]], look: Look) -> Render
 
 
 def _spread(rows: Sequence[Mapping[str, Any]], look: Look) -> RenderableType:
-    grid = table(look)
-    for words in ("check", "values", *HEADINGS, "limit"):
-        grid.add_column(look.text(words), justify="left" if words == "check" else "right", no_wrap=words != "check",
-                        overflow="fold")  # fmt: skip
+    """A table of values, or sentences where it does not fit."""
     several = len({row["preset"] for row in rows}) > 1
-    for row in rows:
-        what, unit = asked({**row, "limit": row["limit_greatest"]}), row["unit"]
-        ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
-        limit = ("≤ " if what.check.upper else "≥ ") + " to ".join(ends)
-        found = ["-" if row[key] is None else number(row[key], unit) for key in QUANTILE_KEYS]
-        name = f"{row['preset']}: " if several else ""
-        cells = [f"{name}{what.label}, {unit}, {row['basis'] or 'no value'}", str(row["values"]), *found, limit]
-        grid.add_row(*map(look.text, cells))
+    cells = [[look.text(text) for text in _cells(row, several)] for row in rows]
+    if look.width < WIDE:
+        lines = [f"{row[0]}: " + ", ".join(map(" ".join, zip(HEADINGS, row[1:], strict=True))) for row in cells]
+        return Text("\n".join(lines))
+    grid = table(look)
+    for words in ("check", *HEADINGS):
+        grid.add_column(words, justify="left" if words == "check" else "right", no_wrap=words != "check")
+    for row in cells:
+        grid.add_row(*row)
     return grid
+
+
+def _cells(row: Mapping[str, Any], several: bool) -> list[str]:
+    """What a check is, and a cell for each of HEADINGS; several: whether the lot has drives of several presets."""
+    what, unit = asked({**row, "limit": row["limit_greatest"]}), row["unit"]
+    ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
+    limit = ("≤ " if what.check.upper else "≥ ") + " to ".join(ends)
+    found = ["-" if row[key] is None else number(row[key], unit) for key in QUANTILE_KEYS]
+    name = f"{row['preset']}: " if several else ""
+    return [f"{name}{what.label}, {unit}, {row['basis'] or 'no value'}", str(row["values"]), *found, limit]
