@@ -120,7 +120,8 @@ def fit(cells: Cells, orders: Array, degree: int = 0) -> TraceFit:
     if condition > WORST:
         message = "the angles that were recorded do not tell the declared orders apart"
         raise UntrustedError(message, "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4")
-    root = scale[:, None] * vectors / np.sqrt(values)
+    # the symmetric root: single vectors of values that are nearly alike are a matter of rounding, and draws with them
+    root = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
     solution = root @ (root.T @ moment)
     residual = cells.error - np.concatenate([design(rows) @ solution for rows in parts])
     variance = float((cells.weight * residual**2).sum()) / (len(cells) - columns)

@@ -241,3 +241,12 @@ def test_a_coarse_reading_without_noise_counts():
 def test_the_same_seed_gives_the_same_figures():
     first, again = (measure(recorded(EVEN, wave(EVEN)), ratio=100, seed=4).F_ior_arcsec for _ in range(2))
     assert first == again
+
+
+def test_rounding_does_not_move_the_draws():
+    turns, error, _ = simulated(0)
+    other = error * (1 + 1e-13 * np.random.default_rng(1).standard_normal(len(error)))
+    apart = turns + 1e-13 * np.random.default_rng(2).standard_normal(len(turns))
+    (one,), (two,) = (measure(recorded(*pair), ratio=RATIO).directions for pair in ((turns, error), (apart, other)))
+    assert two.range.value == pytest.approx(one.range.value, rel=1e-8)
+    assert two.uncertainty_arcsec == pytest.approx(one.uncertainty_arcsec, rel=1e-8)
