@@ -47,6 +47,8 @@ def untimed(value):
     if isinstance(value, dict):
         # a hint names files that are near by
         return {key: untimed(inner) for key, inner in value.items() if key not in ("time", "hint")}
+    if isinstance(value, float):
+        return float(f"{value:.9g}")  # a process of its own may have other kernels of linear algebra
     return [untimed(inner) for inner in value] if isinstance(value, list) else value
 
 
