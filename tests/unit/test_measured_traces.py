@@ -244,9 +244,8 @@ def test_the_same_seed_gives_the_same_figures():
 
 
 def test_rounding_does_not_move_the_draws():
-    turns, error, _ = simulated(1)  # of uneven steps: none lies at the edge of a cell
+    turns, error, _ = simulated(0)
+    turns = turns + 0.37 / PER_TURN  # no reading at the edge of a cell
     apart = turns + 1e-13 * np.random.default_rng(2).standard_normal(len(turns))
     (one,), (two,) = (measure(recorded(angles, error), ratio=RATIO).directions for angles in (turns, apart))
-    draws = np.random.default_rng(0).standard_normal((one.fit.factor.shape[1], 5))
-    spread = np.abs(one.fit.factor @ draws).max()
-    assert np.abs((one.fit.factor - two.fit.factor) @ draws).max() < 1e-8 * spread
+    assert np.abs(one.fit.factor - two.fit.factor).max() < 1e-6 * np.abs(one.fit.factor).max()
