@@ -54,23 +54,29 @@ def told(known: str):
     return drive
 
 
-def simulate(task: tuple[Study, int]) -> tuple[list[float], list[float]]:
-    """F'_ior [arcsec] in each hole as the wheel would lie true, and as it came to lie when measured there."""
-    import numpy as np
-
+def hidden_drive(study: Study, rng, seed: int):
+    """A drive of a study, as it is."""
     from hdassist import load_preset
-    from hdassist.analysis.extremes import QUICK, CycleSearch
-    from hdassist.analysis.mounting import rotated
 
-    study, seed = task
-    rng = np.random.default_rng(seed)
     drive = load_preset("vzp160")
     if study.other == "all" or (study.other == "half" and seed % 2):
         drive = drive.with_values(drive.alternatives[0])
     hidden = {"tolerances.e_hb": rng.uniform(20, 140), "phases.phi_hb": rng.uniform(0, 360)}
     if study.e_hh:
         hidden |= {"tolerances.e_hh": rng.uniform(0, 2 * E_HH), "phases.phi_hh": rng.uniform(0, 360)}
-    drive = drive.with_values({path: float(value) for path, value in hidden.items()})
+    return drive.with_values({path: float(value) for path, value in hidden.items()})
+
+
+def simulate(task: tuple[Study, int]) -> tuple[list[float], list[float]]:
+    """F'_ior [arcsec] in each hole as the wheel would lie true, and as it came to lie when measured there."""
+    import numpy as np
+
+    from hdassist.analysis.extremes import QUICK, CycleSearch
+    from hdassist.analysis.mounting import rotated
+
+    study, seed = task
+    rng = np.random.default_rng(seed)
+    drive = hidden_drive(study, rng, seed)
     search = CycleSearch(drive, M_G)
 
     def F_ior(case) -> float:
@@ -188,7 +194,9 @@ def main() -> None:
     text = page(options.cases, results)
     print(text)
     if options.write:
-        PAGE.write_text(text, encoding="utf-8")
+        # what benchmarks.trial_traces has written stays
+        _, heading, traces = PAGE.read_text(encoding="utf-8").partition("\n## ")
+        PAGE.write_text(f"{text}{heading}{traces}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -44,6 +44,13 @@ def whole_range(curve: Curve, turns: float) -> float:
     return float(np.ptp(curve(np.arange(int(turns * 400)) / 400)))
 
 
+def turn_range(curve: Curve, turns: float) -> float:
+    """Greatest range within one turn, of so many turns that come round again, on a fine grid."""
+    once = curve(np.arange(int(turns * 200)) / 200)
+    around = np.concatenate([once, once[:200]])
+    return max(float(np.ptp(around[start : start + 200])) for start in range(0, len(once), 4))
+
+
 def slow_noise(rng: np.random.Generator, count: int, size: float, memory: float) -> Array:
     """First-order autoregressive noise."""
     from scipy.signal import lfilter

@@ -78,28 +78,25 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
 
     Raises what read_trace and measure do, and UsageError where the torque of a trace is open or stands twice.
     """
-    found: dict[float, Measurement] = {}
-    stated = parse_stated(request.reading.budget)
+    files: dict[float, str] = {}
     for text in request.measured:
         torque, path = torque_and_file(text, drive)
-        if torque in found:
+        if torque in files:
             raise UsageError(f"two traces at {torque:g} N*m", "one trace a torque: join repeated runs in one file")
-        trace = read_trace(path, request.reading.form, gearing_ratio(drive))
-        found[torque] = measure(
-            trace,
+        files[torque] = path
+    reading, gearing = request.reading, gearing_of(drive, None)
+    stated, ratio = parse_stated(reading.budget), gearing.ratio if gearing else None
+    return {
+        torque: measure(
+            read_trace(path, reading.form, ratio),
             drive=drive,
-            orders=request.reading.orders,
-            drift=request.reading.drift,
+            orders=reading.orders,
+            drift=reading.drift,
             stated=stated,
             seed=request.seed,
         )
-    return found
-
-
-def gearing_ratio(drive: Drive) -> float | None:
-    """Cam turns per output turn of a drive."""
-    gearing = gearing_of(drive, None)
-    return gearing.ratio if gearing else None
+        for torque, path in files.items()
+    }
 
 
 def torque_and_file(text: str, drive: Drive) -> tuple[float, str]:

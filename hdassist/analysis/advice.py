@@ -45,6 +45,11 @@ class Advice:
         return self.curve.at(self.robust.recommended) if self.robust else self.curve.recommended
 
     @property
+    def ranked(self) -> list[Position]:
+        """The usable positions, best first."""
+        return self.curve.ranked
+
+    @property
     def gain(self) -> float:
         """What the chosen position takes off the error of the present one, as a share, for the torque served worst."""
         F_ior = [new / now for new, now in zip(self.chosen.F_ior_arcsec, self.curve.current.F_ior_arcsec, strict=True)]

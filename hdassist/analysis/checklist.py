@@ -82,7 +82,7 @@ LOST_MOTION = Check(
     "Less clearance j_n or g_b, a larger wave W_0, a stiffer ring.",
     "lost_motion",
 )
-STIFFNESSES = tuple(
+STIFFNESSES = K1, K2, K3 = tuple(
     Check(
         f"K_{k}",
         f"torsional stiffness K_{k}",

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.analysis.cells import Cells
-from hdassist.analysis.tracefit import CHUNK, TraceFit, waves
+from hdassist.analysis.tracedesign import CHUNK, waves
+from hdassist.analysis.tracefit import TraceFit
 
 DRAWS = 200
 PER_PERIOD = 16  # points in a period of the highest order

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.analysis.budget import COVERAGE_FACTOR, budget, combined
 from hdassist.analysis.cells import Cells, cells_of, travel_of
@@ -14,15 +15,19 @@ from hdassist.analysis.gearing import Gearing, gearing_of
 from hdassist.analysis.lines import DEFAULT, WHOLE, lines, parse_orders
 from hdassist.analysis.measuredorders import named
 from hdassist.analysis.measurement import Direction, Measurement, Reversal
-from hdassist.analysis.tracefit import CELLS_PER_COLUMN, TraceFit, fit
+from hdassist.analysis.tracedesign import CELLS_PER_COLUMN
+from hdassist.analysis.tracefit import TraceFit, fit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.preset.drive import Drive
 from hdassist.preset.sweeps import Sweep
 from hdassist.preset.tracefile import MeasuredTrace
 
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
+Array = NDArray[np.float64]
+
 SHORTEST = 1.0  # cam turns
 PER_PERIOD = 2.5  # steps of the angle in a period of the highest order, at least
+DRIFT_LEFT = "a linear drift of {:.3g} arcsec over the record is left in (--drift linear)"
 DRIFTED = 0.05  # of F'_ior: a drift left in that is said
 
 
@@ -35,12 +40,14 @@ def measure(
     drift: str = "none",
     stated: Mapping[str, float] | None = None,
     seed: int = 0,
+    together: bool = False,
 ) -> Measurement:
     """Look at a measured trace.
 
     Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn to which the
     error is limited, like "1-12" (None: these, or as far as the steps of the angle resolve them); drift, none, linear
-    or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap.
+    or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
+    together, both directions as one, which is then 0.
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
     the record does not resolve, or an F'_ior that is not clear of its noise.
     """
@@ -48,8 +55,8 @@ def measure(
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
     found: list[Direction] = []
-    for sign in (1, -1):
-        moves = [sweep for sweep in trace.sweeps if sweep.direction == sign]
+    for sign in (0,) if together else (1, -1):
+        moves = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in moves), default=0.0)
         if longest < SHORTEST - 0.01:
             if moves:
@@ -59,8 +66,8 @@ def measure(
         cells = cells_of(trace, moves, declared[-1])
         result = _fit(cells, declared, gearing, DRIFTS[drift], notes)
         found.append(_direction(sign, trace, moves, cells, result, gearing, drive, stated or {}, seed))
-        if drift == "none" and (left := _drift_left(found[-1].cells, found[-1].fit, found[-1].range.value)):
-            warnings.append(f"a linear drift of {left:.3g} arcsec over the record is left in (--drift linear)")
+        if drift == "none" and (left := drift_left(found[-1].cells, found[-1].fit.residual, found[-1].range.value)):
+            warnings.append(DRIFT_LEFT.format(left))
         if not found[-1].fit.unmodelled < found[-1].range.value / 5:
             size = f"{found[-1].fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -131,7 +138,7 @@ def _direction(
     alone = combined(sources[:4])
     if not result.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
-        drifts = not len(result.drift) and _drift_left(cells, result, 0.0)
+        drifts = not len(result.drift) and drift_left(cells, result.residual, 0.0)
         hint = "it drifts: --drift linear" if drifts else "record longer or with less noise; is it the right column?"
         raise UntrustedError(f"{trace.file}: {message}", hint)
     travel = travel_of(trace)
@@ -145,12 +152,12 @@ def _direction(
     return Direction(sign, cells, result, grid, extent, revolution, float(np.ptp(raw)), table, visits, sources)
 
 
-def _drift_left(cells: Cells, result: TraceFit, extent: float) -> float:
-    """Linear drift [arcsec] over the record that its residuals show clearly beside a range; 0 where there is none."""
+def drift_left(cells: Cells, residual: Array, extent: float) -> float:
+    """Linear drift [arcsec] over the record that residuals show clearly beside a range; 0 where there is none."""
     travel = cells.travel - cells.travel.mean()
-    slope = float(travel @ result.residual) / float(travel @ travel)
+    slope = float(travel @ residual) / float(travel @ travel)
     size = slope * float(np.ptp(travel))
-    scatter = float(np.std(result.residual - slope * travel))
+    scatter = float(np.std(residual - slope * travel))
     error = scatter * float(np.sqrt(12 / (2 * cells.span)))  # of a straight line, residuals alike for half a turn
     return size if abs(size) > max(4 * error, DRIFTED * extent) else 0.0
 

@@ -17,6 +17,7 @@ from scipy.stats import chi2, norm
 from hdassist.analysis.mounting import hole_words
 from hdassist.analysis.offset_prior import OffsetPrior
 from hdassist.analysis.robust import Criterion
+from hdassist.analysis.traced_worlds import UNLIKELY
 from hdassist.analysis.trials import Rig, Trial
 from hdassist.analysis.weighted import hills, picked, quantile
 from hdassist.errors import UntrustedError, UsageError
@@ -25,7 +26,6 @@ from hdassist.model.geometry import Array
 SETTLED = 0.9  # of the probability, from which on one direction is meant
 OPEN = 75.0  # deg: a direction that is known no better is open
 LISTED = 0.2  # of the probability: directions that hold more are named
-UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
 MOST = 50_000  # nodes that are looked at; more are stood for by draws
 NEGLIGIBLE = 1e-9  # of the likeliest node
 KEPT = 1 - 1e-5  # of the probability; what is less likely is left out of sums
@@ -230,16 +230,22 @@ def posterior(
     how = Criterion.of(criterion)
     if not trials or not all(np.isfinite(t.F_ior_arcsec) and t.F_ior_arcsec > 0 for t in trials):
         raise UsageError("a trial needs a measured F'_ior above zero", "--trial 0:28.1 --trial h4:17.3")
+    if {id(trial.trace) for trial in trials if trial.trace} != {id(trial.trace) for trial in prior.traced}:
+        raise UsageError("the traces of the trials must be those of the prior")
     rig.require_sound()
     deciding = len(prior.torques) if deciding is None else deciding
     require_weights(weights, deciding)
     place = prior.torques.index(rig.M_g)
     fits = [_predicted(prior, rig, place, trial.rotation_deg) for trial in trials]
-    off = [(trial.F_ior_arcsec - F_ior) / spread for trial, (F_ior, spread) in zip(trials, fits, strict=True)]
-    squares = np.sum(np.square(off), axis=0)
+    # traces were taken in by the prior
+    numbers = [(trial, *fit) for trial, fit in zip(trials, fits, strict=True) if not trial.trace]
+    squares, log = np.zeros((2, *prior.weight.shape))
+    for trial, F_ior, apart in numbers:
+        squares += np.square((trial.F_ior_arcsec - F_ior) / apart)
+        log -= np.log(apart)
+    log -= squares / 2
     possible = np.where(prior.weight > 0, squares, np.inf)
-    _require_explained(prior, trials, fits, possible)
-    log = -squares / 2 - np.sum([np.log(np.broadcast_to(spread, squares.shape)) for _, spread in fits], axis=0)
+    _require_explained(prior, numbers, possible)
     weight = prior.weight * np.exp(log - log[prior.weight > 0].max())
     nodes, weight = _likeliest(weight.ravel())
     now = prior.at_nodes(0.0, nodes)
@@ -285,19 +291,18 @@ def _predicted(prior: OffsetPrior, rig: Rig, place: int, rotation_deg: float) ->
     return prior.at(rotation_deg)[place], _spread(prior, rig, place, rotation_deg)
 
 
-def _require_explained(
-    prior: OffsetPrior, trials: Sequence[Trial], fits: Sequence[tuple[Array, Array]], squares: Array
-) -> None:
+def _require_explained(prior: OffsetPrior, numbers: Sequence[tuple[Trial, Array, Array]], squares: Array) -> None:
     nearest = np.unravel_index(int(np.argmin(squares)), squares.shape)
-    if chi2.sf(squares[nearest], len(trials)) >= UNLIKELY:
+    if not numbers or chi2.sf(squares[nearest], len(numbers)) >= UNLIKELY:
         return
     holes = prior.drive.mounting.holes
     told = ", ".join(
         f"{hole_words(trial.rotation_deg, holes)}: measured {trial.F_ior_arcsec:g}, at best {F_ior[nearest]:.1f}"
-        for trial, (F_ior, _) in zip(trials, fits, strict=True)
+        for trial, F_ior, _ in numbers
     )
+    traces = " beside the traces" if prior.traced else ""
     raise UntrustedError(
-        f"no cam offset up to {prior.size_um[-1]:g} um explains the trials ({told} arcsec)",
+        f"no cam offset up to {prior.size_um[-1]:g} um explains the trials{traces} ({told} arcsec)",
         "check the measured values and their torque; a larger --noise, a larger offset in the preset, or values of the "
         "preset found by hdassist calibrate may fit",
     )

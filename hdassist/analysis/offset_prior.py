@@ -16,42 +16,31 @@ from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 from scipy.stats import norm, qmc
 
 from hdassist.analysis.extremes import searchable
+from hdassist.analysis.offset_unknowns import FINE_DIRECTIONS, FINE_SIZES, Unknowns
 from hdassist.analysis.response import DEVIATIONS, Response, tables, turns
+from hdassist.analysis.trace_evidence import Evidence, curves_of, log_likelihood
+from hdassist.analysis.traced_worlds import Case, drawn_from_traces, evidence_of
+from hdassist.analysis.trials import Rig, Trial
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
-from hdassist.preset.convert import field_table
-from hdassist.preset.drive import Drive, least_of
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.drive import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
 WORLDS = 64  # draws for each set of stiffnesses; with 16 many trials came out surer than they were
-SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed
-FINE_SIZES, FINE_DIRECTIONS = 41, 72  # and interpolated to
-NARROWEST = 1.0  # um: a size needs some width to be weighed over
-WIDEST = 2.0  # an offset without an uncertainty may be so many times the preset's
+TRACED = 32  # draws where traces tell what to draw
+SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed; between them it is interpolated
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed; docs/trials.md shows what it brings
 SCALES = np.linspace(-2.4, 2.4, 7)  # standard deviations at which it is taken
+BETWEEN = 16  # offsets between those, at which the interpolation is compared
+NEGLIGIBLE = 1e-9  # of the likeliest size, direction and scale in a world
 STATES = 4_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
-
-
-@dataclass(frozen=True)
-class OffsetNames:
-    """Fields of the offset that stands with the fixed wheel, and of that wheel's own deviation."""
-
-    size: str
-    direction: str
-    tooth: str
-
-    @classmethod
-    def of(cls, drive: Drive) -> OffsetNames:
-        """Those of a drive, by the wheel that is fixed."""
-        if drive.mounting.fixed == "rigid":
-            return cls("tolerances.e_hb", "phases.phi_hb", "tolerances.F_i2")
-        return cls("tolerances.e_hg", "phases.phi_hg", "tolerances.F_i1")
 
 
 @dataclass(frozen=True)
@@ -63,7 +52,8 @@ class OffsetPrior:
     a micrometre more of that wheel's own deviation (half its range) [arcsec/um], shape (torques, worlds, sizes,
     directions); tooth_um, that deviation, shape (worlds,); model, which set of stiffnesses a world has, 0 for the
     preset's, and scale, the drive's F'_ior over the model's, already in F_ior_arcsec, shape (worlds,);
-    standard_error_arcsec of F_ior_arcsec, shape (torques,).
+    standard_error_arcsec of F_ior_arcsec, of the tables and of the grid over sizes and directions, shape
+    (torques,); traced: trials whose traces were taken in.
     """
 
     drive: Drive
@@ -78,6 +68,7 @@ class OffsetPrior:
     scale: Array
     standard_error_arcsec: Array
     certificate: Certificate
+    traced: tuple[Trial, ...] = ()
 
     def at(self, rotation_deg: float) -> Array:
         """F'_ior [arcsec] with the fixed wheel turned, shape (torques, worlds, sizes, directions).
@@ -117,26 +108,41 @@ def _turned(values: Array, rotation_deg: float) -> Array:
     return first if part < 1e-9 else np.asarray((1 - part) * first + part * np.roll(first, 1, axis=-1))
 
 
-def offset_prior(
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """The error of a drive over its deviations, for each set of stiffnesses and each torque."""
+
+    unknowns: Unknowns
+    torques: tuple[float, ...]
+    models: tuple[Drive, ...]
+    responses: tuple[tuple[Response, ...], ...]
+    seed: int
+
+    @property
+    def certificate(self) -> Certificate:
+        """Proof of all that was solved."""
+        return sum((response.certificate for row in self.responses for response in row), EMPTY)
+
+    @property
+    def standard_error_arcsec(self) -> Array:
+        """That of an F'_ior, shape (torques,)."""
+        return np.asarray(np.max([[r.standard_error for r in row] for row in self.responses], axis=0))
+
+
+def tabulated(
     drive: Drive,
     torques: Sequence[float],
     *,
-    reseat: bool = False,
+    traced: bool = False,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> OffsetPrior:
-    """What is known of the offset of a drive before any trial.
+) -> Tables:
+    """Tables of a drive over all that trials leave open.
 
-    Its direction is open and its size anywhere up to WIDEST times the preset's, unless the preset gives an uncertainty
-    for them; the same holds for the offset that turns with the cam. Other deviations that have an uncertainty are
-    drawn; stiffnesses are the preset's and its alternatives'.
-
-    Arguments: torques [N*m]; reseat, whether tooth_slope is wanted (zero without); executor and progress as in
-    mounting_curve. Raises UsageError for a drive with rolling balls, without an offset, or with an uncertainty in
-    a field that is no deviation; UntrustedError where an answer cannot be trusted.
+    Arguments: torques [N*m]; traced, whether traces will be taken in; executor and progress as in mounting_curve.
+    Raises as offset_prior does.
     """
-    names = OffsetNames.of(drive)
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
     others = [path for path in drive.uncertainty if not path.startswith(DEVIATIONS)]
@@ -145,42 +151,120 @@ def offset_prior(
             f"trials cannot take in an uncertainty of {', '.join(others)}",
             "leave it out; sets of values that agree with a calibration belong to alternatives",
         )
-    size, weight = _sizes(drive, names.size)
-    direction = np.arange(FINE_DIRECTIONS) * 360.0 / FINE_DIRECTIONS
-    facing = _facing(drive, names.direction, direction)
+    unknowns = Unknowns.of(drive)
     models = [drive, *(drive.with_values(_not_overridden(drive, values)) for values in drive.alternatives)]
-    rest = _draw(drive, names, seed)
-    worlds = [model.with_values(values) for model in models for values in rest]
-    spans = [_span(model, rest, names, float(size[-1]), seed) for model in models]
-    responses = tables(list(zip(models, spans, strict=True)), torques, executor=executor, progress=progress)
+    rest = unknowns.drawn(WORLDS, seed)
+    spans = [_span(model, rest, unknowns, seed, traced=traced) for model in models]
+    found = tables(list(zip(models, spans, strict=True)), torques, executor=executor, progress=progress)
+    return Tables(unknowns, tuple(torques), tuple(models), tuple(map(tuple, found)), seed)
+
+
+def offset_prior(
+    drive: Drive,
+    torques: Sequence[float],
+    *,
+    reseat: bool = False,
+    trials: Sequence[Trial] = (),
+    rig: Rig | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> OffsetPrior:
+    """What is known of the offset of a drive before any F'_ior was measured.
+
+    Its direction is open and its size anywhere up to WIDEST times the preset's, unless the preset gives an uncertainty
+    for them; the same holds for the offset that turns with the cam. Other deviations that have an uncertainty are
+    drawn; stiffnesses are the preset's and its alternatives'. Traces of trials are taken in; what else the trials
+    measured is for posterior.
+
+    Arguments: torques [N*m]; reseat, whether tooth_slope is wanted (zero without); trials and the rig that they were
+    measured on, needed where one of them has a trace; executor and progress as in mounting_curve. Raises UsageError for
+    a drive with rolling balls, without an offset, or with an uncertainty in a field that is no deviation;
+    UntrustedError where an answer cannot be trusted, or nothing explains the traces.
+    """
+    traced = [trial for trial in trials if trial.trace]
+    found = tabulated(drive, torques, traced=bool(traced), seed=seed, executor=executor, progress=progress)
+    return prior_of(found, reseat=reseat, trials=traced, rig=rig, executor=executor, progress=progress)
+
+
+def prior_of(
+    found: Tables,
+    *,
+    reseat: bool = False,
+    trials: Sequence[Trial] = (),
+    rig: Rig | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> OffsetPrior:
+    """The same from tables that were made before."""
+    unknowns, models, torques = found.unknowns, found.models, found.torques
+    run = executor.map if executor else map
+    rests, shares = [unknowns.drawn(WORLDS, found.seed)] * len(models), np.full(len(models), 1 / len(models))
+    evidence, place = None, -1
+    if traced := tuple(trial for trial in trials if trial.trace):
+        if rig is None:
+            raise UsageError("traces need the rig that they were measured on")
+        place = torques.index(rig.M_g)
+        error = float(found.standard_error_arcsec[place])
+        evidence = evidence_of(models[0], found.responses[0][place], traced, rig, error)
+        cases = [
+            Case(model, row[place], unknowns, evidence, SCALE, float(SCALES[-1]))
+            for model, row in zip(models, found.responses, strict=True)
+        ]
+        rests, shares = drawn_from_traces(cases, TRACED, found.seed, executor)
+    worlds = [(k, model.with_values(values)) for k, model in enumerate(models) for values in rests[k]]
     tasks = [
-        (world, names, float(size[-1]), responses[k // len(rest)][t], reseat)
+        (world, unknowns, found.responses[k][t], reseat, evidence if t == place else None)
         for t in range(len(torques))
-        for k, world in enumerate(worlds)
+        for k, world in worlds
     ]
-    F_ior, slope = [], []
-    for values, slopes in (executor.map if executor else map)(_world, tasks):
+    F_ior, slope, off, told = [], [], [], []
+    for values, slopes, missed, likely in run(_world, tasks):
+        off.append(missed)
         F_ior.append(values)
         slope.append(slopes)
+        if likely is not None:
+            told.append(likely)
         if progress:
             progress(STATES)
+    size, direction = unknowns.size_um, unknowns.direction_deg
     shape = (len(torques), len(worlds), len(size), len(direction))
     scale, likely = 1 + SCALE * SCALES, norm.pdf(SCALES) / norm.pdf(SCALES).sum()
-    proofs = [response.certificate for row in responses for response in row]
+    count = np.array([len(rest) for rest in rests])
+    model = np.repeat(np.arange(len(models)), count)
+    weight = np.multiply.outer(
+        np.multiply.outer(likely, shares[model] / count[model]),
+        np.outer(unknowns.size_weight, unknowns.direction_weight),
+    )
+    if told:
+        weight = _taught(weight, np.array(told))
     return OffsetPrior(
-        drive=drive,
-        torques=tuple(torques),
+        drive=unknowns.drive,
+        torques=torques,
         size_um=size,
         direction_deg=direction,
-        weight=np.multiply.outer(np.repeat(likely, len(worlds)) / len(worlds), np.outer(weight, facing)),
+        weight=weight.reshape(-1, *shape[2:]),
         F_ior_arcsec=_scaled(np.array(F_ior).reshape(shape), scale),
         tooth_slope=_scaled(np.array(slope).reshape(shape), scale),
-        tooth_um=np.tile([float(world.value(names.tooth)) / 2 for world in worlds], len(scale)),
-        model=np.tile(np.repeat(np.arange(len(models)), len(rest)), len(scale)),
+        tooth_um=np.tile([float(world.value(unknowns.names.tooth)) / 2 for _, world in worlds], len(scale)),
+        model=np.tile(model, len(scale)),
         scale=np.repeat(scale, len(worlds)),
-        standard_error_arcsec=np.max([[r.standard_error for r in row] for row in responses], axis=0),
-        certificate=sum(proofs, EMPTY),
+        standard_error_arcsec=np.sqrt(found.standard_error_arcsec**2 + np.array(off).reshape(shape[:2]).mean(axis=1)),
+        certificate=found.certificate,
+        traced=traced,
     )
+
+
+def _taught(weight: Array, log: Array) -> Array:
+    """Weights, shape (scales, worlds, sizes, directions), with what traces say inside of a world, which keeps its own.
+
+    Worlds were drawn as likely as the traces make them; log likelihoods, shape (worlds, scales, sizes, directions).
+    """
+    whole = weight.sum(axis=(0, 2, 3))
+    log = np.moveaxis(log, 0, 1)
+    taught = weight * np.exp(log - log.max(axis=(0, 2, 3), keepdims=True))
+    taught = np.where(taught > NEGLIGIBLE * taught.max(axis=(0, 2, 3), keepdims=True), taught, 0.0)
+    return np.asarray(taught * (whole / taught.sum(axis=(0, 2, 3)))[:, None, None])
 
 
 def _scaled(values: Array, scale: Array) -> Array:
@@ -188,97 +272,75 @@ def _scaled(values: Array, scale: Array) -> Array:
     return np.concatenate([values * factor for factor in scale], axis=1)
 
 
-def _sizes(drive: Drive, path: str) -> tuple[Array, Array]:
-    """Sizes of the offset [um] and how likely each is."""
-    value, uncertainty = float(drive.value(path)), drive.uncertainty.get(path)
-    if uncertainty is None:
-        if not value > 0:
-            raise UsageError(
-                f"nothing is known of the size of the cam offset {path}",
-                f"--set {path}=80 says that up to {WIDEST:g} times 80 um are likely",
-            )
-        return np.linspace(0, WIDEST * value, FINE_SIZES), np.full(FINE_SIZES, 1 / FINE_SIZES)
-    size = np.linspace(0, max(value + 2 * uncertainty, NARROWEST), FINE_SIZES)
-    # no narrower than the grid can show
-    weight = norm.pdf(size, value, max(uncertainty / 2, size[1] / 2))
-    return size, weight / weight.sum()
-
-
-def _facing(drive: Drive, path: str, direction: Array) -> Array:
-    """How likely each direction [deg] of the offset is."""
-    uncertainty = drive.uncertainty.get(path)
-    if uncertainty is None:
-        return np.full(len(direction), 1 / len(direction))
-    away = (direction - float(drive.value(path)) + 180) % 360 - 180
-    weight = norm.pdf(away, 0, max(uncertainty / 2, 180 / len(direction)))
-    return np.asarray(weight / weight.sum())
-
-
 def _not_overridden(drive: Drive, values: dict[str, float]) -> dict[str, float]:
     return {path: value for path, value in values.items() if not is_overridden(path, drive.origin.overrides)}
 
 
-def _draw(drive: Drive, names: OffsetNames, seed: int) -> list[dict[str, float]]:
-    """Values of the rest, drawn evenly over what they may be, one dict a world; one world where nothing is open."""
-    e_hh, phi_hh = "tolerances.e_hh", "phases.phi_hh"
-    measured = {path for path in drive.uncertainty if path not in (names.size, names.direction)}
-    if not drive.tolerances.e_hh and not any(drive.uncertainty[path] for path in measured):
-        return [{}]  # nothing to draw
-    paths = sorted({e_hh, phi_hh} | measured)
-    points = qmc.Sobol(len(paths), seed=seed).random(WORLDS)
-    drawn = {}
-    for path, share in zip(paths, points.T, strict=True):
-        value = float(drive.value(path))
-        if path in measured:
-            least = least_of(field_table()[path])
-            drawn[path] = np.maximum(value + drive.uncertainty[path] / 2 * norm.ppf(share), least)
-        else:
-            drawn[path] = share * (WIDEST * value if path == e_hh else 360.0)
-    return [{path: float(values[k]) for path, values in drawn.items()} for k in range(WORLDS)]
-
-
-def _span(model: Drive, rest: list[dict[str, float]], names: OffsetNames, widest: float, seed: int) -> list[Drive]:
+def _span(model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: int, *, traced: bool) -> list[Drive]:
     """Drives that a table is compared on, the widest offset of each world among them."""
+    names, widest = unknowns.names, unknowns.widest
     shares = qmc.Sobol(2, seed=seed).random(WORLDS)
     pairs = [(*share, values) for share, values in zip(shares, cycle(rest), strict=False)]
     drives = [model.with_values({**v, names.size: widest * s, names.direction: 360 * d}) for s, d, v in pairs]
     drives += [model.with_values({**values, names.size: widest}) for values in rest]
+    if traced:
+        drives.append(model.with_values({**unknowns.outermost(), names.size: widest}))
     wider = {names.tooth: 1 + max(float(d.value(names.tooth)) for d in drives) + 2 * TOOTH_STEP}
     return [*drives, drives[-1].with_values(wider)]
 
 
 TOOTH_STEP = 5.0  # um of the fixed wheel's deviation, over which the slope is taken
 
-_World = tuple[Drive, OffsetNames, float, Response, bool]
+_World = tuple[Drive, Unknowns, Response, bool, Evidence | None]
 
 
-def _world(task: _World) -> tuple[Array, Array]:
-    """F'_ior [arcsec] of one world and its slope by the wheel's own deviation, shape (sizes, directions) each."""
-    drive, names, widest, response, reseat = task
-    values = _over_offsets(drive, names, widest, response)
+def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
+    """F'_ior [arcsec] of one world and its slope by the wheel's own deviation, shape (sizes, directions) each.
+
+    And the mean square of what interpolation over sizes and directions misses; and the log likelihood of the traces,
+    shape (scales, sizes, directions), where there are any.
+    """
+    drive, unknowns, response, reseat, evidence = task
+    values, missed, told = _over_offsets(drive, unknowns, response, evidence)
     if not reseat:
-        return values, np.zeros_like(values)
-    more = drive.with_values({names.tooth: float(drive.value(names.tooth)) + 2 * TOOTH_STEP})
-    return values, (_over_offsets(more, names, widest, response) - values) / TOOTH_STEP
+        return values, np.zeros_like(values), missed, told
+    tooth = unknowns.names.tooth
+    more = drive.with_values({tooth: float(drive.value(tooth)) + 2 * TOOTH_STEP})
+    return values, (_over_offsets(more, unknowns, response, None)[0] - values) / TOOTH_STEP, missed, told
 
 
-def _over_offsets(drive: Drive, names: OffsetNames, widest: float, response: Response) -> Array:
+def _over_offsets(
+    drive: Drive, unknowns: Unknowns, response: Response, evidence: Evidence | None
+) -> tuple[Array, float, Array | None]:
     # the scalars are affine in the offset's two components
+    names = unknowns.names
     nothing, x, y = (
         deviation_scalars(drive.with_values({names.size: size, names.direction: phi}), *turns())
         for size, phi in ((0.0, 0.0), (1.0, 0.0), (1.0, 90.0))
     )
-    size = np.linspace(0, widest, SIZES)
+    size = np.linspace(0, unknowns.widest, SIZES)
     phi = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    coarse = np.array(
-        [
-            response.F_ior(
-                np.array([nothing + s * (np.cos(p) * (x - nothing) + np.sin(p) * (y - nothing)) for p in phi])
-            )
-            for s in size
-        ]
-    )
-    return _finer(coarse)
+    kinematics = Kinematics.of(drive)
+    coarse, curves = [], []
+
+    def scalars(s: Array, p: Array) -> Array:
+        along, aside = ((s * part(p))[:, None, None] for part in (np.cos, np.sin))
+        return np.asarray(nothing + along * (x - nothing) + aside * (y - nothing))
+
+    for s in size:
+        rotation = response.rotation(scalars(np.full(DIRECTIONS, s), phi))
+        coarse.append(response.range_of(rotation))
+        if evidence:
+            curves.append(np.asarray(curves_of(rotation, kinematics), dtype=np.float32))
+    told = None
+    if evidence:
+        told = log_likelihood(np.array(curves), evidence, 1 + SCALE * SCALES, kinematics.u, FINE_SIZES, FINE_DIRECTIONS)
+    grid = np.array(coarse)
+    share = qmc.Sobol(2, seed=0).random(BETWEEN)
+    exact = response.F_ior(scalars(unknowns.widest * share[:, 0], 2 * np.pi * share[:, 1]))
+    around = np.append(grid, grid[:, :1], axis=1)
+    between = map_coordinates(around, share.T * [[SIZES - 1], [DIRECTIONS]], order=1)
+    return _finer(grid), float(np.mean(np.square(exact - between))), told
 
 
 def _finer(coarse: Array) -> Array:

@@ -51,8 +51,8 @@ class Response:
     offset: float = 0.0
     standard_error: float = 0.0
 
-    def F_ior(self, scalars: Array) -> Array:
-        """F'_ior [arcsec], shape (...,), from the scalars of its states [mm], shape (..., states, 4).
+    def rotation(self, scalars: Array) -> Array:
+        """Rotation [arcsec], shape (...), from the scalars of states [mm], shape (..., 4).
 
         Raises UntrustedError for deviations that the table does not span.
         """
@@ -61,7 +61,18 @@ class Response:
         values = map_coordinates(self.error, places, order=1, cval=np.nan)
         if not np.all(np.isfinite(values)):
             raise UntrustedError("deviations beyond those that the table of the error spans", "this is a bug")
-        return np.asarray(np.ptp(values, axis=-1) + self.offset)
+        return np.asarray(values)
+
+    def F_ior(self, scalars: Array) -> Array:
+        """F'_ior [arcsec], shape (...,), from the scalars of its states [mm], shape (..., states, 4).
+
+        Raises UntrustedError as rotation does.
+        """
+        return self.range_of(self.rotation(scalars))
+
+    def range_of(self, rotation: Array) -> Array:
+        """F'_ior [arcsec], shape (...,), from the rotation in states that stand for the cycle, shape (..., states)."""
+        return np.asarray(np.ptp(rotation, axis=-1) + self.offset)
 
 
 def turns() -> tuple[Array, Array]:

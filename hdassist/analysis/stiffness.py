@@ -116,12 +116,13 @@ def stiffness(
     T_max = BEYOND * T_2 if T_max is None else T_max
     rated = rated_torque(drive)
     near_zero = NEAR_ZERO * rated
-    if not (near_zero < T_1 < T_2 and near_zero < T_max < np.inf):
+    if not (near_zero < T_1 < T_2 < np.inf and near_zero < T_max < np.inf):
         raise UsageError(
-            f"T_1 {T_1:g}, T_2 {T_2:g} and the end of the curve {T_max:g} N*m must be positive, T_1 the less",
+            f"T_1 {T_1:g}, T_2 {T_2:g} and the end of the curve {T_max:g} N*m must be positive, T_1 less than T_2",
             f"at least {near_zero:g} N*m, a hundred-thousandth of the rated torque",
         )
-    ends = [near_zero, *(T for T in (T_1, T_2) if T_max > T), T_max]
+    # a segment that the curve ends in is none
+    ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
     side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, POINTS + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
     twist = Twist(drive)

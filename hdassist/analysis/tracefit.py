@@ -16,11 +16,8 @@ from numpy.typing import NDArray
 
 from hdassist.analysis.cells import Cells
 from hdassist.analysis.noisefloor import noise_floor
-from hdassist.errors import UntrustedError
+from hdassist.analysis.tracedesign import CHUNK, Design, waves
 
-CHUNK = 8192  # rows of the design that stand in memory at once
-WORST = 1e8  # condition of the normal equations
-CELLS_PER_COLUMN = 1.5
 LAGS = 2000
 CLEAR = 4.0  # standard deviations of the power of noise
 
@@ -84,62 +81,30 @@ class TraceFit:
         return sum((c * (travel / self.reach) ** (k + 1) for k, c in enumerate(self.drift)), np.zeros(len(travel)))
 
 
-def waves(turns: Array, orders: Array) -> Array:
-    """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 lines)."""
-    phase = (2 * np.pi) * turns[:, None] * orders
-    return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
-
-
 def fit(cells: Cells, orders: Array, degree: int = 0) -> TraceFit:
     """Fit the orders, a level of each sweep, and a drift of a degree (0: none) to the cells of a trace.
 
     Raises UntrustedError: too few cells, or angles at which the orders cannot be told apart.
     """
-    sweeps = int(cells.sweep[-1]) + 1
-    reach = max(float(cells.travel.max()), 1e-12)
-    columns = 2 * len(orders) + sweeps + degree
-    if len(cells) < CELLS_PER_COLUMN * columns:
-        message = f"{len(cells)} steps of the angle are too few for {columns} unknowns"
-        raise UntrustedError(message, "record more densely, or declare fewer orders: --orders 1,2,4")
-
-    def design(rows: slice) -> Array:
-        levels = np.eye(sweeps)[cells.sweep[rows]]
-        drift = (cells.travel[rows, None] / reach) ** np.arange(1, degree + 1)
-        return np.concatenate([waves(cells.turns[rows], orders), levels, drift], axis=1)
-
-    parts = [slice(k, min(k + CHUNK, len(cells))) for k in range(0, len(cells), CHUNK)]
-    gram, moment = np.zeros((columns, columns)), np.zeros(columns)
-    for rows in parts:
-        matrix = design(rows)
-        weighted = matrix * cells.weight[rows, None]
-        gram += weighted.T @ matrix
-        moment += weighted.T @ cells.error[rows]
-    scale = 1 / np.sqrt(np.diag(gram))
-    values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
-    condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
-    if condition > WORST:
-        message = "the angles that were recorded do not tell the declared orders apart"
-        raise UntrustedError(message, "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4")
-    # the symmetric root: single vectors of values that are nearly alike are a matter of rounding, and draws with them
-    root = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
-    solution = root @ (root.T @ moment)
-    residual = cells.error - np.concatenate([design(rows) @ solution for rows in parts])
+    design = Design(cells, orders, degree)
+    solution = design.solution()
+    residual, columns = design.residual(solution), design.columns
     variance = float((cells.weight * residual**2).sum()) / (len(cells) - columns)
     correlated, unmodelled = _memory(residual, variance, columns, float(orders[-1]), cells)
-    count = 2 * len(orders)
+    count, sweeps = 2 * len(orders), int(cells.sweep[-1]) + 1
     floor = noise_floor(cells, residual, orders, variance)
     wide = np.full(count, correlated) if floor is None else np.tile(floor, 2)
     return TraceFit(
         orders,
         solution[:count],
-        root[:count] * np.sqrt(variance * wide)[:, None],
+        design.root[:count] * np.sqrt(variance * wide)[:, None],
         solution[count : count + sweeps],
         solution[count + sweeps :],
-        reach,
+        design.reach,
         residual,
         correlated,
         unmodelled,
-        condition,
+        design.condition,
     )
 
 

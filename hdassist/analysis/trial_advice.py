@@ -12,7 +12,8 @@ from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import MountingCurve, Position, hole_of, phase_deg, rotated
 from hdassist.analysis.offset_posterior import NextTrial, Posterior, posterior, require_weights
 from hdassist.analysis.offset_prior import STATES as WORLD_STATES
-from hdassist.analysis.offset_prior import WORLDS, OffsetNames, offset_prior
+from hdassist.analysis.offset_prior import TRACED, WORLDS, offset_prior
+from hdassist.analysis.offset_unknowns import OffsetNames
 from hdassist.analysis.response import STATES
 from hdassist.analysis.robust import Criterion, Robust
 from hdassist.analysis.trials import Rig, Trial, trial_positions
@@ -96,7 +97,7 @@ class TrialAdvice:
             0,
             known.prior.certificate,
             tuple(known.prior.standard_error_arcsec[: known.deciding]),
-            chosen=known.best,
+            order=tuple(self.ranked),
         )
         drive = self._facing
         if not known.pointed:  # no direction to draw
@@ -106,14 +107,14 @@ class TrialAdvice:
 
 @dataclass(frozen=True)
 class FromTrials(Robust):
-    """Samples of what is known after trials, whose choice is made."""
+    """Samples of what is known after trials, whose choice is made; order: the positions, best first."""
 
-    chosen: int = 0
+    order: tuple[int, ...] = (0,)
 
     @property
     def best(self) -> int:
         """Which of the positions is the choice."""
-        return self.chosen
+        return self.order[0]
 
 
 @dataclass(frozen=True)
@@ -125,11 +126,18 @@ class AdviceFromTrials(Advice):
         """Whether the choice is another position than the first one."""
         return bool(self.chosen.rotation_deg)
 
+    @property
+    def ranked(self) -> list[Position]:
+        """The positions by the criterion that decides, best first, as the report has them."""
+        sampled = self.robust
+        assert isinstance(sampled, FromTrials)
+        return [self.curve.at(sampled.places[place]) for place in sampled.order]
 
-def work(drive: Drive, torques: Sequence[float], rig: Rig) -> int:
-    """Number of states that advice from trials is worth, about, for a progress bar."""
+
+def work(drive: Drive, torques: Sequence[float], rig: Rig, *, traced: bool = False) -> int:
+    """Number of states that advice from trials is worth, about, for a progress bar; traced: with traces."""
     models = 1 + len(drive.alternatives)
-    return len(_torques(torques, rig)) * models * (STATES + WORLDS * WORLD_STATES)
+    return len(_torques(torques, rig)) * models * (STATES + (TRACED if traced else WORLDS) * WORLD_STATES)
 
 
 def advise_from_trials(
@@ -158,7 +166,14 @@ def advise_from_trials(
     if not positions:
         raise UsageError("no position of the seat is allowed", "mounting.allowed lists the usable holes")
     prior = offset_prior(
-        drive, _torques(torques, rig), reseat=rig.reseat_um > 0, seed=seed, executor=executor, progress=progress
+        drive,
+        _torques(torques, rig),
+        reseat=rig.reseat_um > 0,
+        trials=trials,
+        rig=rig,
+        seed=seed,
+        executor=executor,
+        progress=progress,
     )
     known = posterior(prior, trials, rig, positions, criterion=criterion, deciding=len(torques), weights=weights)
     compared = None if outcome is None else verify(known, outcome)

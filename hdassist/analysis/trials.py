@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from hdassist.analysis.mounting import FREE_STEP, hole_of
+from hdassist.analysis.trial_traces import TrialTrace, read_trial_trace
 from hdassist.errors import UsageError
+from hdassist.preset.drive import Drive
 
 
 @dataclass(frozen=True)
 class Trial:
-    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0."""
+    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0.
+
+    Or a trace in place of it; F_ior_arcsec is then the range of the trace, which F'_ior is at least.
+    """
 
     rotation_deg: float
     F_ior_arcsec: float
+    trace: TrialTrace | None = None
 
 
 @dataclass(frozen=True)
@@ -47,16 +54,23 @@ def trial_positions(holes: int, allowed: Sequence[int] | str) -> list[float]:
     return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
 
 
-def read_trial(text: str, holes: int) -> Trial:
-    """Read 120:17.3 (degrees) or h4:17.3 (holes). Raises UsageError for anything else."""
-    where, _, value = text.lower().partition(":")
+def read_trial(text: str, holes: int, traces_of: Drive | None = None, *, reverse: bool = False) -> Trial:
+    """Read 120:17.3 (degrees) or h4:17.3 (holes), or a trace: h4:run.csv.
+
+    Arguments: holes of the seat; traces_of, the drive that traces are of, None where there may be none; reverse the
+    error of traces. Raises UsageError for anything else, DataError for a file that is no trace of a trial.
+    """
+    where, _, value = text.partition(":")
+    where, path = where.lower(), Path(value)
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec"
+    if traces_of:
+        hint += ", or the file of a trace: h4:run.csv"
     try:
-        F_ior = float(value)
         rotation = float(where.removeprefix("h"))
+        F_ior = None if traces_of and not _is_number(value) and path.is_file() else float(value)
     except ValueError:
-        raise UsageError(f"{text!r} is no trial", hint) from None
-    if not (0 < F_ior < np.inf and np.isfinite(rotation)):
+        raise UsageError(f"{text!r} is no trial{_why_none(value, traces_of)}", hint) from None
+    if not ((F_ior is None or 0 < F_ior < np.inf) and np.isfinite(rotation)):
         raise UsageError(f"{text!r} is no trial", hint)
     if where.startswith("h"):
         if not holes:
@@ -70,4 +84,21 @@ def read_trial(text: str, holes: int) -> Trial:
             f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
             f"was hole {near} meant? h{near}:{value}",
         )
-    return Trial(rotation % 360, F_ior)
+    if F_ior is None and traces_of:
+        trace = read_trial_trace(path, traces_of, rotation % 360, reverse=reverse)
+        return Trial(rotation % 360, trace.range_arcsec, trace)
+    return Trial(rotation % 360, float(value))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _why_none(value: str, traces_of: Drive | None) -> str:
+    if not value or _is_number(value):
+        return ""
+    return f": {value} is neither a number nor a file" if traces_of else f": {value} is no number"

@@ -82,7 +82,8 @@ def _back(known: Posterior, outcome: Trial) -> tuple[Trial | None, Posterior | N
     try:
         after, loss = learnt(known.rotations_deg), learnt([*places, *known.rotations_deg]).expected_loss[: len(places)]
     except UntrustedError:
-        best = min(others, key=lambda t: t.F_ior_arcsec, default=None)
+        numbers = [trial for trial in others if not trial.trace]  # a trace has seen a part of its F'_ior
+        best = min(numbers, key=lambda t: t.F_ior_arcsec, default=None)
         noise = SURE * np.sqrt(2) * known.rig.noise_arcsec
         return best if best and best.F_ior_arcsec + noise < outcome.F_ior_arcsec else None, None
     place = int(np.argmin(loss))

@@ -49,7 +49,7 @@ def command(
     angle: o.Angle = None,
     angle_of: o.AngleOf = None,
     angle_unit: o.AngleUnit = None,
-    error: o.Error = None,
+    error: o.ErrorColumn = None,
     error_unit: o.ErrorUnit = None,
     second: o.Second = None,
     wrap: o.Wrap = None,

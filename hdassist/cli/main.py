@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import accept, calibrate, check, explain, measure, mount, presets, self_error, stiffness, trace
+from hdassist.cli import (
+    accept,
+    calibrate,
+    check,
+    compare,
+    explain,
+    measure,
+    mount,
+    presets,
+    self_error,
+    stiffness,
+    trace,
+)
 from hdassist.errors import HdassistError
 from hdassist.version import __version__
 
@@ -29,6 +41,7 @@ app = typer.Typer(
 app.command("accept")(accept.command)
 app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
+app.command("compare")(compare.command)
 app.command("explain")(explain.command)
 app.command("measure")(measure.command)
 app.command("mount")(mount.command)

@@ -10,7 +10,7 @@ from hdassist.cli import options as o
 
 
 def command(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Measured traces, or - for stdin.")],
+    files: o.Traces,
     preset: Annotated[
         str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
     ] = None,
@@ -18,14 +18,14 @@ def command(
     angle: o.Angle = None,
     angle_of: o.AngleOf = None,
     angle_unit: o.AngleUnit = None,
-    error: o.Error = None,
+    error: o.ErrorColumn = None,
     error_unit: o.ErrorUnit = None,
     second: o.Second = None,
     wrap: o.Wrap = None,
     orders: o.Orders = None,
     drift: o.Drift = "none",
     budget: o.Budget = [],  # noqa: B006 (typer copies it)
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")] = 0,
+    seed: o.Bootstrap = 0,
     json: o.Json = False,
     csv: o.Csv = None,
     output: o.Target = "-",
@@ -82,7 +82,7 @@ def command(
             if debug or isinstance(fault, UsageError) or (len(files) == 1 and not json):
                 raise
             complain(fault, "" if name in fault.message else name)
-            answers.append(figures.failure(name, fault))
+            answers.append(figures.failure("measure", name, fault))
             continue
         done.append(result)
         answers.append(figures.answer(result, drive))

@@ -13,7 +13,11 @@ if TYPE_CHECKING:
     from hdassist.preset.drive import Drive
 
 
+WITHOUT_TRIALS = ("--step", "--every-state", "--samples", "--cross-check")
+
+
 def command(
+    context: typer.Context,
     preset: o.Preset,
     torque: o.Torques = [],  # noqa: B006 (typer copies it)
     step: Annotated[
@@ -30,15 +34,23 @@ def command(
     trial: Annotated[
         list[str],
         typer.Option(
-            metavar="WHERE:F_IOR", help="F'_ior measured with the wheel turned: 120:17.3 (deg) or h4:17.3. Repeatable."
+            metavar="WHERE:F_IOR",
+            help="F'_ior measured with the wheel turned: 120:17.3 (deg) or h4:17.3; or a trace's file, h4:run.csv. "
+            "Repeatable.",
         ),
     ] = [],  # noqa: B006 (typer copies it)
     trial_torque: Annotated[
         float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
     ] = None,
     noise: Annotated[
-        float | None, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior (1 without it).")
+        float | None,
+        typer.Option(
+            metavar="ARCSEC", help="Standard deviation of a trial's F'_ior, or of slow errors of its trace (1)."
+        ),
     ] = None,
+    reverse_error: Annotated[
+        bool, typer.Option("--reverse-error", help="Traces of trials have the other sign of the error.")
+    ] = False,
     reseat: Annotated[
         float | None,
         typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted (0)."),
@@ -98,6 +110,10 @@ def command(
     the exit code is 6, and the position to measure next is named. --verify compares the outcome with its prediction and
     says keep, or go back (exit code 3). -q prints the hole to be in, 0 being the first one.
 
+    In place of F'_ior a trial may have a trace over one cam turn or more (two are better): h4:run.csv, with the cam's
+    angle from its index, counter-clockwise seen from the cam side, and the error F_kpp = cam/u - output, as hdassist
+    trace writes it, or both encoders. Growing angles are taken if it has them. It carries phase: one or two may do.
+
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
     state is solved then; alternatives and what a micrometre does are left out.
 
@@ -125,8 +141,8 @@ def command(
     if trial or verify is not None:
         from hdassist.cli.trials import with_trials
 
-        if step is not None or every_state:
-            raise UsageError("--step and --every-state have no meaning with trials", "leave them out")
+        if given := [option for option in WITHOUT_TRIALS if _given(context, option)]:
+            raise UsageError(f"{' and '.join(given)}: no meaning with trials", "leave it out, or the trials")
         if measured:
             raise UsageError(
                 "trials cannot be combined with measured teeth: they need searches, and measured teeth every state",
@@ -135,11 +151,14 @@ def command(
         rig = (trial_torque, noise, reseat)
         code = with_trials(
             out, page, drive, trial, verify, rig,
-            weights=shares, criterion=criterion, seed=seed, jobs=jobs, json=json, quiet=quiet, verbose=verbose,
+            reverse=reverse_error, weights=shares, criterion=criterion, seed=seed, jobs=jobs, json=json, quiet=quiet,
+            verbose=verbose,
         )  # fmt: skip
         raise typer.Exit(code)
-    if any(option is not None for option in (trial_torque, noise, reseat)):
-        raise UsageError("--trial-torque, --noise and --reseat are those of trials", "--trial h4:17.3 gives one")
+    if reverse_error or any(option is not None for option in (trial_torque, noise, reseat)):
+        raise UsageError(
+            "--trial-torque, --noise, --reverse-error and --reseat are those of trials", "--trial h4:17.3 gives one"
+        )
     total = work(drive, torques, rotations, every_state=every_state, samples=samples, measured=measured)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         advice = advise(
@@ -168,6 +187,12 @@ def command(
     if page:
         page.write(advice)
     raise typer.Exit(report.exit_code(advice))
+
+
+def _given(context: typer.Context, option: str) -> bool:
+    """Whether an option stands on the command line."""
+    source = context.get_parameter_source(option.removeprefix("--").replace("-", "_"))
+    return source is not None and source.name == "COMMANDLINE"
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -20,6 +21,26 @@ Overrides = Annotated[
 Torques = Annotated[
     list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
 ]
+Traces = Annotated[list[str], typer.Argument(metavar="FILE...", help="Measured traces, or - for stdin.")]
+Angle = Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")]
+AngleOf = Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")]
+AngleUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")]
+ErrorColumn = Annotated[str | None, typer.Option(metavar="NAME", help="Column of the error, or its number.")]
+ErrorUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")]
+Second = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Column of the output's own angle, instead of an error.")
+]
+Wrap = Annotated[
+    float | None,
+    typer.Option(metavar="DEG", help="Angle after which encoders begin again.", show_default="guessed"),
+]
+Orders = Annotated[str | None, typer.Option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")]
+Drift = Annotated[str, typer.Option(metavar="KIND", help="Drift to take off: none, linear, quadratic.")]
+Budget = Annotated[
+    list[str],
+    typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
+]
+Bootstrap = Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Csv = Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")]
 Target = Annotated[
@@ -60,30 +81,6 @@ PitchSense = Annotated[
 PitchFlank = Annotated[
     Literal["left", "right"] | None, typer.Option(help="Flank to take from pitch files that have two.")
 ]
-Angle = Annotated[str | None, typer.Option("--angle", metavar="NAME", help="Column of the angle, or its number.")]
-AngleOf = Annotated[str | None, typer.Option("--angle-of", metavar="SHAFT", help="What turns by it: cam or output.")]
-AngleUnit = Annotated[str | None, typer.Option("--angle-unit", metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")]
-Error = Annotated[str | None, typer.Option("--error", metavar="NAME", help="Column of the error, or its number.")]
-ErrorUnit = Annotated[
-    str | None, typer.Option("--error-unit", metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")
-]
-Second = Annotated[
-    str | None,
-    typer.Option("--second", metavar="NAME", help="Column of the output's own angle, instead of an error."),
-]
-Wrap = Annotated[
-    float | None,
-    typer.Option("--wrap", metavar="DEG", help="Angle after which encoders begin again.", show_default="guessed"),
-]
-Orders = Annotated[
-    str | None,
-    typer.Option("--orders", metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12"),
-]
-Drift = Annotated[str, typer.Option("--drift", metavar="KIND", help="Drift to take off: none, linear, quadratic.")]
-Budget = Annotated[
-    list[str],
-    typer.Option("--budget", metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
-]
 Solver = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
@@ -112,3 +109,16 @@ def shaft(text: str | None) -> Shaft | None:
     if text not in shafts:
         raise UsageError(f"--angle-of must be cam or output, not {text}")
     return shafts[text]
+
+
+def degrees_or_fit(option: str, text: str) -> float | None:
+    """An angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
+    if text == "fit":
+        return None
+    try:
+        angle = float(text)
+    except ValueError:
+        angle = float("nan")
+    if not isfinite(angle):
+        raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
+    return angle

@@ -22,6 +22,7 @@ def with_trials(
     verify: str | None,
     rig: tuple[float | None, float | None, float | None],
     *,
+    reverse: bool,
     weights: Sequence[float] | None,
     criterion: str,
     seed: int,
@@ -33,7 +34,8 @@ def with_trials(
     """Advise from trials; returns the exit code.
 
     Arguments: out, where answers go; page, the card that is asked for; trials and verify as on the command line; rig:
-    torque of the trials [N*m] (None: the lightest), noise [arcsec], error of the seat [um]. Raises UsageError for what
+    torque of the trials [N*m] (None: the lightest), noise [arcsec], error of the seat [um]; reverse the error of
+    traces. Raises UsageError for what
     is no trial, and what the analysis raises.
     """
     from hdassist.analysis.trial_advice import advise_from_trials, work
@@ -48,14 +50,17 @@ def with_trials(
         raise UsageError("--verify needs the trials that the prediction rests on", "--trial 0:28.1 --trial h4:17.3")
     if verify is not None and page:
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
-    measured = [read_trial(text, drive.mounting.holes) for text in trials]
+    measured = [read_trial(text, drive.mounting.holes, drive, reverse=reverse) for text in trials]
+    traced = any(trial.trace for trial in measured)
+    if reverse and not traced:
+        raise UsageError("--reverse-error is for traces of trials", "--trial h4:run.csv gives one")
     outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
     torque, noise, reseat = rig
     torques = drive.operation.M_g
     lightest = min(torques, key=abs)
     how = Rig(lightest if torque is None else torque, NOISE if noise is None else noise, reseat or 0.0)
     begun = time.monotonic()
-    with out.progress(drive.name, work(drive, torques, how)) as progress, workers(jobs) as executor:
+    with out.progress(drive.name, work(drive, torques, how, traced=traced)) as progress, workers(jobs) as executor:
         advice = advise_from_trials(
             drive,
             torques,

@@ -32,20 +32,38 @@ def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
     Arguments: alpha_g = phi_g - phi_h and alpha_b = phi_b - phi_h [rad], how each wheel stands in the
     cam frame, shape (states,).
     """
-    tolerances, phases = drive.tolerances, drive.phases
+    sizes, phases = drive.tolerances, drive.phases
     xi_g, xi_b = tooth_phases(drive)
-    half_g, half_b = tolerances.F_i1 / 2e3, tolerances.F_i2 / 2e3
-    psi_g, psi_b = xi_g + alpha_g, xi_b + alpha_b
-    offsets = (
-        (tolerances.e_hh, phases.phi_hh, np.zeros_like(alpha_g)),
-        (tolerances.e_hg, phases.phi_hg, alpha_g),
-        (tolerances.e_hb, phases.phi_hb, alpha_b),
+    return scalars_of(
+        (sizes.F_i1, xi_g),
+        (sizes.F_i2, xi_b),
+        (sizes.e_hh, np.radians(phases.phi_hh)),
+        (sizes.e_hg, np.radians(phases.phi_hg)),
+        (sizes.e_hb, np.radians(phases.phi_hb)),
+        alpha_g,
+        alpha_b,
     )
-    e_x = sum(e * 1e-3 * np.cos(np.radians(phi) + turned) for e, phi, turned in offsets)
-    e_y = sum(e * 1e-3 * np.sin(np.radians(phi) + turned) for e, phi, turned in offsets)
-    a = half_g * np.cos(psi_g) - half_b * np.cos(psi_b)
-    b = -half_g * np.sin(psi_g) + half_b * np.sin(psi_b)
-    return np.stack([a, b, e_x, e_y], axis=1)
+
+
+Polar = tuple[Array | float, Array | float]
+
+
+def scalars_of(
+    teeth_g: Polar, teeth_b: Polar, offset_h: Polar, offset_g: Polar, offset_b: Polar, alpha_g: Array, alpha_b: Array
+) -> Array:
+    """Scalars (a, b, e_x, e_y) [mm], shape (..., 4), of many drives at once.
+
+    Arguments: F'_i1, F'_i2 [um] with their phases xi_g, xi_b; e_hh, e_hg, e_hb [um] with their directions; alpha_g,
+    alpha_b as in deviation_scalars; all angles [rad], all shapes broadcast.
+    """
+    turned_g, turned_b = np.exp(1j * alpha_g), np.exp(1j * alpha_b)
+    g, b, h, cam_g, cam_b = (
+        np.asarray(size) * np.exp(1j * np.asarray(angle)) * 1e-3
+        for size, angle in (teeth_g, teeth_b, offset_h, offset_g, offset_b)
+    )
+    teeth = (g * turned_g - b * turned_b) / 2
+    cam = h + cam_g * turned_g + cam_b * turned_b
+    return np.stack([teeth.real, -teeth.imag, cam.real, cam.imag], axis=-1)
 
 
 @dataclass(frozen=True)

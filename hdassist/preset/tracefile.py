@@ -17,7 +17,7 @@ from hdassist.errors import DataError, Finding, PresetError, UsageError
 from hdassist.preset.columns import Columns, read_columns
 from hdassist.preset.sweeps import AngleError, Sweep, looks_wrapped, sweeps, unwrapped
 from hdassist.preset.textfile import read_bytes
-from hdassist.preset.tracecolumns import Roles, TraceForm, roles
+from hdassist.preset.tracecolumns import Roles, Shaft, TraceForm, roles
 
 MAX_BYTES = 100_000_000
 ARCSEC = 3600.0  # per degree
@@ -34,7 +34,9 @@ class MeasuredTrace:
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
     resolution of the readings, 0 where no step is seen. sweeps: moves in one direction each. sha256: of the
-    file as it lies there. notes: what was converted, assumed or left out.
+    file as it lies there. angle_of: what the angles were counted at; those of the output were multiplied by the ratio.
+    sense: of two encoders, 1 where both count up, -1 where one counts down, 0 for a column of errors.
+    notes: what was converted, assumed or left out.
     """
 
     file: str
@@ -45,6 +47,8 @@ class MeasuredTrace:
     step_arcsec: float
     sweeps: tuple[Sweep, ...]
     notes: tuple[str, ...]
+    angle_of: Shaft = "cam"
+    sense: int = 0
 
 
 def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | None = None) -> MeasuredTrace:
@@ -75,9 +79,10 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
     step = _step(readings) * column.other_size
-    error = _second(table, column, form, cam, abs(ratio or 0), notes) if column.other_is == "second" else (
-        readings * column.other_size
-    )  # fmt: skip
+    if column.other_is == "second":
+        error, sense = _second(table, column, form, cam, abs(ratio or 0), notes)
+    else:
+        error, sense = readings * column.other_size, 0
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -90,7 +95,9 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
-    return MeasuredTrace(file, sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes))
+    return MeasuredTrace(
+        file, sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes), column.angle_of, sense
+    )
 
 
 def _angle(table: Columns, column: int, size: float, wrap: float | None, notes: list[str]) -> Array:
@@ -109,8 +116,10 @@ def _angle(table: Columns, column: int, size: float, wrap: float | None, notes: 
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
 
-def _second(table: Columns, column: Roles, form: TraceForm, cam: Array, ratio: float, notes: list[str]) -> Array:
-    """Error [arcsec] out of the angles of two encoders."""
+def _second(
+    table: Columns, column: Roles, form: TraceForm, cam: Array, ratio: float, notes: list[str]
+) -> tuple[Array, int]:
+    """Error [arcsec] out of the angles of two encoders, and the sense in which they count."""
     output = _angle(table, column.other, column.other_size, form.wrap, notes)
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
@@ -118,10 +127,10 @@ def _second(table: Columns, column: Roles, form: TraceForm, cam: Array, ratio: f
         found = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         hint = "are the units, the ratio and the columns right?"
         raise _fault(table, 0, column.other, f"{found}, the ratio is {ratio:g}", hint)
-    sense = 1.0 if slope > 0 else -1.0
+    sense = 1 if slope > 0 else -1
     notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC
-    return np.asarray(error)
+    return np.asarray(error), sense
 
 
 def _step(readings: Array) -> float:

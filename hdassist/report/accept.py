@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from hdassist.analysis.acceptance import Acceptance
@@ -14,11 +15,9 @@ from hdassist.report.console import Look, table
 from hdassist.report.csvtext import to_csv
 
 RULES = {
-    "guard": f"guard bands of {GUARD:g} standard uncertainties on each side of the limit",
-    "simple": "simple acceptance, up to the limit",
+    "guard": f"guard bands of {GUARD:g} u on each side of a limit",
+    "simple": "simple acceptance up to a limit",
 }
-HEADINGS = ("check", "value", "U", "limit", "margin", "known", "verdict")
-PREDICTED = "a prediction, not a decision on conformity to a standard"
 
 
 def number(value: float, unit: str) -> str:
@@ -30,37 +29,49 @@ def render(result: Acceptance, look: Look, serial: str = "") -> RenderableType:
     """The verdict, a row for each limit, and what it should not be read without."""
     name = result.drive.name + (f", serial {serial}" if serial else "")
     parts: list[RenderableType] = [Text(look.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
-    grid = table(look)
-    for words in HEADINGS:
-        grid.add_column(look.text(words), justify="left" if words in ("check", "known", "verdict") else "right",
-                        overflow="fold", no_wrap=words not in ("check", "known"))  # fmt: skip
-    for decision in result.decisions:
-        grid.add_row(*(look.text(text) for text in _row(decision)))
-    parts.append(grid)
+    for basis, title in titles(result).items():
+        found = [d for d in result.decisions if (d.known.basis if d.known else "measured") == basis]
+        parts += [_table(found, title, look)] * bool(found)
     parts += [Text(look.text(line)) for line in _notes(result)]
     return Group(*parts)
 
 
+def titles(result: Acceptance) -> dict[str, str]:
+    """What stands over the checks of each basis."""
+    acceptance = result.drive.acceptance
+    return {
+        "measured": f"measured: {RULES[acceptance.rule]}",
+        "stated": f"measured otherwise: {RULES[acceptance.rule]}",
+        "predicted": f"predicted: margin {acceptance.margin:g} %; no decision on conformity to a standard",
+    }
+
+
+def _table(decisions: Sequence[Decision], title: str, look: Look) -> Table:
+    grid = table(look, title)
+    spread = any(decision.expanded is not None for decision in decisions)
+    for words in ("check", "value", *(["± (k=2)"] if spread else []), "limit", "margin", "verdict"):
+        left = words in ("check", "verdict")
+        grid.add_column(look.text(words), justify="left" if left else "right", no_wrap=words != "check")
+    for decision in decisions:
+        row = _row(decision)
+        grid.add_row(*(look.text(text) for text in (row if spread else row[:2] + row[3:])))
+    return grid
+
+
 def _row(decision: Decision) -> list[str]:
+    """Check, value, expanded uncertainty, limit, margin, verdict."""
     asked, known, unit = decision.asked, decision.known, decision.asked.check.unit
-    limit = ("≤ " if asked.check.upper else "≥ ") + f"{asked.limit:.6g}"
-    start, end = [f"{asked.label}, {unit}"], [limit, str(decision.verdict)]
+    limit = f"{'≤' if asked.check.upper else '≥'} {asked.limit:.6g}"
     if known is None or decision.margin is None:
-        return [*start, "-", "-", end[0], "-", "-", end[1]]
+        return [f"{asked.label}, {unit}", "-", "-", limit, "-", str(decision.verdict)]
     at_least = "≥ " if known.extent == "at least" else ""
     spread = "-" if decision.expanded is None else number(decision.expanded, unit)
-    margin = number(decision.margin, unit)
-    return [*start, at_least + number(known.value, unit), spread, end[0], margin, known.basis, end[1]]
+    value, margin = at_least + number(known.value, unit), number(decision.margin, unit)
+    return [f"{asked.label}, {unit}", value, spread, limit, margin, str(decision.verdict)]
 
 
 def _notes(result: Acceptance) -> list[str]:
-    acceptance = result.drive.acceptance
-    lines = []
-    if any(d.known and d.known.basis != "predicted" for d in result.decisions):
-        lines.append(f"measured: U is the expanded uncertainty, k = 2; rule: {RULES[acceptance.rule]}")
-    if result.predictions is not None:
-        lines.append(f"predicted: {PREDICTED}; margin {acceptance.margin:g} % to either side")
-        lines.append(f"certificate: {result.predictions.certificate}")
+    lines = [f"certificate: {result.predictions.certificate}"] if result.predictions else []
     lines += [f"{d.verdict}, {d.asked.label}: {d.reason}" for d in result.decisions if d.reason]
     lines += [f"remark {said.remark.code}: {said.text}" for said in result.remarks]
     codes = [d.asked.check.code for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]

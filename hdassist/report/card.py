@@ -71,6 +71,8 @@ def card_of(
     Arguments: advice, a complete one; say, the texts of a language; serial, number of the drive; made, date of making;
     trials that the advice rests on, and their torque [N*m]; warned, what to warn of, without it what the advice does.
     """
+    if trials:
+        say = say.variant("trials")
     turned = advice.worth_turning
     target = advice.chosen if turned else advice.curve.current
     seat = seat_of(advice, say, target, best=turned)
@@ -80,7 +82,7 @@ def card_of(
         subject=_subject(advice, say, serial),
         instruction=_instruction(advice, say, trials),
         seat=seat,
-        directions=tuple(f"{p.letter}: {p.words}, {say.angle(p.angle_deg)}" for p in seat.pointers),
+        directions=tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers),
         torques=torques_table(advice, say),
         others=other_positions(advice, target, say),
         chance=Lines(say("chance.title"), _chance(advice, say)),
@@ -165,7 +167,12 @@ def _trials(drive: Drive, say: Texts, trials: Sequence[Trial], at: float) -> tup
     for trial in trials[:TRIALS]:
         hole = hole_of(trial.rotation_deg, holes)
         where = say.angle(trial.rotation_deg) if hole is None else say("foot.hole", hole=hole)
-        told.append(say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec)))
+        if trial.trace:
+            file, value = shown(trial.trace.file), say.number(trial.F_ior_arcsec, ".1f")
+            digest = trial.trace.sha256[:DIGITS]
+            told.append(say("foot.traced", where=where, file=file, digest=digest, value=value))
+        else:
+            told.append(say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec)))
     return (say("foot.trials", torque=say.torque(at), trials="; ".join(told)),)
 
 

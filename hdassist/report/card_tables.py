@@ -93,8 +93,8 @@ def _others(advice: Advice, target: Position, say: Texts) -> list[tuple[str, Pos
     if not advice.worth_turning:
         named.append((say("others.not_worth"), advice.chosen))
     if curve.holes:  # at a free angle it lies beside the best
-        named.append((say("others.second"), next((p for p in curve.ranked if p not in (target, advice.chosen)), None)))
-    named += [(say("seat.worst"), curve.worst), (say("seat.now"), curve.current)]
+        named.append((say("others.second"), next((p for p in advice.ranked if p not in (target, advice.chosen)), None)))
+    named += [(say("seat.worst"), advice.ranked[-1]), (say("seat.now"), curve.current)]
     merged: dict[Position | int, list[str]] = {}
     for words, position in named:
         alone = words == say("seat.now") and position not in merged  # it has a table of its own

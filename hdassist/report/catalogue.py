@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from functools import cache
 from importlib.resources import files
@@ -24,6 +24,11 @@ class Texts:
     def __call__(self, key: str, **fields: object) -> str:
         """The text of a key, its fields filled in. Raises KeyError for a key or field that is not there."""
         return self.entries[key].format(**fields)
+
+    def variant(self, name: str) -> Texts:
+        """The same with the entries "name.key" in place of those of the key."""
+        words = {key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")}
+        return replace(self, entries={**self.entries, **words})
 
     def number(self, value: float, form: str = "g") -> str:
         """A number with the decimal point of the language."""

@@ -105,10 +105,10 @@ def answer(result: Measurement, drive: Drive | None) -> dict[str, Any]:
     }
 
 
-def failure(name: str, error: HdassistError) -> dict[str, Any]:
+def failure(command: str, name: str, error: HdassistError) -> dict[str, Any]:
     """The answer about a file that has none: its error."""
     return {
-        "schema": SCHEMA,
+        "schema": f"hdassist.{command}/1",
         "version": __version__,
         "preset": {"name": None, "sha256": None},
         "file": {"name": name, "sha256": None},

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,33 +16,66 @@ Array = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
+HEIGHT = 10  # rows, about
 WIDEST = 80  # columns: wider says no more
 
 
-def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = 10) -> str:
+def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
     x_label and y_label carry the units; height, about how many rows. Returns lines without a final newline.
     """
-    ticks = _ticks(float(y.min()), float(y.max()), max(2, height // 2))
-    bottom, top = ticks[0], ticks[-1]
-    apart = max(1, round((height - 1) / (len(ticks) - 1)))  # rows from tick to tick
-    height = apart * (len(ticks) - 1) + 1
-    numbers = {k * apart: f"{tick:g}" for k, tick in enumerate(reversed(ticks))}
-    margin = max(7, *map(len, numbers.values()))
-    columns = min(look.width, WIDEST) - margin - 2
     wide, tall = (1, 1) if look.ascii else (2, 4)
-    dots = _fill(x, y, columns * wide, height * tall, bottom, top)
+    frame = _Frame.around(look, [y], height)
+    dots = _fill(x, y, frame.columns * wide, frame.rows * tall, frame.ticks[0], frame.ticks[-1])
     rows = ["".join(row) for row in (dots_to_ascii(dots) if look.ascii else dots_to_braille(dots))]
+    return frame.drawn(look, rows, x, x_label, y_label)
 
-    corner, side, floor, mark = ("+", "|", "-", "+") if look.ascii else ("└", "│", "─", "┤")
-    lines = [look.text(y_label)]
-    for k, row in enumerate(rows):
-        lines.append(f"{numbers.get(k, ''):>{margin}} {mark if k in numbers else side}{row}".rstrip())
-    lines.append(" " * (margin + 1) + corner + floor * columns)
-    lines.append(" " * (margin + 2) + _x_numbers(float(x[0]), float(x[-1]), columns))
-    lines.append(" " * (margin + 2) + look.text(x_label).center(columns).rstrip())
-    return "\n".join(lines)
+
+def two_curves(
+    look: Look, x: Array, first: Array, second: Array, *, names: tuple[str, str], x_label: str, y_label: str
+) -> str:
+    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
+    frame = _Frame.around(look, [first, second], 2 * HEIGHT)
+    both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
+    glyphs = " .o#" if look.ascii else " ·o●"
+    rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
+    words = (*names, "both")
+    legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], words, strict=True))
+    return frame.drawn(look, rows, x, x_label, f"{y_label}: {legend}")
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Numbered axes around a picture of so many columns and rows; apart, rows from tick to tick."""
+
+    ticks: list[float]
+    apart: int
+    columns: int
+    margin: int
+
+    @classmethod
+    def around(cls, look: Look, series: Sequence[Array], height: int) -> _Frame:
+        low, high = (float(end(end(y) for y in series)) for end in (min, max))
+        ticks = _ticks(low, high, max(2, height // 2))
+        margin = max(7, *(len(f"{tick:g}") for tick in ticks))
+        apart = max(1, round((height - 1) / (len(ticks) - 1)))
+        return cls(ticks, apart, min(look.width, WIDEST) - margin - 2, margin)
+
+    @property
+    def rows(self) -> int:
+        return self.apart * (len(self.ticks) - 1) + 1
+
+    def drawn(self, look: Look, rows: Sequence[str], x: Array, x_label: str, y_label: str) -> str:
+        numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
+        corner, side, floor, mark = ("+", "|", "-", "+") if look.ascii else ("└", "│", "─", "┤")
+        lines = [look.text(y_label)]
+        for k, row in enumerate(rows):
+            lines.append(f"{numbers.get(k, ''):>{self.margin}} {mark if k in numbers else side}{row}".rstrip())
+        lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
+        lines.append(" " * (self.margin + 2) + _x_numbers(float(x[0]), float(x[-1]), self.columns))
+        lines.append(" " * (self.margin + 2) + look.text(x_label).center(self.columns).rstrip())
+        return "\n".join(lines)
 
 
 def dots_to_braille(dots: Dots) -> list[list[str]]:

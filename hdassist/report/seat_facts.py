@@ -64,7 +64,7 @@ def seat_of(advice: Advice, texts: Texts, target: Position, *, best: bool = True
     """
     mounting, curve = advice.drive.mounting, advice.curve
     first, barred = mounting.first_hole, texts("seat.letter_barred")
-    shown = [("worst", curve.worst), ("now", curve.current), *([("best", target)] if best else [])]
+    shown = [("worst", advice.ranked[-1]), ("now", curve.current), *([("best", target)] if best else [])]
     places = tuple(
         Place(kind, first + p.rotation_deg, texts(f"seat.letter_{kind}"), texts(f"seat.{kind}")) for kind, p in shown
     )

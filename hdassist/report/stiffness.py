@@ -41,7 +41,7 @@ def render(drive: Drive, result: Stiffness, look: Look, *, plots: bool = True) -
     if plots:
         drawn = curve(look, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
         parts.append(Text(drawn))
-    parts += [_segments(result, look), _whole(result, look)]
+    parts += [*([_segments(result, look)] if result.positive else []), _whole(result, look)]
     proof = certificate_object(result.certificate, [result.cross_check] if result.cross_check else [])
     words = f"certificate: {result.certificate}"
     if cross := proof["cross_check"]:

@@ -73,10 +73,24 @@ def render(advice: TrialAdvice, look: Look) -> RenderableType:
     known = advice.known
     heading = f"{advice.drive.name}: the cam offset from {_count(len(known.trials), 'trial')} at {known.rig.M_g:g} N·m"
     parts: list[RenderableType] = [Text(look.text(heading), style="bold"), Text(look.text(instruction(advice)))]
-    parts += [_trials(advice, look), _offset(advice, look), _positions(advice, look)]
+    parts.append(_trials(advice, look))
+    parts += [Text(look.text(_trace(advice, trial))) for trial in known.trials if trial.trace]
+    parts += [_offset(advice, look), _positions(advice, look)]
     parts.append(Text(look.text(_next(advice))))
     parts.append(Text(look.text(_basis(advice))))
     return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _trace(advice: TrialAdvice, trial: Trial) -> str:
+    trace = trial.trace
+    assert trace is not None
+    words = (
+        f"{trace.file} at {_where(advice, trial.rotation_deg)}: {trace.cam_turns:.3g} cam turns, "
+        f"{'growing' if trace.growing else 'falling'} angles, range {trial.F_ior_arcsec:.2f} arcsec, noise of a "
+        f"reading {trace.reading_noise_arcsec:.2g}. The curve is compared, at an open start in the output's turn; slow "
+        f"errors of {advice.known.rig.noise_arcsec:g} arcsec are allowed for."
+    )
+    return "\n".join([words, *(f"  {note}" for note in trace.notes)])
 
 
 def _next(advice: TrialAdvice) -> str:
@@ -86,9 +100,14 @@ def _next(advice: TrialAdvice) -> str:
         return "No further trial would teach much. Measure after mounting, and give it as --verify."
     return (
         f"A trial at {_where(advice, advice.next.rotation_deg)} would teach most: the choice is expected to lose "
-        f"{then:.1%} against the best position after it, {now:.1%} now. What is measured after mounting can be given "
-        "as one more --trial, or as --verify."
+        f"{then:.1%} against the best position after it, {now:.1%} now{_by(known.criterion.name)}. What is measured "
+        "after mounting can be given as one more --trial, or as --verify."
     )
+
+
+def _by(criterion: str) -> str:
+    """Words on what the next trial is chosen by: worst cases and quantiles hardly move by one more value."""
+    return "" if criterion == "expected" else f" (by the expected loss, whatever decides the mounting: {criterion})"
 
 
 def _verdict(advice: TrialAdvice) -> str:
@@ -100,7 +119,8 @@ def _verdict(advice: TrialAdvice) -> str:
     )
     if outcome.back_to:
         back = outcome.back_to
-        return f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
+        was = f"a trace with a range of {back.F_ior_arcsec:.1f}" if back.trace else f"{back.F_ior_arcsec:g}"
+        return f"Go back to {_where(advice, back.rotation_deg)}, where {was} was measured: {told}."
     words = f"Keep it: {told}."
     after = outcome.after
     if after and after.rotations_deg[after.best] != outcome.trial.rotation_deg:
@@ -126,7 +146,8 @@ def _trials(advice: TrialAdvice, look: Look) -> Table:
         grid.add_column(words, justify="right")
     for trial, mean, spread in zip(known.trials, known.predicted_arcsec, known.predicted_spread_arcsec, strict=True):
         where = _where(advice, trial.rotation_deg)
-        grid.add_row(where, f"{trial.F_ior_arcsec:g}", f"{mean:.2f}", f"{spread:.2f}")
+        told = f"trace {trial.F_ior_arcsec:.1f}" if trial.trace else f"{trial.F_ior_arcsec:g}"
+        grid.add_row(where, told, f"{mean:.2f}", f"{spread:.2f}")
     return grid
 
 
@@ -244,7 +265,11 @@ def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
                 for place in places
             ],
             "settled": advice.settled,
-            "next": {**_place(advice, advice.next.rotation_deg), "expected_loss": advice.next.loss},
+            "next": {
+                **_place(advice, advice.next.rotation_deg),
+                "expected_loss": advice.next.loss,
+                "criterion": "expected",  # whatever decides the mounting
+            },
             "standard_error_arcsec": known.prior.standard_error_arcsec.tolist(),
             "verify": _outcome(advice),
         },
@@ -277,7 +302,22 @@ def _place(advice: TrialAdvice, rotation_deg: float) -> dict[str, Any]:
 
 
 def _trial(advice: TrialAdvice, trial: Trial) -> dict[str, Any]:
-    return {**_place(advice, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec}
+    if trial.trace is None:
+        return {**_place(advice, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec, "trace": None}
+    trace = trial.trace
+    return {
+        **_place(advice, trial.rotation_deg),
+        "F_ior_arcsec": None,
+        "trace": {
+            "file": trace.file,
+            "sha256": trace.sha256,
+            "range_arcsec": trace.range_arcsec,
+            "cam_turns": trace.cam_turns,
+            "angles": "growing" if trace.growing else "falling",
+            "reading_noise_arcsec": trace.reading_noise_arcsec,
+            "notes": list(trace.notes),
+        },
+    }
 
 
 def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import signal
-import subprocess
-import time
 from datetime import date
 
 import pytest
 
-from tests.cli.process import CLEAN, COMMAND, SMALL, run
+from tests.cli.process import SMALL, interrupted, run
 
 QUICK = ("mount", SMALL, "--set", "mounting.holes=4", "--torque", "4", "--set", "numerics.n_max=8", "--jobs", "1")
 
@@ -92,14 +89,8 @@ def test_a_folder_that_cannot_be_written(tmp_path):
 
 
 def test_interrupted_work_leaves_no_card(tmp_path):
-    process = subprocess.Popen(
-        [*COMMAND, "mount", "vzp160", "--step", "1", "--card", str(tmp_path / "card.html")],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True,
-    )  # fmt: skip
-    time.sleep(6)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Traceback" not in err
-    assert "no card" in err or not out
+    done = interrupted("mount", SMALL, "--torque", "4", "--step", "0.1", "--card", str(tmp_path / "card.html"), after=2)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert "no card" in done.stderr
     assert not list(tmp_path.iterdir())

@@ -7,7 +7,6 @@ import hashlib
 import io
 import json
 import re
-import signal
 import subprocess
 import time
 from pathlib import Path
@@ -16,7 +15,7 @@ import pytest
 
 from hdassist import kinematic_error, load_preset, self_error
 from hdassist.version import __version__
-from tests.cli.process import CLEAN, COMMAND, SMALL, on_terminal, run
+from tests.cli.process import CLEAN, COMMAND, SMALL, interrupted, on_terminal, run, run_cold
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +69,8 @@ def test_json_says_what_the_python_interface_says(answer):
 
 
 def test_same_input_same_output(answer):
-    assert run("check", SMALL, "--json").stdout == answer.stdout
+    # in a process of its own from the start: with another hash seed
+    assert run_cold("check", SMALL, "--json").stdout == answer.stdout
 
 
 def test_people_read_it_in_80_columns(human):
@@ -89,12 +89,12 @@ def test_people_read_it_in_80_columns(human):
         assert words in human.stdout
 
 
-@pytest.mark.parametrize(
-    "env",
-    [{"LC_ALL": "C"}, {"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}],
-)
-def test_seven_bits_where_there_are_no_more(env, human):
-    plain = run("check", SMALL, env=env)
+@pytest.fixture(scope="module")
+def plain():
+    return run("check", SMALL, "--ascii")
+
+
+def test_ascii_option(plain, human):
     assert plain.returncode == 0
     assert plain.stdout.isascii()
     assert "N*m" in plain.stdout
@@ -104,8 +104,17 @@ def test_seven_bits_where_there_are_no_more(env, human):
     ] == numbers
 
 
-def test_ascii_option():
-    assert run("check", SMALL, "--ascii").stdout.isascii()
+def test_seven_bits_in_the_c_locale(plain):
+    cold = run("check", SMALL, env={"LC_ALL": "C"})
+    assert (cold.returncode, cold.stdout) == (0, plain.stdout)
+
+
+@pytest.mark.parametrize("env", [{"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])
+def test_seven_bits_where_there_are_no_more(env):
+    told = run("self-error", SMALL, env=env)
+    assert (told.returncode, told.stdout) == (0, run("self-error", SMALL, "--ascii").stdout)
+    assert told.stdout.isascii()
+    assert "N*m" in told.stdout
 
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
@@ -121,15 +130,18 @@ def test_on_a_terminal_nothing_is_cut(columns, human):
 
 @pytest.mark.parametrize(
     ("env", "codes"),
-    [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False), ({"NO_COLOR": ""}, True)],
+    [({}, True), ({"TERM": "dumb"}, False), ({"NO_COLOR": ""}, True)],  # NO_COLOR=1: the test before
 )
 def test_control_codes_only_where_they_belong(env, codes):
-    _, page = on_terminal("check", SMALL, columns=80, env=env)
+    code, page = on_terminal("self-error", SMALL, columns=80, env=env)
+    assert code == 0
     assert ("\x1b" in page) == codes
 
 
 def test_no_color_option_on_a_terminal():
-    assert "\x1b" not in on_terminal("check", SMALL, "--no-color", columns=80)[1]
+    code, page = on_terminal("self-error", SMALL, "--no-color", columns=80)
+    assert code == 0
+    assert "\x1b" not in page
 
 
 def test_many_torques_stay_within_the_width():
@@ -155,17 +167,19 @@ def test_quiet_prints_the_answer_alone(human):
 
 
 def test_verbose_tells_timings_on_stderr():
-    told = run("check", SMALL, "-q", "-v").stderr
+    told = run("check", SMALL, "-q", "-v", "--torque", "4").stderr
     assert re.search(r"\d{4,} states", told)
     assert "equilibrium" in told
     assert " s, " in told
 
 
 @pytest.mark.parametrize(
-    ("limit", "verdict", "code"), [("1000", "PASS", 0), ("100", "FAIL", 3), ("{1: 1000, 4: 5}", "FAIL", 3)]
+    ("limit", "torques", "verdict", "code"),
+    [("1000", ["1"], "PASS", 0), ("100", ["1"], "FAIL", 3), ("{1: 1000, 4: 5}", ["1", "4"], "FAIL", 3)],
 )
-def test_verdict_and_exit_code(limit, verdict, code):
-    result = run("check", SMALL, "--json", "--set", f"acceptance.F_ior={limit}")
+def test_verdict_and_exit_code(limit, torques, verdict, code):
+    asked = (f"--torque={torque}" for torque in torques)
+    result = run("check", SMALL, "--json", *asked, "--set", f"acceptance.F_ior={limit}")
     assert result.returncode == code
     assert json.loads(result.stdout)["verdict"] == verdict
     assert json.loads(result.stdout)["exit_code"] == code
@@ -174,7 +188,7 @@ def test_verdict_and_exit_code(limit, verdict, code):
 def test_verdict_holds_the_upper_value(answer):
     point = json.loads(answer.stdout)["operating_points"][0]
     between = (point["F_ior_arcsec"] + point["F_ior_upper_arcsec"]) / 2
-    assert run("check", SMALL, "-q", "--set", f"acceptance.F_ior={between}").returncode == 3
+    assert run("check", SMALL, "-q", "--torque", "1", "--set", f"acceptance.F_ior={between}").returncode == 3
 
 
 def test_impossible_torque_gives_no_number():
@@ -198,13 +212,13 @@ def test_impossible_torque_in_json():
 def test_several_drives_the_worst_exit_code(tmp_path):
     bad = tmp_path / "bad.yaml"
     bad.write_text(Path(SMALL).read_text().replace("z_b: 62", "z_b: 63"))
-    result = run("check", SMALL, str(bad), SMALL, "--json", "--set", "acceptance.F_ior=100")
+    result = run("check", SMALL, str(bad), SMALL, "--json", "--torque", "1", "--set", "acceptance.F_ior=100")
     assert result.returncode == 4  # 4 before 3
     told = json.loads(result.stdout)
     assert told["exit_code"] == 4
     assert [r["exit_code"] for r in told["results"]] == [3, 4, 3]
     assert f"{bad}:" in result.stderr
-    people = run("check", SMALL, str(bad), "--no-plot")
+    people = run("check", SMALL, str(bad), "--torque", "1", "--no-plot")
     assert people.returncode == 4
     assert people.stdout.count("F'_ior, full cycle") == 1
 
@@ -253,9 +267,9 @@ def test_nothing_is_written_when_there_is_no_answer(tmp_path):
 
 def test_preset_from_stdin():
     text = Path(SMALL).read_text()
-    good = run("check", "-", "-q", stdin=text)
+    good = run("check", "-", "-q", "--torque", "4", stdin=text)
     assert good.returncode == 0
-    assert good.stdout == run("check", SMALL, "-q").stdout
+    assert good.stdout == run("check", SMALL, "-q", "--torque", "4").stdout
     bad = run("check", "-", stdin=text.replace("m: 0.5", "m: -0.5"))
     assert bad.returncode == 4
     assert "<stdin>:5:" in bad.stderr
@@ -313,17 +327,11 @@ def test_reader_that_leaves_early_gets_silence():
 
 
 def test_interrupt_ends_with_130_and_leaves_nothing(tmp_path):
-    page = tmp_path / "answer.json"
-    process = subprocess.Popen(
-        [*COMMAND, "check", "vzp160", "--json", "-o", str(page)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env=CLEAN, text=True,
-    )  # fmt: skip
-    time.sleep(2.5)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert out == ""
-    assert "Traceback" not in err
+    many = ("check", SMALL, "--json", *(f"--torque={1 + k / 10}" for k in range(31)))
+    done = interrupted(*many, "-o", str(tmp_path / "answer.json"), after=0.3)
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 

@@ -69,5 +69,6 @@ def test_a_bug_is_exit_code_1_and_says_so():
 
 
 def test_debug_shows_where_an_error_came_from():
-    assert "Traceback" in run("check", SMALL, "--debug", "--set", "operation.M_g=1e6").stderr
-    assert run("check", SMALL, "--debug", "--set", "operation.M_g=1e6").returncode == 5
+    result = run("check", SMALL, "--debug", "--set", "operation.M_g=1e6")
+    assert "Traceback" in result.stderr
+    assert result.returncode == 5

@@ -160,12 +160,13 @@ def test_a_million_rows(tmp_path):
 
 @pytest.mark.skipif(not REAL.exists(), reason="the digitised trace is not there")
 def test_the_real_trace():
-    result = run("measure", str(REAL), "--error", "error_arcsec_star1", "--ratio", "100", "--json")
+    # the amplitudes its README gives are those of these orders alone, fitted together
+    result = run("measure", str(REAL), "--error", "error_arcsec_star1", "--ratio", "100", "--orders", "1-4,6", "--json")
     told = json.loads(result.stdout)
     (found,) = told["directions"]
     orders = {o["per_cam_rev"]: o["amplitude_arcsec"] for o in found["orders"]}
     for order, amplitude in {2: 21.6, 4: 3.9, 1: 3.5, 3: 1.8, 6: 1.0}.items():
-        assert orders[order] == pytest.approx(amplitude, abs=0.15)
+        assert round(orders[order], 1) == amplitude
     assert found["raw_range_arcsec"] == pytest.approx(55, abs=0.5)
     assert found["F_ior_is_lower_bound"] is True
     assert found["coverage"]["share"] < 0.03
@@ -174,10 +175,17 @@ def test_the_real_trace():
 
 def test_the_tutorial_runs(tmp_path):
     page = (ROOT / "docs/measure.md").read_text(encoding="utf-8")
-    shell = "set -euo pipefail\n" + f'hdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
-    shell += "\n".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL))
-    done = subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=CLEAN, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "at least" in done.stdout
-    assert "full cycle: 100 cam turns, 1 output turn" in re.sub(r"\s+", " ", done.stdout)
+    hdassist = f'set -euo pipefail\nhdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
+    told = ""
+    for line in "".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL)).splitlines():
+        if re.fullmatch(r"hdassist [\w .=-]+", line):
+            done = run(*line.split()[1:], cwd=tmp_path)
+        else:  # a shell's work
+            done = subprocess.run(
+                ["bash", "-c", hdassist + line], cwd=tmp_path, env=CLEAN, capture_output=True, text=True
+            )
+        assert done.returncode == 0, done.stderr
+        told += done.stdout
+    assert "at least" in told
+    assert "full cycle: 100 cam turns, 1 output turn" in re.sub(r"\s+", " ", told)
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"

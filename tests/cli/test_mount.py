@@ -5,14 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
-import signal
-import subprocess
-import time
 
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from tests.cli.process import CLEAN, COMMAND, SMALL, run
+from tests.cli.process import SMALL, interrupted, run, run_cold
 
 QUICK = ("mount", SMALL, "--set", "mounting.holes=6")
 
@@ -54,7 +51,8 @@ def test_the_recommended_position_holds_when_checked_alone(answer):
 
 
 def test_the_same_digits_for_any_number_of_jobs(answer):
-    assert run(*QUICK, "--json", "--jobs", "1").stdout == answer.stdout
+    # and for any hash seed
+    assert run_cold(*QUICK, "--json", "--jobs", "1").stdout == answer.stdout
 
 
 def test_people_see_curve_and_tables(answer):
@@ -97,18 +95,11 @@ def test_wrong_input(args, code):
 
 
 def test_an_interrupt_ends_with_130_and_what_is_done():
-    process = subprocess.Popen(
-        [*COMMAND, "mount", "vzp160", "--step", "1", "--json"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True,
-    )  # fmt: skip
-    time.sleep(5)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Traceback" not in err
-    if out:  # a slow machine may have nothing to keep yet
-        assert "interrupted" in err
-        told = json.loads(out)
-        assert (told["exit_code"], told["complete"]) == (130, False)
-        assert 0 < len(told["curves"][0]["phase_deg"]) < 360
-        assert "positions were done" in told["warnings"][0]
+    done = interrupted("mount", SMALL, "--torque", "4", "--step", "0.1", "--json", after=2)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert "interrupted" in done.stderr
+    told = json.loads(done.stdout)
+    assert (told["exit_code"], told["complete"]) == (130, False)
+    assert 0 < len(told["curves"][0]["phase_deg"]) < 3600
+    assert "positions were done" in told["warnings"][0]

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hdassist
 from hdassist import MeasuredTeeth, MeasuredWheel, check, load_preset, read_pitch
 from tests.cli.process import SMALL, run
 
@@ -36,8 +35,8 @@ def files(tmp_path_factory) -> Path:
 
 
 def pitch(*args: str, files: Path, stdin: str | None = None):
-    """Run in a folder, so that files have short names; with the code under test, whatever is installed."""
-    return run(*args, cwd=files, stdin=stdin, env={"PYTHONPATH": str(Path(hdassist.__file__).parents[1])})
+    """Run in a folder, so that files have short names."""
+    return run(*args, cwd=files, stdin=stdin)
 
 
 @pytest.fixture(scope="module")

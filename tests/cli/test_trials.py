@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 from pathlib import Path
 
 import pytest
 
-from tests.cli.process import SMALL, run
+from tests.cli.process import SMALL, run, run_cold
 
 # what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
 TRIALS = ("--trial", "h0:73", "--trial", "120:18.7", "--trial", "h8:25")
@@ -48,7 +49,8 @@ def test_csv_has_a_row_for_each_hole(answer):
 
 
 def test_the_same_digits_for_any_number_of_jobs(answer):
-    assert json.loads(run(*ONE, *TRIALS, "--json", "--jobs", "1").stdout) == answer[0]
+    # and for any hash seed
+    assert json.loads(run_cold(*ONE, *TRIALS, "--json", "--jobs", "1").stdout) == answer[0]
 
 
 def test_people_see_the_instruction_and_tables(answer):
@@ -89,7 +91,12 @@ def test_an_outcome_says_keep_or_go_back():
         ((*TRIALS, "--noise", "0"), "noise of a trial"),
         ((*TRIALS, "--reseat", "-1"), "error of the seat"),
         ((*TRIALS, "--trial-torque", "0"), "torque of a trial"),
-        ((*TRIALS, "--step", "10"), "no meaning with trials"),
+        (
+            (*TRIALS, "--step", "10", "--samples", "9", "--cross-check", "osqp"),
+            "--step and --samples and --cross-check: no",
+        ),
+        ((*TRIALS, "--reverse-error"), "is for traces of trials"),
+        (("--trial", "h4:none.csv"), "neither a number nor a file"),
         (("--trial", "4:17"), "was hole 4 meant? h4:17"),
         (("--noise", "2"), "are those of trials"),
         ((*TRIALS, "--verify", "h4:17", "--card", "card.txt"), "for the mounting that --verify comes after"),
@@ -125,3 +132,27 @@ def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     assert "not from the last trial" in text
     now, best = (f"{answer[0][name]['F_ior_arcsec'][0]:.2f}" for name in ("current", "recommended"))
     assert f"F'_ior {now} -> {best} arcsec at 4" in text
+
+
+def test_a_trace_beside_a_number(tmp_path: Path):
+    """A trace of a drive with an offset of 50 um at 20 deg, as hdassist trace writes it."""
+    record, card = tmp_path / "run.csv", tmp_path / "card.txt"
+    offset = ("--set", "tolerances.e_hb=50", "--set", "phases.phi_hb=20")
+    assert run("trace", *ONE[1:], *offset, "-n", "2", "--phi-g0", "100", "--csv", str(record), "-q").returncode == 0
+    done = run(*ONE, "--trial", f"h0:{record}", "--trial", "h4:18.7", "--noise", "0.5", "--json", "--card", str(card))
+    assert done.returncode in (0, 6), done.stderr
+    told = json.loads(done.stdout)["trials"]
+    traced, number = told["measured"]
+    assert traced["F_ior_arcsec"] is None
+    assert traced["trace"]["sha256"] == hashlib.sha256(record.read_bytes()).hexdigest()
+    assert traced["trace"]["file"] == str(record)
+    assert traced["trace"]["angles"] == "growing"
+    assert 0 < traced["trace"]["range_arcsec"] < traced["explained_arcsec"] + 3 * traced["explained_sd_arcsec"]
+    assert (number["hole"], number["F_ior_arcsec"], number["trace"]) == (4, 18.7, None)
+    text = " ".join(card.read_text(encoding="utf-8").split())
+    assert f"sha256 {traced['trace']['sha256'][:12]}, range" in text
+    assert "hole 0 is where the wheel stood before the first trial" in text
+    record.write_text("\n".join(record.read_text().splitlines()[:40]))
+    short = run(*ONE, "--trial", f"h0:{record}")
+    assert short.returncode == 4
+    assert "less than one cam turn" in short.stderr

@@ -13,6 +13,7 @@ from hdassist.analysis.advice import Advice
 from hdassist.analysis.mounting import MountingCurve
 from hdassist.analysis.mounting_curve import Alternative
 from hdassist.analysis.robust import Criterion, Robust
+from hdassist.analysis.trial_traces import TrialTrace
 from hdassist.analysis.trials import Trial
 from hdassist.model.measured import MeasuredTeeth, MeasuredWheel
 from hdassist.preset.pitch import PitchFile
@@ -96,6 +97,8 @@ def crowded(advice: Advice) -> Advice:
 
 
 TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more than a card has room for
+NONE = np.zeros((1, 1))
+TRACED = Trial(120.0, 14.26, TrialTrace("run.csv", "0" * 64, NONE[0], NONE[0], NONE, NONE, 1.0, 14.26, 2.0, True))
 
 
 def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:

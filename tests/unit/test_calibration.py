@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.analysis import calibration
 from hdassist.analysis.calibration import calibrate
 from hdassist.analysis.evaluations import Evaluations
 from hdassist.analysis.extremes import QUICK
@@ -46,6 +47,12 @@ def cheap():
         f"quantity: torsional_stiffness, from: 2, to: 6, value: {curve.positive[1].stiffness}, tolerance: 0.1 %",
     ]
     return targets_of(drive_of(), lines)
+
+
+@pytest.fixture
+def one_start(monkeypatch):
+    """Least squares from the best point alone, where sets that lie far from it are not the point."""
+    monkeypatch.setattr(calibration, "STARTS", 1)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +99,7 @@ def test_one_target_cannot_tell_two_unknowns_apart(cheap):
         assert abs(other.values[0] - found.best.values[0]) > 0.2 * 15 or abs(apart) > np.log(2)
 
 
-def test_targets_that_cannot_be_met_get_the_nearest(cheap):
+def test_targets_that_cannot_be_met_get_the_nearest(cheap, one_start):
     impossible = targets_of(
         drive_of(), [f"quantity: lost_motion, M_g: 7, value: {10 * cheap.targets[0].value}, tolerance: 1 %"]
     )
@@ -102,7 +109,7 @@ def test_targets_that_cannot_be_met_get_the_nearest(cheap):
     assert found.best.values == pytest.approx((15, 2e-4), rel=0.1)
 
 
-def test_a_state_file_is_gone_on_with(cheap, tmp_path):
+def test_a_state_file_is_gone_on_with(cheap, tmp_path, one_start):
     file = tmp_path / "state.jsonl"
     first = Evaluations(drive_of(), cheap, file=file)
     one = calibrate(drive_of(), cheap, first, budget=32, seed=5)
@@ -138,7 +145,7 @@ def test_nothing_computable_is_an_error(cheap):
     assert error.value.exit_code == 5
 
 
-def test_a_trace_names_the_drive_it_was_made_of(tmp_path):
+def test_a_trace_names_the_drive_it_was_made_of(tmp_path, one_start):
     hidden = drive_of().with_values(HIDDEN)
     (tmp_path / "trace.csv").write_text(trace_csv(trace(hidden, 4.0, revolutions=2, cross_check=None)))
     targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))

@@ -7,18 +7,20 @@ import pytest
 
 from hdassist import load_preset, trace
 from hdassist.analysis.budget import combined, parse_stated
+from hdassist.analysis.checklist import F_IOR
+from hdassist.analysis.decision import Asked, Known, decide
 from hdassist.analysis.gearing import Gearing, gearing_of
 from hdassist.analysis.lines import lines, parse_orders
 from hdassist.analysis.measured import measure
 from hdassist.errors import DataError, UntrustedError, UsageError
 from tests.cli.process import SMALL
-from tests.rigs import drive_error, recorded, slow_noise, whole_range
+from tests.rigs import Curve, drive_error, recorded, slow_noise, turn_range, whole_range
 
 RATIO, PER_TURN = 30.0, 120
 
 
-def simulated(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Cam angles [turns], errors [arcsec] and the true F'_ior of one of five rigs."""
+def simulated(seed: int) -> tuple[np.ndarray, np.ndarray, Curve]:
+    """Cam angles [turns], errors [arcsec] and the true curve of one of five rigs."""
     rng = np.random.default_rng(seed)
     curve = drive_error(rng, RATIO, scale=rng.choice([1.5, 5.0]))
     turns = np.arange(RATIO * PER_TURN) / PER_TURN
@@ -31,18 +33,25 @@ def simulated(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
     error = curve(turns) + noise
     if rig == 4:  # a coarse reading
         error = np.round(error * 2) / 2
-    return turns, error, whole_range(curve, RATIO)
+    return turns, error, curve
 
 
 def test_known_ranges_lie_within_the_stated_uncertainty():
-    hits, raw_too_large = 0, 0
+    hits, within, passed, raw_too_large = 0, 0, 0, 0
     for seed in range(60):
-        turns, error, true = simulated(seed)
+        turns, error, curve = simulated(seed)
         (found,) = measure(recorded(turns, error), ratio=RATIO).directions
         low, high = found.interval_arcsec
+        true, u = whole_range(curve, RATIO), found.uncertainty_arcsec
         hits += low <= true <= high
+        in_turn = abs(found.revolution.value - turn_range(curve, RATIO))
+        within += in_turn <= 2 * found.revolution_uncertainty_arcsec
+        # a drive that stands just at its limit
+        passed += decide(Asked(F_IOR, true), Known(found.range.value, u, "measured"), "guard", 0).verdict == "PASS"
         raw_too_large += found.raw_range_arcsec > high
     assert hits >= 57
+    assert within >= 57
+    assert passed <= 3  # 5 % at most
     assert raw_too_large > 30  # what the uncorrected range would have said
 
 

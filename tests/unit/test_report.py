@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hdassist.report.console import Look
 from hdassist.report.csvtext import to_csv
 from hdassist.report.envelope import combine, to_json
-from hdassist.report.plot import curve, dots_to_braille
+from hdassist.report.plot import curve, dots_to_braille, two_curves
 from hdassist.report.quantities import Quantity, as_object
 
 BRAILLE, ASCII = Look(ascii=False, codes=False, width=80), Look(ascii=True, codes=False, width=80)
@@ -133,3 +133,17 @@ def test_several_answers_take_the_worst_exit_code():
 
 def test_csv_is_plain():
     assert to_csv(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
+
+
+def test_two_curves_have_a_glyph_each_and_a_legend():
+    x = np.linspace(0, 1, 200)
+    for look, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
+        page = two_curves(look, x, np.sin(6 * x), np.sin(6 * x + 0.5), names=("one", "two"), x_label="x", y_label="y")
+        legend, *picture = page.splitlines()
+        assert legend == f"y: {glyphs[0]} one, {glyphs[1]} two, {glyphs[2]} both"
+        assert all(glyph in "".join(picture) for glyph in glyphs)
+        assert max(map(len, page.splitlines())) <= 80
+    same = two_curves(ASCII, x, x, x, names=("one", "two"), x_label="x", y_label="y").splitlines()[1:]
+    drawn = {glyph for line in same for glyph in line[9:] if glyph in ".o#"}
+    assert "#" in drawn
+    assert "o" not in drawn

@@ -119,11 +119,13 @@ def test_lost_motion_is_at_four_hundredths_of_the_rated_torque(reference):
 
 
 def test_a_short_curve_has_fewer_segments(reference):
-    assert [s.end for s in of(reference, T_1=100.0, T_2=600.0, T_max=300.0).positive] == [100, 300]
+    # a chord to the end of the curve would be no K2
+    assert [s.end for s in of(reference, T_1=100.0, T_2=600.0, T_max=300.0).positive] == [100]
+    assert [s.end for s in of(reference, T_1=100.0, T_2=600.0, T_max=600.0).positive] == [100, 600]
 
 
 @pytest.mark.parametrize(
-    "options", [{"T_1": 900.0}, {"T_2": -5.0}, {"T_max": 0.0}, {"T_max": np.nan}, {"T_max": np.inf}]
+    "options", [{"T_1": 900.0}, {"T_2": -5.0}, {"T_2": np.inf}, {"T_max": 0.0}, {"T_max": np.nan}, {"T_max": np.inf}]
 )
 def test_torques_out_of_order(reference, options):
     with pytest.raises(UsageError, match="must be positive"):

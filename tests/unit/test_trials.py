@@ -46,6 +46,12 @@ def prior() -> OffsetPrior:
     return offset_prior(told(), (M_G,), reseat=True)
 
 
+@pytest.fixture(scope="module")
+def both() -> OffsetPrior:
+    """The same with a torque before that of the trials, and no error of the seat."""
+    return offset_prior(told(), (1.0, M_G))
+
+
 def hidden(size: float, direction: float) -> Drive:
     return load_preset(SMALL).with_values({"tolerances.e_hb": size, "phases.phi_hb": direction})
 
@@ -175,8 +181,7 @@ def test_forbidden_holes_are_not_chosen(prior: OffsetPrior) -> None:
     assert left[second.best] == POSITIONS[int(np.argsort(best.expected_loss)[1])]
 
 
-def test_two_torques_and_their_weights() -> None:
-    both = offset_prior(told(), (1.0, M_G))
+def test_two_torques_and_their_weights(both: OffsetPrior) -> None:
     tried = trials(measured(50.0, 20.0))
     alone = [posterior(both, tried, RIG, POSITIONS, weights=w) for w in ((1.0, 1e-9), (1e-9, 1.0))]
     for k, known in enumerate(alone):
@@ -265,9 +270,8 @@ def test_the_same_hole_again_is_kept_whatever_the_noise(prior: OffsetPrior) -> N
     assert verify(known, Trial(least.rotation_deg, least.F_ior_arcsec + 1)).keep
 
 
-def test_an_outcome_counts_at_all_torques_that_decide() -> None:
+def test_an_outcome_counts_at_all_torques_that_decide(both: OffsetPrior) -> None:
     """A hole that is worse at the trials' torque may be the better one over all."""
-    both = offset_prior(told(), (1.0, M_G))
     light = hidden(26.0, 300.0)
     search = CycleSearch(light, 1.0)
     tried = [Trial(r, search.extremes(rotated(light, r), QUICK).F_ior_arcsec) for r in THIRDS]
@@ -277,15 +281,15 @@ def test_an_outcome_counts_at_all_torques_that_decide() -> None:
     assert verify(known, Trial(best, value)).keep
 
 
-def test_which_hole_is_called_0_does_not_matter() -> None:
+def test_which_hole_is_called_0_does_not_matter(both: OffsetPrior) -> None:
     """The same seat and evidence, holes counted from another one."""
-    drive = told().with_values({"phases.xi_b": 90.0})
-    shifted = drive.with_values({"phases.xi_b": 90.0 + 120.0})
+    assert told().phases.xi_b == 90
+    shifted = offset_prior(told().with_values({"phases.xi_b": 90.0 + 120.0}), (1.0, M_G))
     values = measured(40.0, 140.0)
     chosen = []
-    for counted, first in ((drive, 0.0), (shifted, 120.0)):
+    for counted, first in ((both, 0.0), (shifted, 120.0)):
         tried = [Trial((r - first) % 360, values[POSITIONS.index(r)]) for r in THIRDS]
-        known = posterior(offset_prior(counted, (1.0, M_G)), tried, RIG, POSITIONS)
+        known = posterior(counted, tried, RIG, POSITIONS)
         chosen.append((POSITIONS[known.best] + first) % 360)
     assert chosen[0] == chosen[1]
 
