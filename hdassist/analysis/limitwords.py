@@ -32,6 +32,20 @@ def limit_overrides(texts: Sequence[str]) -> list[str]:
     return overrides
 
 
+def is_named(text: str, option: str) -> bool:
+    """Whether a text such as F_ior@80 names a limit, as --limit or --value would have it before the equals sign.
+
+    Raises UsageError: it names one, with a torque or order that cannot be.
+    """
+    name, _, torque = text.strip().partition("@")
+    if name not in NAMES and not name.startswith(ORDER_PREFIX):
+        return False
+    _parts(f"{text}=1", option)
+    if torque:
+        _number(torque, text)
+    return True
+
+
 def stated_values(texts: Sequence[str], drive: Drive) -> dict[Asked, Stated]:
     """Values of the command line, by the limit of the drive that they are for.
 

@@ -51,8 +51,7 @@ def measure(
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
     the record does not resolve, or an F'_ior that is not clear of its noise.
     """
-    if drift not in DRIFTS:
-        raise UsageError(f"--drift must be none, linear or quadratic, not {drift}")
+    require_drift(drift)
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
     found: list[Direction] = []
@@ -80,6 +79,12 @@ def measure(
     return Measurement(
         trace, gearing, tuple(found), reversal, tuple(dict.fromkeys(notes)), tuple(dict.fromkeys(warnings)), seed
     )
+
+
+def require_drift(kind: str) -> None:
+    """Raise UsageError unless it is a kind of drift that can be taken off."""
+    if kind not in DRIFTS:
+        raise UsageError(f"--drift must be none, linear or quadratic, not {kind}")
 
 
 def _declared(trace: MeasuredTrace, moves: list[Sweep], orders: str | None, notes: list[str]) -> tuple[float, ...]:

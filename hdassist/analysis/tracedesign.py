@@ -55,7 +55,8 @@ class Design:
             raise UntrustedError(
                 message, "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
             )
-        self.root: Array = scale[:, None] * vectors / np.sqrt(values)
+        # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
+        self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
     def _rows(self, rows: slice) -> Array:
         cells = self._cells

@@ -1,8 +1,7 @@
-"""`hdassist accept`: drives held against their limits."""
+"""`hdassist accept`: drives, and lots of them, held against their limits."""
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, Literal
 
 import typer
@@ -11,7 +10,14 @@ from hdassist.cli import options as o
 
 
 def command(
-    presets: o.Presets,
+    presets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[PRESET...|LOT]",
+            help="Preset names, paths, or - for stdin; or a lot: a table NAME.csv, or a folder.",
+            show_default=False,
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
     measured: Annotated[
         list[str],
         typer.Option("--measured", metavar="[TORQUE:]FILE", help="Measured trace, at a torque in N*m. Repeatable."),
@@ -34,6 +40,12 @@ def command(
     fail_on: Annotated[
         Literal["warn", "fail", "never"], typer.Option(help="What makes the exit code other than 0.")
     ] = "fail",
+    preset: Annotated[
+        str, typer.Option("--preset", metavar="PRESET", help="Preset of the rows of a lot that name none.")
+    ] = "",
+    replay: Annotated[
+        str | None, typer.Option("--replay", metavar="RESULT", help="Do again what an answer says (--json, --jsonl).")
+    ] = None,
     angle: o.Angle = None,
     angle_of: o.AngleOf = None,
     angle_unit: o.AngleUnit = None,
@@ -49,6 +61,13 @@ def command(
     jobs: o.Jobs = 0,
     json: o.Json = False,
     csv: o.Csv = None,
+    jsonl: Annotated[
+        str | None, typer.Option("--jsonl", metavar="FILE", help="Write each answer as a line of JSON (- for stdout).")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the answers in --jsonl FILE.")] = False,
+    junit: Annotated[
+        str | None, typer.Option("--junit", metavar="FILE", help="Write JUnit XML (- for stdout).")
+    ] = None,
     output: o.Target = "-",
     force: o.Force = False,
     ascii: o.Ascii = False,
@@ -65,65 +84,58 @@ def command(
       hdassist accept my-drive.yaml --measured 80:run.csv --measured-only --budget encoder=0.3
       hdassist accept vzp160 --limit F_ior@80=30 --limit order_2=5 --limit lost_motion=60
       hdassist accept my-drive.yaml --value lost_motion=41±3 --json
+      hdassist accept lot.csv --preset my-drive.yaml --measured-only --jsonl lot.jsonl --resume --junit lot.xml
+      hdassist accept --replay result.json
 
     A limit is decided by what was measured, with its uncertainty and a decision rule, or else by the model's
-    prediction with a declared margin. hdassist explain CODE tells what a check means. Exit codes: 0 PASS, 3 FAIL,
-    6 INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy answer.
+    prediction with a declared margin. hdassist explain CODE tells what a check means. A lot has a row for each drive,
+    with the columns serial, preset, measured or measured@80 (files), NAME[@TORQUE] (values like 28.1±1.2),
+    limit NAME[@TORQUE], section.key (overrides); or it is a folder of presets with traces beside them
+    (17-042.yaml, 17-042@80.csv). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6 INCONCLUSIVE, 4 bad preset,
+    file or no limit, 5 no trustworthy answer; of several drives the worst, in the order 1, 5, 4, 3, 6, 0.
     """
-    from hdassist.analysis.acceptance import Acceptance
-    from hdassist.analysis.acceptance_request import Reading, Request, carry_out, read_measurements
-    from hdassist.analysis.limits import limits_of
-    from hdassist.analysis.predictions import work
-    from hdassist.analysis.verdict import worst_exit_code
-    from hdassist.cli.output import Output, complain, note, warn
-    from hdassist.cli.workers import workers
-    from hdassist.errors import HdassistError, UsageError
-    from hdassist.report import accept as report
-    from hdassist.report import accept_figures as figures
-    from hdassist.report.envelope import combine, to_json
+    from hdassist.analysis.acceptance_request import Reading, Request
+    from hdassist.analysis.lot import is_lot
+    from hdassist.cli.lots import Files, accept_lot
+    from hdassist.cli.output import Output
+    from hdassist.cli.replay import replay_answers
+    from hdassist.cli.single import accept_presets
+    from hdassist.errors import UsageError
 
-    if len(presets) > 1 and (measured or value or serial):
-        raise UsageError("what was measured belongs to one drive", "one PRESET, or a list of drives in a CSV file")
-    if [*presets, *(text.rpartition(":")[2] for text in measured)].count("-") > 1:
+    lots = [name for name in presets if is_lot(name)]
+    if not presets and replay is None:
+        raise UsageError("nothing to accept", "name a preset, a lot.csv or a folder; hdassist accept -h")
+    if len(presets) > 1 and lots:
+        raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
+    if (len(presets) > 1 or lots) and (measured or value or serial):
+        raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
+    if (preset or resume) and not lots:
+        raise UsageError(f"{'--preset' if preset else '--resume'} is for lots", "hdassist accept LOT.csv")
+    if [*presets, *(text.rpartition(":")[2] for text in measured), replay].count("-") > 1:
         raise UsageError("standard input can be read once only")
+    if preset == "-":
+        raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
+    files = Files(jsonl, junit, resume)
+    files.require_sound(out, json)
+    if replay is not None:
+        if lots or measured or value or limit or overrides or serial or csv or files != Files():
+            raise UsageError("--replay does what its answer says", "no other options than PRESET, --json, -o, --jobs")
+        raise typer.Exit(replay_answers(replay, presets, out, jobs=jobs, json=json, quiet=quiet, debug=debug))
     rules = [f"acceptance.rule={rule}"] * bool(rule) + ([f"acceptance.margin={margin}"] if margin is not None else [])
     reading = Reading(
         angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap, orders, drift, tuple(budget)
     )
-    done: list[tuple[str, Acceptance]] = []
-    answers, pages = [], []
-    for preset in presets:
-        request = Request(
-            preset, serial, (*overrides, *rules), tuple(limit), tuple(measured), tuple(value), reading, measured_only,
-            cross_check, seed,
-        )  # fmt: skip
-        begun = time.monotonic()
-        try:
-            drive = request.load()
-            traces = read_measurements(request, drive)
-            states = 0 if measured_only else work(drive, limits_of(drive))
-            with out.progress(drive.name, states) as progress, workers(jobs) as executor:
-                result = carry_out(request, drive, traces, executor=executor, progress=progress)
-        except HdassistError as fault:
-            if debug or isinstance(fault, UsageError) or (len(presets) == 1 and not json):
-                raise
-            complain(fault, "" if preset in fault.message else preset)
-            answers.append(figures.failure(request, fault))
-            continue
-        done.append((serial, result))
-        answers.append(figures.answer(request, result, fail_on))
-        pages.append(report.brief(result) if quiet else report.render(result, out.look, serial))
-        for text in drive.origin.warnings:
-            warn(f"{drive.name}: {text}")
-        if verbose:
-            note(f"{drive.name}: {time.monotonic() - begun:.1f} s")
-    if json:
-        out.text(to_json(combine("accept", answers)))
-    elif pages:
-        from rich.console import Group
-
-        out.human(Group(*pages))
-    if done:
-        out.figures(report.csv(done))
-    raise typer.Exit(worst_exit_code(answer["exit_code"] for answer in answers))
+    base = Request(
+        preset, serial, (*overrides, *rules), tuple(limit), tuple(measured), tuple(value), reading, measured_only,
+        cross_check, seed,
+    )  # fmt: skip
+    if lots:
+        code = accept_lot(
+            lots[0], base, out, files, fail_on=fail_on, jobs=jobs, json=json, quiet=quiet, verbose=verbose, debug=debug
+        )
+    else:
+        code = accept_presets(
+            presets, base, out, files, fail_on=fail_on, jobs=jobs, json=json, quiet=quiet, verbose=verbose, debug=debug
+        )
+    raise typer.Exit(code)

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdassist.errors import HdassistError
@@ -53,9 +53,13 @@ class Output:
         if self.look.codes:
             console(sys.stdout, self.look).print(answer)
             return
+        self.text(self.page(answer))
+
+    def page(self, answer: RenderableType) -> str:
+        """The answer for people as plain text."""
         page = io.StringIO()
-        console(page, self.look).print(answer)
-        self.text("\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n")
+        console(page, replace(self.look, codes=False)).print(answer)
+        return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
 
     def text(self, answer: str) -> None:
         """Give an answer that is text as it stands."""
@@ -81,6 +85,7 @@ class Output:
             TextColumn("{task.percentage:3.0f} %"),
             TimeRemainingColumn(),
             console=console(sys.stderr, look), transient=True,
+            redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
         task = bar.add_task(words, total=total)
         begun = time.monotonic()

@@ -19,7 +19,7 @@ def workers(jobs: int) -> Iterator[Executor]:
     One job is a process too: the same arithmetic, so the same digits for any number of jobs.
     """
     pool = ProcessPoolExecutor(
-        max_workers=jobs or _cores(),
+        max_workers=count(jobs),
         mp_context=multiprocessing.get_context(_way()),
         initializer=signal.signal,
         initargs=(signal.SIGINT, signal.SIG_IGN),  # an interrupt is the parent's to handle
@@ -35,5 +35,7 @@ def _way() -> str:
     return "fork" if sys.platform == "linux" and threading.active_count() == 1 else "spawn"
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def count(jobs: int) -> int:
+    """So many processes (0: one for each core)."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return jobs or cores

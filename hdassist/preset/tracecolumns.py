@@ -30,6 +30,14 @@ class TraceForm:
     second: str | None = None
     wrap: float | None = None
 
+    def require_sound(self) -> None:
+        """Raise UsageError for what no file could meet: units that are none, or both error and second."""
+        if self.error is not None and self.second is not None:
+            raise UsageError("the error, or the angle of a second encoder, not both")
+        for option, unit in (("--angle-unit", self.angle_unit), ("--error-unit", self.error_unit)):
+            if unit is not None and (fault := unit_fault(unit)):
+                raise UsageError(f"{option}: no unit of angle: {unit}", fault)
+
 
 @dataclass(frozen=True)
 class Roles:
@@ -49,8 +57,7 @@ def roles(table: Columns, form: TraceForm, notes: list[str]) -> Roles:
     Arguments: table; form, what is asked; notes, to which is added what was found out.
     Raises UsageError: wrong units or both error and second; PresetError: columns that cannot be told.
     """
-    if form.error is not None and form.second is not None:
-        raise UsageError("the error, or the angle of a second encoder, not both")
+    form.require_sound()
     kinds = [role_in(name) for name in table.names] or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
         kinds = ["cam", "error"]
@@ -100,8 +107,6 @@ def _unit(
     table: Columns, column: int, asked: str | None, default: str, option: str, notes: list[str]
 ) -> tuple[str, float]:
     if asked is not None:
-        if fault := unit_fault(asked):
-            raise UsageError(f"{option}: no unit of angle: {asked}", fault)
         named = unit_in(table.name(column))
         if named and named != plain_unit(asked):
             notes.append(f'"{table.name(column)}": {asked} as asked for, though the name says {named}')

@@ -55,8 +55,12 @@ def answer(request: Request, result: Acceptance, fail_on: FailOn) -> dict[str, A
         "seed": request.seed,
         "fail_on": fail_on,
         "request": asdict(request),
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "time": _now(),
     }
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _measured(measurements: Mapping[float, Measurement]) -> list[dict[str, Any]]:
@@ -76,4 +80,10 @@ def _measured(measurements: Mapping[float, Measurement]) -> list[dict[str, Any]]
 
 def failure(request: Request, error: HdassistError) -> dict[str, Any]:
     """The answer about a drive that has none: its error."""
-    return {**failed("accept", request.preset, error), "serial": request.serial, "request": asdict(request)}
+    return {
+        **failed("accept", request.preset, error),
+        "serial": request.serial,
+        "seed": request.seed,
+        "request": asdict(request),
+        "time": _now(),
+    }

@@ -43,8 +43,11 @@ def failure(command: str, name: str, error: HdassistError) -> dict[str, Any]:
 
 def combine(command: str, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """One object for all drives: the answer itself where there is one, else a list of them."""
-    if len(results) == 1:
-        return results[0]
+    return results[0] if len(results) == 1 else together(command, results)
+
+
+def together(command: str, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """One object with a list of answers, be it one or many; its exit code is the worst of theirs."""
     return {
         "schema": f"hdassist.{command}/1",
         "version": __version__,

@@ -28,6 +28,12 @@ def write_text(path: str, text: str, force: bool) -> None:
             hush()
         return
     require_writable(path, force)
+    put_text(path, text)
+    sys.stderr.write(f"wrote {path}\n")
+
+
+def put_text(path: str, text: str) -> None:
+    """Write text as UTF-8 to a file, in place of what it has. Raises DataError: it cannot be; then nothing changed."""
     data = text.encode("utf-8", "backslashreplace")
     target = Path(path)
     try:
@@ -37,7 +43,15 @@ def write_text(path: str, text: str, force: bool) -> None:
             _replace(_real(target), data)
     except OSError as error:
         raise _unwritable(path, error.strerror or str(error)) from None
-    sys.stderr.write(f"wrote {path}\n")
+
+
+def add_line(path: str, line: str) -> None:
+    """Add a line to the end of a file at once. Raises DataError: it cannot be."""
+    try:
+        with Path(path).open("ab") as stream:
+            stream.write(line.encode("utf-8", "backslashreplace") + b"\n")
+    except OSError as error:
+        raise _unwritable(path, error.strerror or str(error)) from None
 
 
 def require_writable(path: str, force: bool) -> None:

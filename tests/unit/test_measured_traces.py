@@ -250,3 +250,11 @@ def test_a_coarse_reading_without_noise_counts():
 def test_the_same_seed_gives_the_same_figures():
     first, again = (measure(recorded(EVEN, wave(EVEN)), ratio=100, seed=4).F_ior_arcsec for _ in range(2))
     assert first == again
+
+
+def test_rounding_does_not_move_the_draws():
+    turns, error, _ = simulated(0)
+    turns = turns + 0.37 / PER_TURN  # no reading at the edge of a cell
+    apart = turns + 1e-13 * np.random.default_rng(2).standard_normal(len(turns))
+    (one,), (two,) = (measure(recorded(angles, error), ratio=RATIO).directions for angles in (turns, apart))
+    assert np.abs(one.fit.factor - two.fit.factor).max() < 1e-6 * np.abs(one.fit.factor).max()
