@@ -15,7 +15,7 @@ from hdassist.analysis.checklist import (
     NOT_TESTED,
     RATED,
     RECORD,
-    REVOLUTION_RANGE,
+    TURN_RANGE,
     UNCERTAINTY,
     Remark,
 )
@@ -146,7 +146,7 @@ def _measured(asked: Asked, measurement: Measurement) -> Known | None:
 def _of_direction(asked: Asked, found: Direction) -> Known | None:
     if asked.check == F_IOR:
         extent = found.range.value, found.uncertainty_arcsec
-    elif asked.check == REVOLUTION_RANGE:
+    elif asked.check == TURN_RANGE:
         extent = found.revolution.value, found.revolution_uncertainty_arcsec
     else:
         orders = [o for o in found.orders if abs(o.per_cam_rev - (asked.order or 0.0)) <= 0.5 / found.cells.span]

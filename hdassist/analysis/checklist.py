@@ -50,13 +50,13 @@ F_IOR = Check(
     "(hdassist compare tells which deviation explains a measured one), the clearance j_n, the wave W_0.",
     "F_ior",
 )
-REVOLUTION_RANGE = Check(
-    "REVOLUTION_RANGE",
+TURN_RANGE = Check(
+    "TURN_RANGE",
     "range in one cam turn",
     "The greatest range of the error within any one turn of the cam: what a drive shows that moves little.",
     "Offsets of the cam and second orders of the pitch deviations make the output swing in each turn of the cam.",
     "Less offset of the cam (seat, bearing, bore), more evenly worn or better centred wheels, more teeth in mesh.",
-    "revolution_range",
+    "turn_range",
 )
 ORDER = Check(
     "ORDER",
@@ -95,9 +95,9 @@ STIFFNESSES = K1, K2, K3 = tuple(
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
 )
-CHECKS = (F_IOR, REVOLUTION_RANGE, ORDER, SELF_ERROR, LOST_MOTION, *STIFFNESSES)
-PER_TORQUE = (F_IOR, REVOLUTION_RANGE, SELF_ERROR)
-FROM_TRACES = (F_IOR, REVOLUTION_RANGE, ORDER)
+CHECKS = (F_IOR, TURN_RANGE, ORDER, SELF_ERROR, LOST_MOTION, *STIFFNESSES)
+PER_TORQUE = (F_IOR, TURN_RANGE, SELF_ERROR)
+FROM_TRACES = (F_IOR, TURN_RANGE, ORDER)
 
 COVERAGE = Remark(
     "COVERAGE",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from hdassist.analysis.checklist import F_IOR, FROM_TRACES, REVOLUTION_RANGE, SELF_ERROR, STIFFNESSES
+from hdassist.analysis.checklist import F_IOR, FROM_TRACES, SELF_ERROR, STIFFNESSES, TURN_RANGE
 from hdassist.analysis.decision import Asked, Known
 from hdassist.analysis.kinematic_error import CrossCheck, KinematicError, kinematic_error
 from hdassist.analysis.self_error import SelfError, self_error
@@ -57,7 +57,7 @@ class Predictions:
         error = self.errors[M_g]
         if check == F_IOR:
             return error.F_ior_arcsec + self.self_errors[M_g].range_arcsec
-        return revolution_range(error) if check == REVOLUTION_RANGE else amplitude(error, asked.order or 0.0)
+        return range_in_a_turn(error) if check == TURN_RANGE else amplitude(error, asked.order or 0.0)
 
     def _of_twist(self, asked: Asked) -> float:
         if self.stiffness is None:
@@ -69,7 +69,7 @@ class Predictions:
         return min(side[place].stiffness for side in (self.stiffness.positive, self.stiffness.negative))
 
 
-def revolution_range(error: KinematicError) -> float:
+def range_in_a_turn(error: KinematicError) -> float:
     """Greatest range [arcsec] of the error within one cam turn of the full cycle."""
     turn, values = error.kinematics.teeth_fixed, error.error_arcsec
     extent = maximum_filter1d(values, turn, mode="wrap") - minimum_filter1d(values, turn, mode="wrap")

@@ -179,7 +179,7 @@ class Acceptance(Section):
     F_ior: PerTorque = field(
         "limit of F'_ior with the self error, per torque {80: 30} or for all torques", "arcsec", {}
     )
-    revolution_range: PerTorque = field("limit of the range within one cam turn, as F_ior", "arcsec", {})
+    turn_range: PerTorque = field("limit of the range within one cam turn, as F_ior", "arcsec", {})
     self_error: PerTorque = field("limit of the self error, as F_ior", "arcsec", {})
     order_amplitude: Annotated[dict[str, Limit], AfterValidator(_order_keys)] = field(
         "limit of the amplitude of orders per cam turn {2: 10}, at all torques", "arcsec", {}

@@ -10,7 +10,7 @@ from hdassist.errors import Finding, UsageError
 from hdassist.preset.findings import OVERRIDE
 from hdassist.preset.yamltext import Document, Mark, Path, Place, path_text, read, shown
 
-PER_TORQUE = [("acceptance", name) for name in ("F_ior", "revolution_range", "self_error")]
+PER_TORQUE = [("acceptance", name) for name in ("F_ior", "turn_range", "self_error")]
 
 
 @dataclass(frozen=True)

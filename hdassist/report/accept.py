@@ -1,4 +1,4 @@
-"""Acceptance of a drive as a page, as the answer alone, and as CSV."""
+"""Acceptance of a drive as a page, and as the answer alone."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from rich.text import Text
 
 from hdassist.analysis.acceptance import Acceptance
 from hdassist.analysis.decision import GUARD, Decision
-from hdassist.report.accept_figures import CHECK
 from hdassist.report.console import Look, table
-from hdassist.report.csvtext import to_csv
+from hdassist.version import __version__
 
 RULES = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
@@ -72,6 +71,8 @@ def _row(decision: Decision) -> list[str]:
 
 def _notes(result: Acceptance) -> list[str]:
     lines = [f"certificate: {result.predictions.certificate}"] if result.predictions else []
+    lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
+    lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
     lines += [f"{d.verdict}, {d.asked.label}: {d.reason}" for d in result.decisions if d.reason]
     lines += [f"remark {said.remark.code}: {said.text}" for said in result.remarks]
     codes = [d.asked.check.code for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]
@@ -83,9 +84,3 @@ def _notes(result: Acceptance) -> list[str]:
 def brief(result: Acceptance) -> str:
     """The answer alone: the verdict."""
     return str(result.verdict)
-
-
-def csv(results: Sequence[tuple[str, Acceptance]]) -> str:
-    """One row per drive and limit; results with the serial of each drive."""
-    rows = [[serial, r.drive.name, *(q.value(d) for q in CHECK)] for serial, r in results for d in r.decisions]
-    return to_csv(["serial", "preset", *(q.key for q in CHECK)], rows)

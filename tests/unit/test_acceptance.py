@@ -20,7 +20,7 @@ from hdassist.analysis.limits import limits_of
 from hdassist.analysis.limitwords import limit_overrides, stated_values
 from hdassist.analysis.measured import measure
 from hdassist.analysis.orders import orders
-from hdassist.analysis.predictions import amplitude, predict, revolution_range
+from hdassist.analysis.predictions import amplitude, predict, range_in_a_turn
 from hdassist.analysis.stiffness import stiffness
 from hdassist.analysis.trace import trace
 from hdassist.errors import DataError, UsageError
@@ -95,7 +95,7 @@ def test_predictions_have_their_margin_under_both_rules():
 
 LIMITS = (
     "F_ior=40",
-    "revolution_range=40",
+    "turn_range=40",
     "self_error=40",
     "order_2=40",
     "lost_motion=400",
@@ -128,11 +128,11 @@ def test_predicted_values_are_those_of_the_other_commands(predicted):
         assert told["ORDER", M_g] == pytest.approx(second, abs=1e-9)
         # a turn that begins later is a trace that begins where the moving wheel then stands
         later = [trace(drive, M_g, start_deg=start, cross_check=None).error.range_arcsec for start in (0, -12, 12, 36)]
-        assert max(later) <= told["REVOLUTION_RANGE", M_g] + 1e-6
+        assert max(later) <= told["TURN_RANGE", M_g] + 1e-6
         around = np.concatenate([error.error_arcsec] * 2)
         turn = error.kinematics.teeth_fixed
         brute = max(np.ptp(around[k : k + turn]) for k in range(len(error.error_arcsec)))
-        assert told["REVOLUTION_RANGE", M_g] == pytest.approx(brute, abs=1e-12)
+        assert told["TURN_RANGE", M_g] == pytest.approx(brute, abs=1e-12)
     twist = stiffness(drive)
     assert told["LOST_MOTION", None] == twist.lost_motion_arcsec
     for k in range(3):
@@ -182,7 +182,7 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
     for order in (0.01, 2.01, 40.0):
         with pytest.raises(UsageError, match="none of the full cycle"):
             amplitude(error, order)
-    assert revolution_range(error) <= error.F_ior_arcsec
+    assert range_in_a_turn(error) <= error.F_ior_arcsec
 
 
 RNG = np.random.default_rng(3)
@@ -195,7 +195,7 @@ def rig(turns: int, noise: float = 0.2):
 
 
 def test_a_trace_of_the_full_cycle_decides():
-    drive = small("F_ior@4=50", "revolution_range@4=50", "order_2=50")
+    drive = small("F_ior@4=50", "turn_range@4=50", "order_2=50")
     found = accept(drive, {4.0: measure(rig(30), drive=drive)}, measured_only=True)
     F_ior, within, second = (d.known for d in found.decisions)
     assert F_ior.value == pytest.approx(whole_range(CURVE, 30), abs=3 * F_ior.uncertainty)
@@ -211,7 +211,7 @@ def test_a_trace_of_the_full_cycle_decides():
 def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
     measured = {4.0: measure(rig(5), drive=small())}
     for limit, verdict in ((1.0, "FAIL"), (1000.0, "INCONCLUSIVE")):
-        drive = small(f"F_ior@4={limit}", f"revolution_range@4={limit}")
+        drive = small(f"F_ior@4={limit}", f"turn_range@4={limit}")
         found = accept(drive, measured)
         assert [d.verdict for d in found.decisions] == [verdict] * 2
         assert "COVERAGE" in [said.remark.code for said in found.remarks]

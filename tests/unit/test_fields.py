@@ -102,7 +102,7 @@ ELSEWHERE = {
     "gears.z_g", "gears.z_b", "bearing.d_ball", "bearing.ball_motion", "phases.phi_hg", "mounting.fixed",
     "mounting.mark_kind", "operation.M_g", "operation.rated", "acceptance.F_ior", "numerics.n_beta",
     # tests/unit/test_acceptance.py
-    "acceptance.revolution_range", "acceptance.self_error", "acceptance.order_amplitude", "acceptance.lost_motion",
+    "acceptance.turn_range", "acceptance.self_error", "acceptance.order_amplitude", "acceptance.lost_motion",
     "acceptance.K_1", "acceptance.K_2", "acceptance.K_3", "acceptance.rule", "acceptance.margin",
     "mounting.holes", "numerics.n_phase",
     "numerics.nominal_curve",
