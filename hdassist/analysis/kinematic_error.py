@@ -18,13 +18,14 @@ from hdassist.model.deviations import ToothDeviations, gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
 from hdassist.preset.drive import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Answers, Certificate, Progress, solve_states
+from hdassist.solve.answers import ARCSEC, CHUNK, EMPTY, Answers, Certificate, Progress, solve_states
 from hdassist.solve.engine import Engine, StateSolver, ThroughCvxpy
 from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 N_MM = 1e3  # N*mm in a N*m
+BLOCK = 4 * CHUNK  # states whose gaps are held at once
 
 
 @dataclass(frozen=True)
@@ -120,18 +121,20 @@ def kinematic_error(
         require_solver(name)
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
-    parts = []
+    parts, programmes = [], 0
     for rows, formulation in _formulations(drive, states):
+        programmes += 1
         rows = rows[neighbours_together(kinematics, states.take(rows))]
-        part = states.take(rows)
         system, torque = formulation.system, M_g * N_MM
         way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
-        delta_p = gaps(drive, system, part, teeth)
-        parts.append((rows, solve_states(system, way, torque, delta_p, partial(place, part, M_g), progress)))
+        for some in np.split(rows, range(BLOCK, len(rows), BLOCK)):
+            part = states.take(some)
+            delta_p = gaps(drive, system, part, teeth)
+            parts.append((some, solve_states(system, way, torque, delta_p, partial(place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)
     if cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
-        stated = formulation if len(parts) == 1 else None
+        stated = formulation if programmes == 1 else None
         result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed, stated))
     return result
 

@@ -46,8 +46,7 @@ class Pivoting:
         """
         reference = self._reference
         M = len(reference.contact)
-        start = gaps @ reference.by_gaps.T
-        start += reference.constant + reference.by_load @ load
+        start = reference.values(gaps, load)
         forces, duals = np.empty(gaps.shape), np.empty((len(gaps), len(load)))
         rows = np.arange(len(gaps))
         if not len(self._swing):

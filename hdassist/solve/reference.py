@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,24 @@ class Reference:
     by_gaps: Array
     by_load: Array
     by_others: Array
+
+    @cached_property
+    def _plain(self) -> Flags:
+        """Gaps, shape (M,), that are but a value of their own: those of candidates without contact."""
+        return np.asarray((self.by_gaps == np.eye(*self.by_gaps.shape)).all(axis=0))
+
+    @cached_property
+    def _by_rest(self) -> Array:
+        return np.ascontiguousarray(self.by_gaps[:, ~self._plain].T)
+
+    def values(self, gaps: Array, load: Array) -> Array:
+        """Values, shape (states, M + free), at gaps, shape (states, M), and a load, others being zero."""
+        plain = np.flatnonzero(self._plain)
+        found = gaps[:, ~self._plain] @ self._by_rest
+        found += self.constant + self.by_load @ load
+        found[:, plain] += gaps[:, plain]
+        found[np.isnan(gaps.sum(axis=1))] = np.nan  # no part of such a state is known
+        return np.asarray(found)
 
     @classmethod
     def at(cls, data: Compiled, contact: Flags) -> Reference | None:
