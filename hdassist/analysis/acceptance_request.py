@@ -19,7 +19,7 @@ from hdassist.analysis.predictions import Predictions
 from hdassist.errors import UsageError
 from hdassist.preset.drive import Drive
 from hdassist.preset.library import load_preset
-from hdassist.preset.tracecolumns import Shaft, TraceForm
+from hdassist.preset.tracecolumns import TraceForm
 from hdassist.preset.tracefile import read_trace
 from hdassist.solve.answers import Progress
 
@@ -27,26 +27,12 @@ TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTA
 
 
 @dataclass(frozen=True)
-class Reading:
+class Reading(TraceForm):
     """How measured traces are read and looked at: the options of `hdassist measure`."""
 
-    angle: str | None = None
-    angle_of: Shaft | None = None
-    angle_unit: str | None = None
-    error: str | None = None
-    error_unit: str | None = None
-    second: str | None = None
-    wrap: float | None = None
     orders: str | None = None
     drift: str = "none"
     budget: tuple[str, ...] = ()
-
-    @property
-    def form(self) -> TraceForm:
-        """What is asked of the columns."""
-        return TraceForm(
-            self.angle, self.angle_of, self.angle_unit, self.error, self.error_unit, self.second, self.wrap
-        )
 
 
 @dataclass(frozen=True)
@@ -88,7 +74,7 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
     stated, ratio = parse_stated(reading.budget), gearing.ratio if gearing else None
     return {
         torque: measure(
-            read_trace(path, reading.form, ratio),
+            read_trace(path, reading, ratio),
             drive=drive,
             orders=reading.orders,
             drift=reading.drift,

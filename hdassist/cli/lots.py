@@ -148,7 +148,7 @@ def _require_sound(base: Request) -> None:
     parse_stated(base.reading.budget)
     parse_orders(base.reading.orders or DEFAULT)
     require_drift(base.reading.drift)
-    base.reading.form.require_sound()
+    base.reading.require_sound()
     limits = limit_overrides(base.limits)
     if base.preset:
         base.load()
