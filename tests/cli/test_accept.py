@@ -6,14 +6,13 @@ import csv
 import io
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.cli.process import CLEAN, SMALL, run
+from tests.cli.process import SMALL, run
+from tests.cli.tutorial import told_by
 from tests.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -141,12 +140,8 @@ def test_codes_are_explained():
 
 
 def test_the_tutorial_runs(tmp_path):
-    page = (ROOT / "docs/acceptance.md").read_text(encoding="utf-8")
-    shell = "set -uo pipefail\n" + f'hdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
-    shell += "\n".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL))
-    done = subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=CLEAN, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    told = told_by("acceptance.md", tmp_path)
     assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"
     assert len((tmp_path / "lot.jsonl").read_text().splitlines()) == 3
-    assert "ship it" in done.stdout
-    assert done.stdout.count("agrees") >= 2
+    assert "ship it" in told
+    assert told.count("agrees") >= 2

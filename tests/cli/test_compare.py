@@ -6,15 +6,14 @@ import csv
 import io
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hdassist import load_preset, trace
-from tests.cli.process import CLEAN, SMALL, run
+from tests.cli.process import SMALL, run
+from tests.cli.tutorial import told_by
 from tests.rigs import text
 
 ROOT = Path(__file__).parents[2]
@@ -104,11 +103,6 @@ def test_faults_end_clearly_and_write_nothing(rig, args, code, words):
 
 @pytest.mark.slow
 def test_the_page_of_the_docs_runs(tmp_path):
-    page = (ROOT / "docs/compare.md").read_text(encoding="utf-8")
-    shell = "set -euo pipefail\n" + f'hdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
-    shell += "\n".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL))
-    done = subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=CLEAN, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "explained by one deviation" in done.stdout
-    assert "mirrored --error-is output-cam" in done.stdout
-    assert "agrees" in done.stdout
+    told = told_by("compare.md", tmp_path)
+    for words in ("explained by one deviation", "mirrored --error-is output-cam", "agrees"):
+        assert words in told

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.cli.process import CLEAN, COMMAND, SMALL, run
+from tests.cli.tutorial import told_by
 from tests.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -174,18 +175,7 @@ def test_the_real_trace():
 
 
 def test_the_tutorial_runs(tmp_path):
-    page = (ROOT / "docs/measure.md").read_text(encoding="utf-8")
-    hdassist = f'set -euo pipefail\nhdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
-    told = ""
-    for line in "".join(re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL)).splitlines():
-        if re.fullmatch(r"hdassist [\w .=-]+", line):
-            done = run(*line.split()[1:], cwd=tmp_path)
-        else:  # a shell's work
-            done = subprocess.run(
-                ["bash", "-c", hdassist + line], cwd=tmp_path, env=CLEAN, capture_output=True, text=True
-            )
-        assert done.returncode == 0, done.stderr
-        told += done.stdout
+    told = told_by("measure.md", tmp_path)
     assert "at least" in told
     assert "full cycle: 100 cam turns, 1 output turn" in re.sub(r"\s+", " ", told)
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
