@@ -22,9 +22,10 @@ from hdassist.analysis.checklist import (
 from hdassist.analysis.decision import Asked, Decision, Known, decide
 from hdassist.analysis.limits import limits_of
 from hdassist.analysis.measurement import Direction, Measurement
-from hdassist.analysis.predictions import Predictions, predict
-from hdassist.analysis.verdict import Verdict, worst
+from hdassist.analysis.predictions import Predictions, order_place, predict
+from hdassist.analysis.verdict import SEVERITY, Verdict, worst
 from hdassist.errors import DataError
+from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
 from hdassist.solve.answers import Progress
 
@@ -89,7 +90,8 @@ def accept(
     Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
     measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions,
     of the same drive and limits where they are known already; the others as in predict.
-    Raises DataError: no limit, or something measured that no limit is for; and what predict raises.
+    Raises DataError: no limit, or something measured that no limit is for; UsageError: an order that the full cycle
+    does not have; and what predict raises.
     """
     limits, measured, told = limits_of(drive), measurements or {}, stated or {}
     _require_limits(drive, limits, measured, told)
@@ -103,14 +105,15 @@ def accept(
     decisions = []
     for asked in limits:
         if asked in told:
-            known: Known | None = Known(told[asked].value, told[asked].uncertainty, "stated")
+            knowns: list[Known | None] = [Known(told[asked].value, told[asked].uncertainty, "stated")]
         elif asked not in left:
-            known = _measured(asked, measured[asked.M_g or 0.0])
+            knowns = [*_measured(asked, measured[asked.M_g or 0.0])] or [None]
         elif measured_only or predictions is None:
             continue
         else:
-            known = predictions.known(asked)
-        decisions.append(decide(asked, known, drive.acceptance.rule, drive.acceptance.margin / 100))
+            knowns = [predictions.known(asked)]
+        rule, margin = drive.acceptance.rule, drive.acceptance.margin / 100
+        decisions.append(_decisive([decide(asked, known, rule, margin) for known in knowns]))
     used = predictions if left and not measured_only else None
     return Acceptance(drive, tuple(decisions), tuple(left) if measured_only else (), measured, used)
 
@@ -125,6 +128,9 @@ def to_predict(
 def _require_limits(
     drive: Drive, limits: Sequence[Asked], measured: Mapping[float, Measurement], stated: Mapping[Asked, Stated]
 ) -> None:
+    for asked in limits:
+        if asked.order is not None:
+            order_place(Kinematics.of(drive), asked.order)
     for M_g in measured:
         if not any(a.M_g == M_g and a.check in FROM_TRACES for a in limits):
             raise DataError(
@@ -137,10 +143,21 @@ def _require_limits(
             )
 
 
-def _measured(asked: Asked, measurement: Measurement) -> Known | None:
-    """What a trace says of a limit: the worse of its directions."""
+def _measured(asked: Asked, measurement: Measurement) -> list[Known]:
+    """What the directions of a trace say of a limit, the greatest first."""
     found = [known for d in measurement.directions if (known := _of_direction(asked, d)) is not None]
-    return max(found, key=lambda known: known.value, default=None)
+    return sorted(found, key=lambda known: -known.value)
+
+
+def _decisive(found: Sequence[Decision]) -> Decision:
+    """The worst decision, the first of those alike.
+
+    Beside a direction that visited the whole cycle, one of a part counts only where it is not clear of the limit.
+    """
+    known = [(decision, decision.known) for decision in found if decision.known]
+    if any(k.extent == "whole" for _, k in known):
+        found = [d for d, k in known if k.extent == "whole" or (k.extent == "at least" and (d.margin or 0.0) < d.guard)]
+    return min(found, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
 def _of_direction(asked: Asked, found: Direction) -> Known | None:

@@ -101,4 +101,6 @@ def _stated(text: str, asked: Asked, whole: str) -> Stated:
         value, expanded = read_spread(text, asked.check.unit.replace("·", "*"))
     except UnitError as error:
         raise UsageError(f"--value {whole}: {error.message}", error.hint) from None
+    if value < 0:
+        raise UsageError(f"--value {whole}: {asked.label} cannot be below zero", "its size, without a sign")
     return Stated(value, expanded / COVERAGE_FACTOR)

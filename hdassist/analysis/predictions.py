@@ -81,13 +81,19 @@ def amplitude(error: KinematicError, order: float) -> float:
 
     Raises UsageError: an order that is none of the cycle's, or beyond what its states resolve.
     """
-    turns, values = error.kinematics.cycle_cam_revolutions, error.error_arcsec
+    place, values = order_place(error.kinematics, order), error.error_arcsec
+    return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
+
+
+def order_place(kinematics: Kinematics, order: float) -> int:
+    """Periods of an order per cam turn in the full cycle. Raises UsageError as amplitude does."""
+    turns = kinematics.cycle_cam_revolutions
     place = round(order * turns)
-    if not 0 < place < len(values) / 2 or abs(place / turns - order) > 1e-6:
+    if not 0 < place < kinematics.cycle_states / 2 or abs(place / turns - order) > 1e-6:
         raise UsageError(
             f"order {order:g} is none of the full cycle of {turns} cam turns", f"a multiple of 1/{turns}, such as 2"
         )
-    return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
+    return place
 
 
 def work(drive: Drive, asked: Sequence[Asked]) -> int:

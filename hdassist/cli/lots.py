@@ -116,9 +116,9 @@ def accept_lot(
                 done.append(answer)
                 if "error" in answer:
                     told = answer["error"]
-                    complain(HdassistError(f"{answer['serial']}: {told['message']}", told["hint"]))
+                    complain(HdassistError(f"{report.title(answer)}: {told['message']}", told["hint"]))
                 if shown:
-                    words = f"{answer['serial']} {figures.status(answer)}" if quiet else report.line(answer, width)
+                    words = f"{report.title(answer)} {figures.status(answer)}" if quiet else report.line(answer, width)
                     lines.append(out.look.text(words))
                     if out.target == "-":
                         out.text(lines[-1] + "\n")

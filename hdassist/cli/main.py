@@ -70,6 +70,7 @@ def main() -> None:
     """Run the command line and leave with its exit code."""
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
+    _open_streams()
     try:
         app()
     except HdassistError as error:
@@ -86,6 +87,13 @@ def main() -> None:
         sys.stderr.write(f"internal error: {type(error).__name__}: {error}\n")
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
         sys.exit(BUG)
+
+
+def _open_streams() -> None:
+    """Give a stream that was closed by the caller (>&-) somewhere to go: Python has None in its place."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
 
 
 def _trace_if_asked() -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdassist.errors import HdassistError
-from hdassist.report.console import PIPE_WIDTH, Look, console
+from hdassist.report.console import PIPE_WIDTH, Look, console, say
 from hdassist.report.files import require_writable, write_text
 
 if TYPE_CHECKING:
@@ -116,4 +116,4 @@ def warn(text: str) -> None:
 
 def note(text: str) -> None:
     """Say something beside the answer on stderr."""
-    sys.stderr.write(Look.of(sys.stderr).text(text) + "\n")
+    say(Look.of(sys.stderr).text(text))

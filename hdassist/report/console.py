@@ -63,9 +63,18 @@ def _shows_unicode(stream: TextIO) -> bool:
     return True
 
 
-def hush() -> None:
-    """Stop talking on stdout, whose reader has gone: no complaint, and the exit code stays the answer's."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def hush(stream: TextIO | None = None) -> None:
+    """Stop talking on a stream (None: stdout) whose reader has gone: no complaint, the exit code stays the answer's."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
+
+
+def say(line: str) -> None:
+    """Write a line on stderr; silent where its reader has gone."""
+    try:
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+    except BrokenPipeError:
+        hush(sys.stderr)
 
 
 class _QuietConsole(Console):

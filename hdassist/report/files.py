@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from hdassist.errors import DataError, UsageError
-from hdassist.report.console import hush
+from hdassist.report.console import hush, say
 
 
 def write_text(path: str, text: str, force: bool) -> None:
@@ -29,7 +29,7 @@ def write_text(path: str, text: str, force: bool) -> None:
         return
     require_writable(path, force)
     put_text(path, text)
-    sys.stderr.write(f"wrote {path}\n")
+    say(f"wrote {path}")
 
 
 def put_text(path: str, text: str) -> None:

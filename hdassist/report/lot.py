@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from hdassist.analysis.lot import Lot
+from hdassist.preset.yamltext import shown
 from hdassist.report.accept import number
 from hdassist.report.console import Look, table
 from hdassist.report.lot_figures import QUANTILE_KEYS, VERDICTS, asked, status, summary
@@ -20,11 +21,17 @@ WIDE = 80  # columns that the table of values needs
 
 def line(answer: Mapping[str, Any], width: int) -> str:
     """One drive: serial, verdict, and the check that decides; width: that of the longest serial."""
-    start = f"{answer['serial'] or answer['preset']['name']:<{width}}  {status(answer):<12}"
+    start = f"{title(answer):<{width}}  {status(answer):<12}"
     if "error" in answer:
         first, *more = answer["error"]["message"].splitlines()
         return f"{start}  {first}" + (f" (and {len(more)} more)" if more else "")
     return f"{start}  {sentence(_worst(answer['checks']))}"
+
+
+def title(answer: Mapping[str, Any]) -> str:
+    """What a drive is called on a line: its serial, whatever it has of control characters escaped."""
+    name = answer["serial"] or answer["preset"]["name"]
+    return shown(name, len(name))
 
 
 def sentence(check: Mapping[str, Any]) -> str:

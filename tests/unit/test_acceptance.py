@@ -218,6 +218,34 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
 
 
+def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
+    measured = {4.0: measure(rig(30), drive=small())}
+    with pytest.raises(UsageError, match=r"2\.01 is none of the full cycle"):  # not that of order 2, its neighbour
+        accept(small("order_2.01=1"), measured, measured_only=True)
+
+
+def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
+    x = np.concatenate([np.arange(30 * 120), np.arange(30 * 120, 20 * 120, -1)]) / 120
+    both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
+    drive = small("F_ior@4=1000", "turn_range@4=1000", "order_2=1000")
+    found = accept(drive, {4.0: measure(both, drive=drive)}, measured_only=True)
+    assert [d.verdict for d in found.decisions] == ["PASS"] * 3
+    assert {d.known.extent for d in found.decisions} == {"whole"}
+
+
+def test_the_worse_verdict_of_two_directions_counts():
+    x = np.concatenate([np.arange(30 * 120), np.arange(30 * 120, 0, -1)]) / 120
+    grows = np.arange(len(x)) < 30 * 120
+    noise = np.where(grows, 6.0, 0.05) * np.random.default_rng(5).standard_normal(len(x))
+    both = recorded(x, noise + np.where(grows, 1.15, 1.0) * CURVE(x))
+    found = measure(both, drive=small())
+    clean, noisy = sorted(found.directions, key=lambda d: d.uncertainty_arcsec)
+    reach = GUARD * clean.uncertainty_arcsec, GUARD * noisy.uncertainty_arcsec
+    limit = clean.range.value - 2 * reach[0]
+    assert clean.range.value < noisy.range.value < limit + reach[1]  # the greater one by itself does not fail
+    assert accept(small(f"F_ior@4={limit}"), {4.0: found}, measured_only=True).verdict == "FAIL"
+
+
 def test_remarks_that_count():
     drive = small("F_ior@4=50", overrides=("operation.rated=3",))
     noisy = accept(drive, {4.0: measure(rig(30, noise=20.0), drive=drive)})
@@ -270,6 +298,7 @@ def test_words_of_stated_values():
     for bad, why in (
         ("F_ior=8±1", "at which torque"), ("lost_motion=3", "without its uncertainty"), ("K_1=3±1", "no such limit"),
         ("F_ior@5=8±1", "no such limit"), ("lost_motion=x±1", "must be a number"),
+        ("F_ior@4=-8±1", "cannot be below zero"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=why):
             stated_values([bad], drive)

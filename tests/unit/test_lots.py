@@ -22,6 +22,7 @@ from hdassist.analysis.shares import Z, quantiles, wilson
 from hdassist.cli import lotwork
 from hdassist.cli.lotwork import answers
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.report import lot as report
 from hdassist.report import lot_figures as figures
 from hdassist.report.jsonlines import read_answers, to_lines
 from hdassist.version import __version__
@@ -77,6 +78,12 @@ def test_serials_come_through_as_they_are(tmp_path_factory, serials):
     rows = read_lot(table(folder, text.getvalue()), BASE).rows
     assert [row.serial for row in rows] == serials
     assert not any(row.fault for row in rows)
+
+
+def test_a_serial_cannot_talk_to_the_terminal():
+    answer = {"serial": "a\x1b[31m\t\N{CYRILLIC SMALL LETTER PE}", "preset": {"name": "small"}}
+    assert report.title(answer) == "a\\x1b[31m\\t\N{CYRILLIC SMALL LETTER PE}"
+    assert report.title(answer | {"serial": ""}) == "small"
 
 
 def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
