@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from hdassist.analysis.acceptance import Acceptance
@@ -17,6 +16,10 @@ RULES = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
+
+EXPANDED = "± (k=2)"
+HEADINGS = ("check", "value", EXPANDED, "limit", "margin", "verdict")
+GAP = 3  # columns between those of a table
 
 
 def number(value: float, unit: str) -> str:
@@ -45,15 +48,26 @@ def titles(result: Acceptance) -> dict[str, str]:
     }
 
 
-def _table(decisions: Sequence[Decision], title: str, look: Look) -> Table:
-    grid = table(look, title)
+def _table(decisions: Sequence[Decision], title: str, look: Look) -> RenderableType:
+    """A row for each decision; sentences in their place where a terminal is too narrow for the numbers."""
     spread = any(decision.expanded is not None for decision in decisions)
-    for words in ("check", "value", *(["± (k=2)"] if spread else []), "limit", "margin", "verdict"):
-        left = words in ("check", "verdict")
-        grid.add_column(look.text(words), justify="left" if left else "right", no_wrap=words != "check")
-    for decision in decisions:
-        row = _row(decision)
-        grid.add_row(*(look.text(text) for text in (row if spread else row[:2] + row[3:])))
+    kept = [place for place in range(len(HEADINGS)) if spread or HEADINGS[place] != EXPANDED]
+    rows = [[look.text(row[place]) for place in kept] for row in map(_row, decisions)]
+    headings = [look.text(HEADINGS[place]) for place in kept]
+    words = [max(row[0].split(), key=len) for row in rows]  # names of checks may be broken, numbers may not
+    needed = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+    needed[0] = max(map(len, [headings[0], *words]))
+    edges = 2 if look.ascii else 0
+    if sum(needed) + GAP * (len(needed) - 1) + edges > look.width:
+        lines = [", ".join(f"{h} {text}" for h, text in zip(headings[1:], row[1:], strict=True)) for row in rows]
+        texts = [Text(f"{row[0]}: {line}") for row, line in zip(rows, lines, strict=True)]
+        return Group(Text(look.text(title), style="bold"), *texts)
+    grid = table(look, title)
+    for heading in headings:
+        left = heading in ("check", "verdict")
+        grid.add_column(heading, justify="left" if left else "right", no_wrap=heading != "check")
+    for row in rows:
+        grid.add_row(*row)
     return grid
 
 

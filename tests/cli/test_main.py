@@ -81,7 +81,5 @@ def test_debug_shows_where_an_error_came_from():
 )
 def test_a_closed_stream_changes_no_exit_code(args, closed, code, tmp_path):
     shell = f'"{sys.executable}" -m hdassist {args} {closed}'
-    result = subprocess.run(
-        ["bash", "-c", shell], capture_output=True, text=True, env=CLEAN, cwd=tmp_path, check=False
-    )
+    result = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, env=CLEAN, cwd=tmp_path, check=False)
     assert (result.returncode, result.stderr) == (code, "")

@@ -23,7 +23,10 @@ from hdassist.analysis.orders import orders
 from hdassist.analysis.predictions import amplitude, predict, range_in_a_turn
 from hdassist.analysis.stiffness import stiffness
 from hdassist.analysis.trace import trace
+from hdassist.cli.output import Output
 from hdassist.errors import DataError, UsageError
+from hdassist.report.accept import render
+from hdassist.report.console import Look
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -244,6 +247,20 @@ def test_the_worse_verdict_of_two_directions_counts():
     limit = clean.range.value - 2 * reach[0]
     assert clean.range.value < noisy.range.value < limit + reach[1]  # the greater one by itself does not fail
     assert accept(small(f"F_ior@4={limit}"), {4.0: found}, measured_only=True).verdict == "FAIL"
+
+
+def test_no_width_cuts_a_number():
+    drive = small("F_ior@4=50", "order_2=12.5", "K_1=1234.5")
+    told = {a: Stated(1876.54, 3.21) for a in limits_of(drive) if a.M_g != 1}
+    found = accept(drive, stated=told, measured_only=True)
+    for plain in (False, True):
+        for width in range(14, 90):
+            look = Look(plain, False, width)
+            words = Output(look).page(render(found, look)).replace("|", " ").replace(",", " ").split()
+            missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)
+            assert not missing, (plain, width, missing)
+            assert words.count("PASS") == 1
+            assert words.count("FAIL") == 3
 
 
 def test_remarks_that_count():
