@@ -172,9 +172,12 @@ def _warnings(drive: Drive, findings: Findings) -> Iterator[Finding]:
         found.append(Finding(file, *mark, yamltext.path_text(path), message, hint=hint))
 
     used = set(drive.operation.M_g)
+    narrowed = findings.where(("operation", "M_g"))[0] == OVERRIDE  # this run's torques: the file's limits may be more
     torques = yamltext.shown(", ".join(map(plain, drive.operation.M_g[:20])))
     for path in sets.PER_TORQUE:
         for key in drive.value(".".join(path)):
-            if key != "all" and float(key) not in used:
+            if key == "all" or float(key) in used:
+                continue
+            if not narrowed or findings.where((*path, key))[0] == OVERRIDE:
                 warn((*path, key), "a limit for a torque that is not in operation.M_g", f"M_g: {torques}")
     yield from in_order(found)

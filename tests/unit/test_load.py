@@ -286,6 +286,13 @@ def test_a_limit_for_another_torque_is_a_warning() -> None:
     )
 
 
+def test_torques_of_one_run_leave_the_limits_of_the_file_alone() -> None:
+    limits = "acceptance: {F_ior: {80: 30, 800: 20}}\n"
+    assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
+    (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings
+    assert "acceptance.F_ior.70: a limit for a torque that is not in operation.M_g (M_g: 80)" in said
+
+
 def test_overrides_replace_and_are_remembered() -> None:
     drive = load(overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30"))
     assert (drive.cam.W_0, drive.operation.M_g, drive.tolerances.F_i2) == (0.95, (80, 400), 60)
