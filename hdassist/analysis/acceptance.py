@@ -24,9 +24,10 @@ from hdassist.analysis.limits import limits_of
 from hdassist.analysis.measurement import Direction, Measurement
 from hdassist.analysis.predictions import Predictions, order_place, predict
 from hdassist.analysis.verdict import SEVERITY, Verdict, worst
-from hdassist.errors import DataError
+from hdassist.errors import DataError, UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.drive import Drive
+from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import Progress
 
 QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
@@ -90,15 +91,16 @@ def accept(
     Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
     measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions,
     of the same drive and limits where they are known already; the others as in predict.
-    Raises DataError: no limit, or something measured that no limit is for; UsageError: an order that the full cycle
-    does not have; and what predict raises.
+    Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not
+    have; UsageError: such an order on the command line; and what predict raises.
     """
     limits, measured, told = limits_of(drive), measurements or {}, stated or {}
     _require_limits(drive, limits, measured, told)
     left = to_predict(limits, measured, told)
     if measured_only and len(left) == len(limits):
         raise DataError(
-            f"{drive.name}: nothing was measured that has a limit", "--measured FILE, or no --measured-only"
+            f"{drive.name}: nothing was measured that has a limit",
+            "--measured FILE or --value NAME=VALUE±U, or no --measured-only",
         )
     if left and not measured_only and predictions is None:
         predictions = predict(drive, left, cross_check=cross_check, seed=seed, executor=executor, progress=progress)
@@ -130,7 +132,7 @@ def _require_limits(
 ) -> None:
     for asked in limits:
         if asked.order is not None:
-            order_place(Kinematics.of(drive), asked.order)
+            _require_order(drive, asked.order)
     for M_g in measured:
         if not any(a.M_g == M_g and a.check in FROM_TRACES for a in limits):
             raise DataError(
@@ -141,6 +143,16 @@ def _require_limits(
             raise DataError(
                 f"{drive.name}: a value of {asked.label} is stated, which has no limit", "--limit gives one"
             )
+
+
+def _require_order(drive: Drive, order: float) -> None:
+    """Raise UsageError where the command line has an order that the cycle has not, DataError where the preset has."""
+    try:
+        order_place(Kinematics.of(drive), order)
+    except UsageError as error:
+        if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
+            raise
+        raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
 
 
 def _measured(asked: Asked, measurement: Measurement) -> list[Known]:
@@ -180,11 +192,10 @@ def _remarks(result: Acceptance) -> list[Said]:
     for M_g, measurement in result.measurements.items():
         where = f"{measurement.trace.file}, {M_g:g} N*m"
         first = measurement.directions[0]
-        if first.is_bound:
-            share = (
-                f"{100 * first.coverage.share:.3g} % of the full cycle visited" if first.coverage else "unknown cycle"
-            )
-            said.append(Said(COVERAGE, f"{where}: {share}"))
+        parts = [d for d in measurement.directions if d.is_bound]
+        if any(d.asked.M_g == M_g and d.known and d.known.extent != "whole" for d in result.decisions):
+            visited = [f"{100 * d.coverage.share:.3g} % of the full cycle visited" for d in parts if d.coverage]
+            said.append(Said(COVERAGE, f"{where}: {' and '.join(visited) or 'unknown cycle'}"))
         missing = [source.name for source in first.sources if source.arcsec is None]
         if missing:
             said.append(Said(BUDGET, f"{where}: nothing stated of {', '.join(missing)}"))

@@ -179,5 +179,9 @@ def _warnings(drive: Drive, findings: Findings) -> Iterator[Finding]:
             if key == "all" or float(key) in used:
                 continue
             if not narrowed or findings.where((*path, key))[0] == OVERRIDE:
-                warn((*path, key), "a limit for a torque that is not in operation.M_g", f"M_g: {torques}")
+                warn(
+                    (*path, key),
+                    "a limit for a torque that is not in operation.M_g: accept looks at it, check does not",
+                    f"M_g: {torques}",
+                )
     yield from in_order(found)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log10
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from hdassist.analysis.acceptance import Acceptance
-from hdassist.analysis.decision import GUARD, Decision
+from hdassist.analysis.decision import GUARD, Asked, Decision
 from hdassist.report.console import Look, table
 from hdassist.version import __version__
 
@@ -22,9 +23,11 @@ HEADINGS = ("check", "value", EXPANDED, "limit", "margin", "verdict")
 GAP = 3  # columns between those of a table
 
 
-def number(value: float, unit: str) -> str:
-    """A value as its table shows it."""
-    return f"{value:.2f}" if unit == "arcsec" else f"{value:.4g}"
+def number(value: float, asked: Asked) -> str:
+    """A value as its table shows it: three digits of a small limit, two decimals of an arcsec at least."""
+    if asked.check.unit != "arcsec":
+        return f"{value:.4g}"
+    return f"{value:.{max(2, 2 - floor(log10(asked.limit)))}f}"
 
 
 def render(result: Acceptance, look: Look, serial: str = "") -> RenderableType:
@@ -78,8 +81,8 @@ def _row(decision: Decision) -> list[str]:
     if known is None or decision.margin is None:
         return [f"{asked.label}, {unit}", "-", "-", limit, "-", str(decision.verdict)]
     at_least = "≥ " if known.extent == "at least" else ""
-    spread = "-" if decision.expanded is None else number(decision.expanded, unit)
-    value, margin = at_least + number(known.value, unit), number(decision.margin, unit)
+    spread = "-" if decision.expanded is None else number(decision.expanded, asked)
+    value, margin = at_least + number(known.value, asked), number(decision.margin, asked)
     return [f"{asked.label}, {unit}", value, spread, limit, margin, str(decision.verdict)]
 
 

@@ -41,9 +41,9 @@ def sentence(check: Mapping[str, Any]) -> str:
     if check["value"] is None:
         return f"{what.label}: no value, {limit} {unit}"
     at_least = "≥ " if check["extent"] == "at least" else ""
-    spread = f" ± {number(check['expanded_uncertainty'], unit)}" if check["expanded_uncertainty"] is not None else ""
-    margin = number(check["margin"], unit)
-    value = f"{at_least}{number(check['value'], unit)}{spread} {unit}"
+    spread = f" ± {number(check['expanded_uncertainty'], what)}" if check["expanded_uncertainty"] is not None else ""
+    margin = number(check["margin"], what)
+    value = f"{at_least}{number(check['value'], what)}{spread} {unit}"
     return f"{what.label}: {value}, {limit}, margin {margin}, {check['basis']}"
 
 
@@ -59,7 +59,7 @@ def render(lot: Lot, answers: Sequence[Mapping[str, Any]], look: Look) -> Render
     counts = [f"{n} {verdict}" for verdict, n in told["verdicts"].items() if n]
     counts += [f"{told['broken']} broken ({100 * told['broken_share']:.3g} %)"] * bool(told["broken"])
     parts: list[RenderableType] = [
-        Text(look.text(f"{lot.file}: {told['drives']} drives, {', '.join(counts)}"), style="bold")
+        Text(look.text(f"{lot.file}: {_drives(told['drives'])}, {', '.join(counts)}"), style="bold")
     ]
     share = told["yield"]
     if share["with_verdict"]:
@@ -76,7 +76,7 @@ def render(lot: Lot, answers: Sequence[Mapping[str, Any]], look: Look) -> Render
     remarks = {said["code"] for answer in answers for said in answer.get("remarks", ())}
     for code in sorted(remarks):
         count = sum(any(said["code"] == code for said in answer.get("remarks", ())) for answer in answers)
-        parts.append(Text(look.text(f"remark {code}: {count} drives")))
+        parts.append(Text(look.text(f"remark {code}: {_drives(count)}")))
     if codes:
         parts.append(Text(look.text(f"what to do: hdassist explain {' '.join(sorted(codes))}")))
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
@@ -104,6 +104,10 @@ def _cells(row: Mapping[str, Any], several: bool) -> list[str]:
     what, unit = asked({**row, "limit": row["limit_greatest"]}), row["unit"]
     ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
     limit = ("≤ " if what.check.upper else "≥ ") + " to ".join(ends)
-    found = ["-" if row[key] is None else number(row[key], unit) for key in QUANTILE_KEYS]
+    found = ["-" if row[key] is None else number(row[key], what) for key in QUANTILE_KEYS]
     name = f"{row['preset']}: " if several else ""
     return [f"{name}{what.label}, {unit}, {row['basis'] or 'no value'}", str(row["values"]), *found, limit]
+
+
+def _drives(count: int) -> str:
+    return f"{count} drive{'s' * (count != 1)}"

@@ -25,7 +25,7 @@ from hdassist.analysis.stiffness import stiffness
 from hdassist.analysis.trace import trace
 from hdassist.cli.output import Output
 from hdassist.errors import DataError, UsageError
-from hdassist.report.accept import render
+from hdassist.report.accept import number, render
 from hdassist.report.console import Look
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
@@ -273,6 +273,21 @@ def test_remarks_that_count():
     assert exit_code(noisy, "fail") == noisy.verdict.exit_code
     clean = accept(drive, stated={limits_of(drive)[0]: Stated(20.0, 0.1)})
     assert exit_code(clean, "fail") == 0
+
+
+def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
+    with pytest.raises(UsageError, match=r"order 2\.01 is none"):
+        accept(small("order_2.01=3"))
+    preset = tmp_path / "own.yaml"
+    preset.write_text(Path(SMALL).read_text() + "acceptance: {order_amplitude: {2.01: 3}}\n")
+    with pytest.raises(DataError, match=r"acceptance\.order_amplitude: order 2\.01 is none"):
+        accept(Request(str(preset)).load())
+
+
+def test_small_limits_keep_their_digits():
+    asked = limits_of(small("order_2=0.004"))[0]
+    assert number(0.0041, asked) == "0.00410"
+    assert number(28.094, Asked(F_IOR, 30.0)) == "28.09"
 
 
 def test_what_has_no_limit_is_refused():

@@ -282,7 +282,8 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
 def test_a_limit_for_another_torque_is_a_warning() -> None:
     drive = load(more="acceptance: {F_ior: {80: 30, 900: 20, all: 60}}\n")
     assert drive.origin.warnings == (
-        "my.yaml:9:30: acceptance.F_ior.900: a limit for a torque that is not in operation.M_g (M_g: 80, 800)",
+        "my.yaml:9:30: acceptance.F_ior.900: a limit for a torque that is not in operation.M_g: accept looks at it, "
+        "check does not (M_g: 80, 800)",
     )
 
 
@@ -290,7 +291,7 @@ def test_torques_of_one_run_leave_the_limits_of_the_file_alone() -> None:
     limits = "acceptance: {F_ior: {80: 30, 800: 20}}\n"
     assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
     (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings
-    assert "acceptance.F_ior.70: a limit for a torque that is not in operation.M_g (M_g: 80)" in said
+    assert "acceptance.F_ior.70: a limit for a torque that is not in operation.M_g: accept" in said
 
 
 def test_overrides_replace_and_are_remembered() -> None:
