@@ -180,10 +180,10 @@ SAYS = (
     "What it says: where all else is known one trace advises about as well as three F'_ior do, and two traces",
     "better. It then errs to the safe side: told losses are above those seen, intervals hold more than they",
     "promise, for the simulated traces have none of the slow errors that are allowed for. Where the cam's own",
-    "offset is not known one trace does not settle much, and of the nine drives where it said that it does one was
-lost; a second trace brings most of it back. A drive whose stiffnesses are none of those the tool was told gets
-advice that is wrong every other time and sure of itself all the same: nothing in two traces gives it away. Identify
-the drive first (`hdassist calibrate`), and look at `--verify` afterwards.",
+    "offset is not known one trace does not settle much, and of the nine drives where it said that it does one was",
+    "lost; a second trace brings most of it back. A drive whose stiffnesses are none of those the tool was told gets",
+    "advice that is wrong every other time and sure of itself all the same: nothing in two traces gives it away.",
+    "Identify the drive first (`hdassist calibrate`), and look at `--verify` afterwards.",
 )
 
 

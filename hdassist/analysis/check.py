@@ -115,26 +115,23 @@ def check(
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
     told = None if executor else progress  # a process tells nothing before it is done
-    jobs: list[_Job] = [
-        partial(
-            kinematic_error, there, M_g, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed, progress=told
-        )
-        for M_g in torques
-    ]
-    jobs.append(partial(self_error, drive, torques, progress=told))
-    jobs += [partial(_sensitivity, None if measured else drive, M_g) for M_g in torques]
+    error = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed)
+    jobs: list[_Job] = []
+    for M_g in torques:
+        jobs += [partial(error, M_g, progress=told), partial(_sensitivity, None if measured else drive, M_g)]
+    jobs.insert(1, partial(self_error, drive, torques, progress=told))  # in an order that two processes share best
     results = []
-    for result in (executor.map if executor else map)(_run, jobs):
+    for job, result in zip(jobs, (executor.map if executor else map)(_run, jobs), strict=True):
         results.append(result)
-        if progress and (executor or len(results) > len(torques) + 1):
+        if progress and (executor or job.func is _sensitivity):
             progress(_states(result))
-    count = len(torques)
-    errors, own, slopes = results[:count], results[count], results[count + 1 :]
+    own = results.pop(1)
+    errors, slopes = results[::2], results[1::2]
     limits = [drive.limit(M_g) for M_g in torques]
     return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
 
 
-_Job = Callable[[], Any]
+_Job = partial[Any]
 
 
 def _run(job: _Job) -> Any:
