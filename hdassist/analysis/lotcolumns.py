@@ -18,7 +18,6 @@ from hdassist.preset.findings import near
 from hdassist.preset.overrides import path_of
 from hdassist.preset.texttable import TextTable
 
-PLAIN = ("serial", "preset", "measured")
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
@@ -30,6 +29,9 @@ class Column:
 
     kind: Literal["serial", "preset", "measured", "values", "limits", "overrides"]
     prefix: str = ""
+
+
+PLAIN: dict[str, Column] = {column.kind: column for column in (Column("serial"), Column("preset"), Column("measured"))}
 
 
 def columns_of(table: TextTable) -> list[Column | None]:
@@ -57,9 +59,8 @@ def columns_of(table: TextTable) -> list[Column | None]:
 
 def _column(name: str) -> tuple[Column | None, str]:
     """What a column is for, or a hint."""
-    plain = name.lower()
-    if plain in PLAIN:
-        return Column(plain), ""  # type: ignore[arg-type]
+    if plain := PLAIN.get(name.lower()):
+        return plain, ""
     if at := _AT.fullmatch(name):
         return (Column("measured", f"{float(at[1]):g}:"), "") if is_number(at[1]) else (None, "like measured@80")
     limit = _LIMIT.fullmatch(name)

@@ -118,10 +118,6 @@ def command(
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
     files = Files(jsonl, junit, resume)
     files.require_sound(out, json)
-    if replay is not None:
-        if lots or measured or value or limit or overrides or serial or csv or files != Files():
-            raise UsageError("--replay does what its answer says", "no other options than PRESET, --json, -o, --jobs")
-        raise typer.Exit(replay_answers(replay, presets, out, jobs=jobs, json=json, quiet=quiet, debug=debug))
     rules = [f"acceptance.rule={rule}"] * bool(rule) + ([f"acceptance.margin={margin}"] if margin is not None else [])
     reading = Reading(
         angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap, orders, drift, tuple(budget)
@@ -130,6 +126,10 @@ def command(
         preset, serial, (*overrides, *rules), tuple(limit), tuple(measured), tuple(value), reading, measured_only,
         cross_check, seed,
     )  # fmt: skip
+    if replay is not None:
+        if lots or csv or fail_on != "fail" or files != Files() or base != Request(""):
+            raise UsageError("--replay does what its answer says", "no other options than PRESET, --json, -o, --jobs")
+        raise typer.Exit(replay_answers(replay, presets, out, jobs=jobs, json=json, quiet=quiet, debug=debug))
     if lots:
         code = accept_lot(
             lots[0], base, out, files, fail_on=fail_on, jobs=jobs, json=json, quiet=quiet, verbose=verbose, debug=debug

@@ -10,7 +10,7 @@ from hdassist.cli import options as o
 
 
 def command(
-    codes: Annotated[list[str], typer.Argument(metavar="[CODE]...", help="Codes of checks or remarks.")] = [],  # noqa: B006
+    codes: Annotated[list[str], typer.Argument(metavar="[CODE]...", help="Codes of checks or remarks.")] = [],  # noqa: B006 (typer copies it)
     json: o.Json = False,
     output: o.Target = "-",
     force: o.Force = False,

@@ -91,7 +91,7 @@ def _answer(
         result = carry_out(row.request, drive, read_measurements(row.request, drive), predictions=known)
     except HdassistError as error:
         return failure(row, error), None, False
-    except Exception as bug:
+    except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
         if debug:
             raise
         where = traceback.extract_tb(bug.__traceback__)[-1]

@@ -215,6 +215,10 @@ def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
         (["--replay", "lot.csv"], 4, "no JSON"),
         (["--replay", "none.json"], 4, "no such file: none.json"),
         (["--replay", "x.json", "--limit", "F_ior=3"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--rule", "simple"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--seed", "1"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--orders", "1-4"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--fail-on", "never"], 2, "--replay does what its answer says"),
     ],
 )
 def test_faults_end_clearly(folder, here, args, code, words):
