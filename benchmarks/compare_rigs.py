@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from hdassist import load_preset, trace
-from hdassist.analysis.compare import Reading, compare
-from hdassist.analysis.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.comparing.compare import Reading, compare
+from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
 from tests.rigs import recorded, slow_noise
 
 SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")

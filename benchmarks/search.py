@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.machine import seconds
 from hdassist import Drive, kinematic_error, load_preset, preset_names
-from hdassist.analysis.extremes import QUICK, CycleSearch
-from hdassist.analysis.mounting import rotated
+from hdassist.error.search import QUICK, CycleSearch
 from hdassist.errors import UntrustedError
+from hdassist.mounting.positions import rotated
 
 RANDOM = 200  # drives
 FIRST = 2000  # seed: the search was tuned on drives with lower ones

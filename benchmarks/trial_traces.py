@@ -55,12 +55,12 @@ def trial(drive, hole: int, rng):
     import numpy as np
 
     from hdassist import load_preset
-    from hdassist.analysis.mounting import rotated
-    from hdassist.analysis.trace import trace
-    from hdassist.analysis.trial_traces import trial_trace
-    from hdassist.analysis.trials import Trial
-    from hdassist.preset.sweeps import sweeps
-    from hdassist.preset.tracefile import MeasuredTrace
+    from hdassist.error.trace import trace
+    from hdassist.mounting.positions import rotated
+    from hdassist.readers.sweeps import sweeps
+    from hdassist.readers.trace import MeasuredTrace
+    from hdassist.trials.trial import Trial
+    from hdassist.trials.trial_traces import trial_trace
 
     turn = 360 * hole / HOLES
     seen = trace(
@@ -75,7 +75,7 @@ def trial(drive, hole: int, rng):
 
 @cache
 def tables_of(known: str):
-    from hdassist.analysis.offset_prior import tabulated
+    from hdassist.trials.prior import tabulated
 
     return tabulated(told(known), [M_G], traced=True)
 
@@ -89,10 +89,10 @@ def advise(task: tuple[Row, int]) -> tuple[float, float, float, list[bool], floa
     import numpy as np
 
     from benchmarks.trials import hidden_drive
-    from hdassist.analysis.offset_posterior import posterior
-    from hdassist.analysis.offset_prior import prior_of
-    from hdassist.analysis.trials import Rig, Trial, trial_positions
     from hdassist.errors import UntrustedError
+    from hdassist.trials.posterior import posterior
+    from hdassist.trials.prior import prior_of
+    from hdassist.trials.trial import Rig, Trial, trial_positions
 
     row, seed = task
     rng = np.random.default_rng(20_000 + seed)

@@ -71,8 +71,8 @@ def simulate(task: tuple[Study, int]) -> tuple[list[float], list[float]]:
     """F'_ior [arcsec] in each hole as the wheel would lie true, and as it came to lie when measured there."""
     import numpy as np
 
-    from hdassist.analysis.extremes import QUICK, CycleSearch
-    from hdassist.analysis.mounting import rotated
+    from hdassist.error.search import QUICK, CycleSearch
+    from hdassist.mounting.positions import rotated
 
     study, seed = task
     rng = np.random.default_rng(seed)
@@ -109,9 +109,9 @@ def run(study: Study, cases: int, prior, executor) -> list[list[float]]:
     """For each noise: share of cases, in %, in which each way loses less than GOOD; the last: cases unexplained."""
     import numpy as np
 
-    from hdassist.analysis.offset_posterior import posterior
-    from hdassist.analysis.trials import Rig, Trial, trial_positions
     from hdassist.errors import UntrustedError
+    from hdassist.trials.posterior import posterior
+    from hdassist.trials.trial import Rig, Trial, trial_positions
 
     positions = trial_positions(HOLES, "all")
     drives = list(executor.map(simulate, [(study, seed) for seed in range(cases)], chunksize=2))
@@ -181,7 +181,7 @@ def main() -> None:
     options = reader.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-    from hdassist.analysis.offset_prior import offset_prior
+    from hdassist.trials.prior import offset_prior
 
     results, priors = [], {}
     with ProcessPoolExecutor(os.cpu_count()) as executor:

@@ -11,41 +11,41 @@ from typing import TYPE_CHECKING, Any
 from hdassist.version import __version__
 
 if TYPE_CHECKING:
-    from hdassist.analysis.check import check
-    from hdassist.analysis.kinematic_error import KinematicError, kinematic_error
-    from hdassist.analysis.mounting import MountingCurve
-    from hdassist.analysis.mounting_curve import mounting_curve
-    from hdassist.analysis.self_error import SelfError, self_error
-    from hdassist.analysis.stiffness import Stiffness, stiffness
-    from hdassist.analysis.trace import Trace, trace
+    from hdassist.design.check import check
+    from hdassist.error.cycle import KinematicError, kinematic_error
+    from hdassist.error.self_error import SelfError, self_error
+    from hdassist.error.stiffness import Stiffness, stiffness
+    from hdassist.error.trace import Trace, trace
     from hdassist.errors import HdassistError
     from hdassist.model.deviations import ToothDeviations
-    from hdassist.model.measured import MeasuredTeeth, MeasuredWheel
-    from hdassist.preset.drive import Drive
+    from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+    from hdassist.mounting.curve import mounting_curve
+    from hdassist.mounting.positions import MountingCurve
+    from hdassist.preset.fields import Drive
     from hdassist.preset.library import load_preset, preset_names
-    from hdassist.preset.pitch import PitchFile, read_pitch
+    from hdassist.readers.pitch import PitchFile, read_pitch
 
 _HOMES = {
-    "check": "hdassist.analysis.check",
-    "KinematicError": "hdassist.analysis.kinematic_error",
-    "kinematic_error": "hdassist.analysis.kinematic_error",
-    "MountingCurve": "hdassist.analysis.mounting",
-    "mounting_curve": "hdassist.analysis.mounting_curve",
-    "SelfError": "hdassist.analysis.self_error",
-    "self_error": "hdassist.analysis.self_error",
-    "Stiffness": "hdassist.analysis.stiffness",
-    "stiffness": "hdassist.analysis.stiffness",
-    "Trace": "hdassist.analysis.trace",
-    "trace": "hdassist.analysis.trace",
+    "check": "hdassist.design.check",
+    "KinematicError": "hdassist.error.cycle",
+    "kinematic_error": "hdassist.error.cycle",
+    "MountingCurve": "hdassist.mounting.positions",
+    "mounting_curve": "hdassist.mounting.curve",
+    "SelfError": "hdassist.error.self_error",
+    "self_error": "hdassist.error.self_error",
+    "Stiffness": "hdassist.error.stiffness",
+    "stiffness": "hdassist.error.stiffness",
+    "Trace": "hdassist.error.trace",
+    "trace": "hdassist.error.trace",
     "HdassistError": "hdassist.errors",
     "ToothDeviations": "hdassist.model.deviations",
-    "MeasuredTeeth": "hdassist.model.measured",
-    "MeasuredWheel": "hdassist.model.measured",
-    "Drive": "hdassist.preset.drive",
+    "MeasuredTeeth": "hdassist.model.wheels",
+    "MeasuredWheel": "hdassist.model.wheels",
+    "Drive": "hdassist.preset.fields",
     "load_preset": "hdassist.preset.library",
     "preset_names": "hdassist.preset.library",
-    "PitchFile": "hdassist.preset.pitch",
-    "read_pitch": "hdassist.preset.pitch",
+    "PitchFile": "hdassist.readers.pitch",
+    "read_pitch": "hdassist.readers.pitch",
 }
 
 __all__ = [

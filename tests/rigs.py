@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.preset.sweeps import sweeps
-from hdassist.preset.tracefile import MeasuredTrace
+from hdassist.readers.sweeps import sweeps
+from hdassist.readers.trace import MeasuredTrace
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]

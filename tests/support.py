@@ -8,7 +8,7 @@ import numpy as np
 
 from hdassist.model.contacts import ContactSystem, contact_system
 from hdassist.model.geometry import Array
-from hdassist.preset.drive import Drive
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, displacements, residuals
 from hdassist.solve.engine import Engine

@@ -9,20 +9,18 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli import (
-    accept,
-    calibrate,
-    check,
-    compare,
-    explain,
-    measure,
-    mount,
-    presets,
-    self_error,
-    stiffness,
-    trace,
-)
+from hdassist.acceptance import command as accept
+from hdassist.acceptance import explain_command as explain
+from hdassist.calibration import command as calibrate
+from hdassist.cli import presets
+from hdassist.comparing import command as compare
+from hdassist.design import check_command as check
+from hdassist.design import self_error_command as self_error
+from hdassist.design import stiffness_command as stiffness
+from hdassist.design import trace_command as trace
 from hdassist.errors import HdassistError
+from hdassist.measuring import command as measure
+from hdassist.mounting import command as mount
 from hdassist.version import __version__
 
 INTERRUPTED = 130
@@ -75,7 +73,7 @@ def main() -> None:
         app()
     except HdassistError as error:
         _trace_if_asked()
-        from hdassist.cli.output import complain
+        from hdassist.terminal.output import complain
 
         complain(error)
         sys.exit(error.exit_code)

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hdassist.cli import options as o
 from hdassist.errors import HdassistError, PresetError
+from hdassist.terminal import options as o
 from hdassist.version import __version__
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from hdassist.cli.output import Output
-    from hdassist.preset.drive import Drive
+    from hdassist.preset.fields import Drive
+    from hdassist.terminal.output import Output
 
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -86,8 +86,8 @@ def show(
     Origins: given, assumed, identified (from the preset's `source`), default (left out), override (--set).
     --json and --set imply --resolved.
     """
-    from hdassist.cli.output import warn
     from hdassist.preset.library import load_preset, read_preset
+    from hdassist.terminal.output import warn
 
     if not (resolved or json or overrides):
         sys.stdout.buffer.write(read_preset(preset)[0])
@@ -124,8 +124,8 @@ def validate(
 
     Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
     """
-    from hdassist.cli.output import complain, warn
     from hdassist.preset.library import load_preset
+    from hdassist.terminal.output import complain, warn
 
     answers = []
     for name in presets:
@@ -162,8 +162,8 @@ def new(
     Examples:
       hdassist presets new my-drive -o my-drive.yaml
     """
-    from hdassist.preset.template import new_preset
-    from hdassist.report.files import write_text
+    from hdassist.preset.write import new_preset
+    from hdassist.terminal.files import write_text
 
     write_text("-" if output is None else output, new_preset(name), force)
 
@@ -181,7 +181,7 @@ def schema(
       hdassist presets schema -o preset.schema.json
     """
     from hdassist.preset.schema import preset_schema
-    from hdassist.report.files import write_text
+    from hdassist.terminal.files import write_text
 
     write_text("-" if output is None else output, _json(preset_schema()), force)
 
@@ -217,7 +217,7 @@ def _json(answer: dict[str, Any]) -> str:
 
 
 def _print(text: str) -> None:
-    from hdassist.report.console import Look
+    from hdassist.terminal.console import Look
 
     sys.stdout.write(Look.of(sys.stdout).text(text))
     sys.stdout.flush()  # before anything on standard error that belongs behind it
@@ -234,8 +234,8 @@ def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool
     """
     from rich.measure import Measurement
 
-    from hdassist.cli.output import Output, note
-    from hdassist.report.console import console
+    from hdassist.terminal.console import console
+    from hdassist.terminal.output import Output, note
 
     out = Output.open(ascii=ascii, no_color=no_color)
     grid = _table(out, head, rows)
@@ -252,7 +252,7 @@ def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool
 def _table(out: Output, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     from rich.text import Text
 
-    from hdassist.report.console import table
+    from hdassist.terminal.console import table
 
     grid = table(out.look)
     for column, title in enumerate(head):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates
 from hdassist.model.nominal import nominal_shape
 from hdassist.model.rings import flexspline_ring, outer_ring
-from hdassist.preset.drive import Drive
+from hdassist.preset.fields import Drive
 
 FREEDOMS = (
     "rigid wheel x",

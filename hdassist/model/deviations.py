@@ -15,7 +15,7 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import TO_X1, ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
-from hdassist.preset.drive import Drive
+from hdassist.preset.fields import Drive
 
 MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 

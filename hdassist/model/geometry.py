@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hdassist.errors import UntrustedError
 from hdassist.model.nominal import Array as Array
 from hdassist.model.nominal import NominalCurve, nominal_shape
-from hdassist.preset.drive import Drive
+from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank; 4001 move no gap of the shipped presets by 1e-9 mm
 BISECTIONS = 60  # halvings when looking for a radius: beyond double precision

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array, Geometry
-from hdassist.preset.drive import Drive
+from hdassist.preset.fields import Drive
 
 STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are what the engine carries along at once
 

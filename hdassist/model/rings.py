@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array, Geometry
-from hdassist.preset.drive import Drive
+from hdassist.preset.fields import Drive
 
 EDGE_ZONE = 2 * 1.285  # the edge of a shell stiffens the hoop over sqrt(r h)/EDGE_ZONE (nu = 0.3)
 

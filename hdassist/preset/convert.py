@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.drive import Drive, Section, fields, is_number, is_optional, kind_of, sections, unit_of
+from hdassist.preset.fields import Drive, Section, fields, is_number, is_optional, kind_of, sections, unit_of
 from hdassist.preset.findings import MAX_FINDINGS, OVERRIDE, Findings, near
 from hdassist.preset.spread import is_spread, read_spread
 from hdassist.preset.units import UnitError, convert

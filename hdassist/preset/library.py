@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError
-from hdassist.preset.textfile import STDIN, reason, standard_input
+from hdassist.textfile import STDIN, reason, standard_input
 
 if TYPE_CHECKING:
-    from hdassist.preset.drive import Drive
+    from hdassist.preset.fields import Drive
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 

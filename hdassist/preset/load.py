@@ -11,9 +11,8 @@ from pydantic import ValidationError
 from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.preset import overrides as sets
 from hdassist.preset import yamltext
-from hdassist.preset.consistency import conflicts
 from hdassist.preset.convert import Converter, Values, field_table
-from hdassist.preset.drive import (
+from hdassist.preset.fields import (
     SCHEMA,
     Drive,
     Origin,
@@ -25,6 +24,7 @@ from hdassist.preset.drive import (
     unit_of,
 )
 from hdassist.preset.findings import OVERRIDE, Findings, in_order, near
+from hdassist.preset.rules import conflicts
 from hdassist.preset.yamltext import Document, Path
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.drive import SCHEMA, Drive, Section, fields, is_optional, kind_of, sections, unit_of
+from hdassist.preset.fields import SCHEMA, Drive, Section, fields, is_optional, kind_of, sections, unit_of
 from hdassist.preset.spread import spread_pattern
 from hdassist.preset.units import pattern_for, spelled_units, units_for
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from hdassist.version import __version__
-from tests.cli.process import CLEAN, SMALL, run
+from tests.process import CLEAN, SMALL, run
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_help_starts_with_examples(command):
 
 def breaking(error: str, *args: str) -> subprocess.CompletedProcess[str]:
     code = (
-        "import sys, hdassist.analysis.check as module\n"
+        "import sys, hdassist.design.check as module\n"
         f"def broken(*_, **__): raise {error}\n"
         "module.check = broken\n"
         f"sys.argv = ['hdassist', 'check', {SMALL!r}, *{list(args)!r}]\n"

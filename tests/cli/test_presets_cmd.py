@@ -15,11 +15,11 @@ from typer.testing import CliRunner, Result
 
 from hdassist.cli import presets
 from hdassist.errors import DataError, HdassistError, PresetError, UsageError
-from hdassist.preset.drive import fields
+from hdassist.preset.fields import fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.load import load_text
 from hdassist.version import __version__
-from tests.cli.process import on_terminal
+from tests.process import on_terminal
 
 ROOT = Path(__file__).parents[2]
 
@@ -214,7 +214,7 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
     loaded = set(run.stdout.split())
-    assert not {"yaml", "numpy", "cvxpy", "hdassist.preset.drive"} & loaded
+    assert not {"yaml", "numpy", "cvxpy", "hdassist.preset.fields"} & loaded
     assert len(arguments) > 1 or "pydantic" not in loaded  # typer itself loads it for the help of a command
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdassist.analysis.kinematic_error import kinematic_error
+from hdassist.error.cycle import kinematic_error
 from hdassist.model.contacts import CAM, contact_system
 from hdassist.model.deviations import deviation_scalars, gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states

@@ -9,10 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hdassist.errors import HdassistError, PresetError, UsageError
-from hdassist.preset.drive import Drive, fields, unit_of
+from hdassist.preset.fields import Drive, fields, unit_of
 from hdassist.preset.load import load_text
-from hdassist.preset.template import new_preset
 from hdassist.preset.units import UnitError, convert, units_for
+from hdassist.preset.write import new_preset
 from hdassist.preset.yamltext import read, resolve
 
 BASE = new_preset("base")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from scipy.optimize import brentq
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.analysis.extremes import CycleSearch, searchable
+from hdassist.error.search import CycleSearch, searchable
 from tests.support import changed
 
 TITLE = "How far to trust it"

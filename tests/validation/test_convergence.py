@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.analysis.extremes import CycleSearch
-from hdassist.analysis.self_error import self_error
+from hdassist.error.search import CycleSearch
+from hdassist.error.self_error import self_error
 from hdassist.model import geometry
 from hdassist.model.contacts import contact_system
 from hdassist.model.kinematics import Kinematics, pitch_locked_states

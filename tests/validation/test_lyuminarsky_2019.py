@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import spearmanr
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.analysis.kinematic_error import KinematicError
-from hdassist.analysis.quantities import FINE, Quantities, Scan
-from hdassist.analysis.self_error import SelfError, self_error
-from hdassist.analysis.trace import trace
+from hdassist.calibration.quantities import FINE, Quantities, Scan
+from hdassist.error.cycle import KinematicError
+from hdassist.error.self_error import SelfError, self_error
+from hdassist.error.trace import trace
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 

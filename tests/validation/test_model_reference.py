@@ -7,9 +7,9 @@ that the equations were written down right, not that the drive behaves so.
 import numpy as np
 import pytest
 
-from hdassist.analysis.extremes import CycleSearch
-from hdassist.analysis.kinematic_error import kinematic_error
-from hdassist.analysis.self_error import self_error
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.search import CycleSearch
+from hdassist.error.self_error import self_error
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Geometry

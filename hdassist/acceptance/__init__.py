@@ -1,0 +1,1 @@
+"""Verdicts on drives and lots."""

@@ -1,0 +1,40 @@
+"""`hdassist explain`: what a check tests, what goes wrong, and what to change."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hdassist.terminal import options as o
+
+
+def command(
+    codes: Annotated[list[str], typer.Argument(metavar="[CODE]...", help="Codes of checks or remarks.")] = [],  # noqa: B006 (typer copies it)
+    json: o.Json = False,
+    output: o.Target = "-",
+    force: o.Force = False,
+    ascii: o.Ascii = False,
+    no_color: o.NoColor = False,
+) -> None:
+    """What the checks of an acceptance test, what goes wrong, and what to change.
+
+    \b
+    Examples:
+      hdassist explain
+      hdassist explain F_IOR COVERAGE
+      hdassist explain order --json
+
+    Without a code: all of them, a line each.
+    """
+    from hdassist.acceptance import explain_page as report
+    from hdassist.acceptance.checks import explained
+    from hdassist.terminal.answers import to_json
+    from hdassist.terminal.output import Output
+
+    out = Output.open(output, force=force, ascii=ascii, no_color=no_color)
+    found = [explained(code) for code in codes]
+    if json:
+        out.text(to_json(report.answer(found)))
+    else:
+        out.human(report.render(found, out.look))

@@ -1,0 +1,92 @@
+"""Acceptances as JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
+
+FAIL and INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
+that was left out is skipped. Numbers are properties of the suite, where every reader looks for them: test cases have
+none in the strict schema. There are no durations and no machine names; the time of an answer is a property.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from hdassist.acceptance.lot_figures import Answer, asked, provenance, status
+from hdassist.acceptance.lot_page import sentence
+
+ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
+COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
+NUMBERS = ("value", "expanded_uncertainty", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
+_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # in XML 1.0
+
+
+def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str:
+    """Suites of all drives as text; name of the whole; facts, properties that each of them has."""
+    root = Element("testsuites", name=_clean(name))
+    for answer in answers:
+        _suite(root, answer, facts)
+    for suite in root:
+        _count(suite, COUNTED)
+    _count(root, {key: tag for key, tag in COUNTED.items() if key != "skipped"})
+    indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _count(element: Element, counted: Mapping[str, str]) -> None:
+    kinds = Counter(inner.tag for inner in element.iter())
+    element.attrib.update({key: str(kinds[tag]) for key, tag in counted.items()})
+
+
+def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
+    preset, serial = answer["preset"]["name"], answer.get("serial", "")
+    name = serial or preset
+    suite = SubElement(root, "testsuite", name=_clean(name))
+    place = SubElement(suite, "properties")
+    known = {"serial": serial, "preset": preset, "status": status(answer), **provenance(answer), **facts}
+    for check in answer.get("checks", ()):
+        known |= {f"{_key(check)}.{number}": check[number] for number in NUMBERS}
+    for key, value in known.items():
+        if value is not None and value != "":
+            SubElement(place, "property", name=key, value=_clean(str(value)))
+
+    def case(words: str) -> Element:
+        return SubElement(suite, "testcase", classname=_clean(preset), name=_clean(f"{name}: {words}"))
+
+    if "error" in answer:
+        error = answer["error"]
+        message = f"{status(answer)}: {error['message'].splitlines()[0]}"
+        body = [error["message"], f"hint: {error['hint']}"] if error["hint"] else [error["message"]]
+        _say(case("no answer"), "error", message, body, ERRORS.get(answer["exit_code"], "DATA"))
+        return
+    remarks = [f"remark {said['code']}: {said['text']}" for said in answer["remarks"]]
+    for check in answer["checks"]:
+        verdict, words = check["verdict"], f"{check['verdict']}: {sentence(check)}"
+        lines = [words, *([f"because: {check['reason']}"] if check["reason"] else []), *remarks]
+        element = case(asked(check).label)
+        if verdict == "PASS":
+            SubElement(element, "system-out").text = _clean("\n".join(lines))
+        else:
+            _say(element, "failure", words, [*lines, f"what to do: hdassist explain {check['code']}"], verdict)
+    for label in answer["left_out"]:
+        _say(case(label), "skipped", "not tested: nothing was measured")
+    if answer["fail_on"] == "warn" and remarks:
+        _say(case("remarks"), "failure", f"FAIL: {remarks[0]}", remarks, "REMARK")
+
+
+def _key(check: Answer) -> str:
+    """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
+    order = "" if check["per_cam_rev"] is None else f"_{check['per_cam_rev']:g}"
+    return f"{check['code']}{order}" + ("" if check["M_g_Nm"] is None else f"@{check['M_g_Nm']:g}")
+
+
+def _say(case: Element, tag: str, message: str, body: Sequence[str] = (), kind: str = "") -> None:
+    said = SubElement(case, tag, message=_clean(message))
+    said.attrib.update({"type": kind} if kind else {})
+    said.text = _clean("\n".join(body)) or None
+
+
+def _clean(text: str) -> str:
+    """A text without the characters that XML does not have: they are written as in Python."""
+    return _ILLEGAL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

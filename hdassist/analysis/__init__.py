@@ -1,1 +1,0 @@
-"""Questions that a user asks of a drive, one a file."""

@@ -1,0 +1,1 @@
+"""Stiffnesses and clearances from measurements."""

@@ -1,0 +1,277 @@
+"""Values of a preset found from targets: a global search, then least squares from its best, distant points.
+
+Targets are few and unknowns many, so there is seldom one answer: every set that meets the targets and lies far
+from the others is kept, and each value has an interval that says whether the targets have determined it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import differential_evolution, least_squares
+from scipy.stats import qmc
+
+from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations
+from hdassist.calibration.quantities import FINE, MEDIUM, Quantities
+from hdassist.calibration.targets import Targets, Unknown
+from hdassist.errors import HdassistError, UntrustedError
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
+
+POPULATION = 4  # points of the global search's generation for each unknown
+STARTS = 4  # points that least squares starts from
+APART = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
+STEP = 0.02  # of the range: step of difference quotients, above the roughness of a quick search
+ROUNDS = 12  # steps of a least-squares run at most
+DIGITS = 4  # of a found value
+TIGHT = 0.95  # correlation from which on two unknowns cannot be told apart
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One set of found values, in the order of the unknowns.
+
+    off: how far from each target, in its tolerances (0 inside a range); found: the quantity of each target,
+    in its unit; best_deg: per torque of the preset, the mounting phase with the least F'_ior; met: which targets are.
+    """
+
+    values: tuple[float, ...]
+    off: tuple[float, ...]
+    found: tuple[float, ...]
+    best_deg: tuple[float, ...]
+    met: tuple[bool, ...]
+
+    @property
+    def all_met(self) -> bool:
+        """Whether every target is met."""
+        return all(self.met)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Found values, the best set first.
+
+    start: values of the preset; half_width: of the interval of each value of the best set, in the sense in which
+    the tolerances are half-widths, cut to the bounds; determined: share of the bounds' width by which the targets
+    have narrowed the interval, 0..1; correlation, shape (unknowns, unknowns); evaluations: drives computed.
+    """
+
+    drive: Drive
+    targets: Targets
+    start: tuple[float, ...]
+    fits: tuple[Fit, ...]
+    half_width: tuple[float, ...]
+    determined: tuple[float, ...]
+    correlation: Array
+    evaluations: int
+    seed: int
+
+    @property
+    def best(self) -> Fit:
+        """The set with the least sum of squares."""
+        return self.fits[0]
+
+    @property
+    def alternatives(self) -> tuple[Fit, ...]:
+        """Other sets, far from the best, that meet every target too."""
+        return self.fits[1:]
+
+    @property
+    def indistinct(self) -> list[tuple[str, str, float]]:
+        """Pairs of unknowns that these targets cannot tell apart, with their correlation."""
+        names = [unknown.path for unknown in self.targets.unknowns]
+        rows, columns = np.nonzero(np.triu(np.abs(self.correlation), 1) > TIGHT)
+        return [(names[i], names[k], float(self.correlation[i, k])) for i, k in zip(rows, columns, strict=True)]
+
+
+def moved(drive: Drive, unknowns: Sequence[Unknown], values: Sequence[float]) -> Drive:
+    """The drive with values of unknowns put in."""
+    return drive.with_values({u.path: float(v) for u, v in zip(unknowns, values, strict=True)})
+
+
+def work(targets: Targets, budget: int) -> int:
+    """Number of drives that a calibration computes, about, for a progress bar."""
+    return budget + STARTS * ROUNDS // 2 * (len(targets.unknowns) + 2)
+
+
+def calibrate(
+    drive: Drive,
+    targets: Targets,
+    evaluations: Evaluations,
+    *,
+    budget: int = 400,
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> Calibration:
+    """Find the unknowns of a drive from its targets.
+
+    Arguments: evaluations, which computes drives and remembers them; budget, drives that the global search may
+    compute; seed, of that search; progress, told how many drives were computed or remembered.
+    Raises UntrustedError where nothing could be computed or least squares did not come to rest.
+    """
+    unit = _Unit(targets.unknowns)
+    start = tuple(float(drive.value(u.path)) for u in targets.unknowns)
+    seen: dict[tuple[float, ...], float] = {}
+
+    def off(points: Iterable[Array], level: str) -> list[Array]:
+        points = list(points)
+        rows = evaluations.off([unit.values(p) for p in points], level)
+        if progress:
+            progress(len(points))
+        if level == "rough":
+            seen.update({tuple(p.tolist()): float(row @ row) for p, row in zip(points, rows, strict=True)})
+        return rows
+
+    _search(unit, start, off, budget, seed)
+    if min(seen.values()) >= IMPOSSIBLE**2:
+        raise UntrustedError("no drive within the bounds could be computed", "look at the bounds, and check the preset")
+    runs = [_settle(point, off) for point in _distant(seen)]
+    runs.sort(key=lambda run: run.cost)
+    if not runs[0].at_rest:
+        raise UntrustedError(
+            "the fit did not come to rest",
+            "run again with the same --state and more --evaluations: what was computed is kept",
+        )
+    sets = [unit.values(run.point) for run in runs]
+    answers = evaluations.run(_fit, [(moved(drive, targets.unknowns, v), targets, v) for v in sets])
+    # a quick search may not have seen what a thorough one does
+    fits = [fit for fit in answers if fit is not None]
+    if not fits:
+        raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
+    order = sorted(range(len(fits)), key=lambda k: float(np.sum(np.square(fits[k].off))))
+    kept = _far_apart([(unit.point(fits[k].values), fits[k]) for k in order])
+    best = kept[0]
+    jacobian = _jacobian(unit.point(best.values), off)
+    half, determined, correlation = _intervals(jacobian, unit, best.values)
+    return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, evaluations.computed, seed)
+
+
+class _Unit:
+    """Points of the unit cube and values of the unknowns."""
+
+    def __init__(self, unknowns: Sequence[Unknown]) -> None:
+        self.log = np.array([u.log for u in unknowns])
+        ends = np.array([(u.low, u.high) for u in unknowns])
+        self.low, self.high = self._flat(ends[:, 0]), self._flat(ends[:, 1])
+
+    def _flat(self, values: Array) -> Array:
+        return np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
+
+    def values(self, point: Array) -> tuple[float, ...]:
+        flat = self.low + (self.high - self.low) * np.clip(point, 0, 1)
+        # what is printed and written is what was computed
+        return tuple(float(f"{v:.{DIGITS}g}") for v in np.where(self.log, np.exp(np.where(self.log, flat, 0.0)), flat))
+
+    def point(self, values: Sequence[float]) -> Array:
+        return np.clip((self._flat(np.array(values)) - self.low) / (self.high - self.low), 0.0, 1.0)
+
+    def slope(self, values: Sequence[float]) -> Array:
+        """Change of each value over its coordinate."""
+        return np.where(self.log, np.array(values), 1.0) * (self.high - self.low)
+
+
+_Off = Callable[[Iterable[Array], str], list[Array]]
+
+
+def _search(unit: _Unit, start: Sequence[float], off: _Off, budget: int, seed: int) -> None:
+    """Global search; what it sees is remembered by off."""
+    count = len(start)
+    size = max(8, POPULATION * count)
+    first = qmc.Sobol(count, seed=seed).random(1 << (size - 1).bit_length())[:size]
+    first[0] = unit.point(start)
+
+    def costs(_: object, points: Iterable[Array]) -> list[float]:
+        return [float(row @ row) for row in off(points, "rough")]
+
+    differential_evolution(
+        lambda point: float(np.sum(np.square(off([point], "rough")[0]))),
+        [(0.0, 1.0)] * count,
+        init=first,
+        maxiter=max(0, budget // size - 1),
+        tol=0.0,
+        seed=seed,
+        polish=False,
+        updating="deferred",
+        workers=costs,
+    )
+
+
+def _distant(seen: dict[tuple[float, ...], float]) -> list[Array]:
+    """The best points that lie apart."""
+    chosen: list[Array] = []
+    for point in sorted(seen, key=lambda p: seen[p]):
+        here = np.array(point)
+        if len(chosen) < STARTS and all(np.abs(here - other).max() > APART for other in chosen):
+            chosen.append(here)
+    return chosen
+
+
+@dataclass(frozen=True)
+class _Run:
+    point: Array
+    cost: float
+    at_rest: bool
+
+
+def _settle(point: Array, off: _Off) -> _Run:
+    answer = least_squares(
+        lambda p: off([p], "medium")[0],
+        np.clip(point, STEP, 1 - STEP),
+        jac=lambda p: _jacobian(p, off),
+        bounds=(0.0, 1.0),
+        xtol=3e-3,  # of the bounds' width
+        ftol=0.03,  # of the sum of squares: better is not worth the time
+        gtol=1e-3,
+        max_nfev=ROUNDS,
+    )
+    met = float(np.abs(answer.fun).max()) <= 1
+    return _Run(np.asarray(answer.x), float(answer.cost), answer.status > 0 or met)
+
+
+def _jacobian(point: Array, off: _Off) -> Array:
+    """Change of what is off over the unit cube, shape (targets, unknowns), by differences towards its middle."""
+    steps = np.where(point < 0.5, STEP, -STEP)
+    here, *ends = off([point, *(point + np.diag(steps))], "medium")
+    return np.stack([(end - here) / step for end, step in zip(ends, steps, strict=True)], axis=1)
+
+
+def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
+    drive, targets, values = task
+    exact, quick = Quantities(drive, FINE), Quantities(drive, MEDIUM)
+    try:
+        rows = [exact.off(target) for target in targets.targets]
+        off = tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in rows)
+        return Fit(
+            values=values,
+            off=off,
+            met=tuple(t.is_met(x) for t, x in zip(targets.targets, off, strict=True)),
+            found=tuple(exact.value(target) for target in targets.targets),
+            best_deg=tuple(quick.scan(M_g).best_deg for M_g in drive.operation.M_g),
+        )
+    except HdassistError:
+        return None
+
+
+def _far_apart(sets: list[tuple[Array, Fit]]) -> list[Fit]:
+    kept = sets[:1]
+    for point, fit in sets[1:]:
+        if fit.all_met and all(np.abs(point - other).max() > APART for other, _ in kept):
+            kept.append((point, fit))
+    return [fit for _, fit in kept]
+
+
+def _intervals(
+    jacobian: Array, unit: _Unit, values: Sequence[float]
+) -> tuple[tuple[float, ...], tuple[float, ...], Array]:
+    """Half-widths of the values, how far they are determined, and correlations.
+
+    The bounds count as knowledge too: half their width is the half-width of a value that no target sees.
+    """
+    information = jacobian.T @ jacobian + 4 * np.eye(jacobian.shape[1])
+    covariance = np.linalg.inv(information)
+    deviation = np.sqrt(np.diag(covariance))
+    half = deviation * unit.slope(values)
+    correlation = covariance / np.outer(deviation, deviation)
+    return tuple(half.tolist()), tuple((1 - 2 * deviation).tolist()), correlation

@@ -1,0 +1,111 @@
+"""`hdassist calibrate`: values of a preset found from targets."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hdassist.terminal import options as o
+
+
+def command(
+    preset: o.Preset,
+    targets: Annotated[Path, typer.Option("--targets", metavar="FILE", help="What to find, and what is known (YAML).")],
+    write: Annotated[
+        str | None, typer.Option("--write", metavar="FILE", help="Write the preset with the values found to FILE.")
+    ] = None,
+    state: Annotated[
+        Path | None, typer.Option("--state", metavar="FILE", help="Remember what was computed; go on from there.")
+    ] = None,
+    evaluations: Annotated[int, typer.Option(min=8, help="Drives that the global search may compute.")] = 400,
+    jobs: o.Jobs = 0,
+    seed: o.Seed = 0,
+    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    json: o.Json = False,
+    output: o.Target = "-",
+    force: o.Force = False,
+    ascii: o.Ascii = False,
+    no_color: o.NoColor = False,
+    quiet: o.Quiet = False,
+    verbose: o.Verbose = False,
+    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
+) -> None:
+    """Find stiffnesses, clearances or any other measures of a preset from what is known of the drive.
+
+    \b
+    Examples:
+      hdassist calibrate my-drive.yaml --targets rig.yaml --write my-drive-found.yaml
+      hdassist calibrate my-drive.yaml --targets rig.yaml --state rig.jsonl --evaluations 1000
+
+    \b
+    A targets file:
+      schema: hdassist.targets/1
+      name: acceptance rig, drive 17
+      unknowns:
+        gears.j_n: {low: 0, high: 20}
+        supports.C_2: {low: 5e3, high: 1e5, scale: log}
+      targets:
+        - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
+        - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
+
+    Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), revolution_range, self_error,
+    torsional_stiffness, lost_motion, trace. A global search, then least squares from its best points that lie
+    apart; every set that meets the targets is kept. Ctrl-C keeps the --state file, from which the same command
+    goes on. Exit code 5: the fit did not come to rest.
+    """
+    from hdassist.calibration import page as report
+    from hdassist.calibration.calibrate import calibrate, work
+    from hdassist.calibration.evaluations import Evaluations
+    from hdassist.calibration.targets import read_targets
+    from hdassist.errors import DataError, UsageError
+    from hdassist.preset.library import load_preset, read_preset
+    from hdassist.preset.rewrite import with_found_values
+    from hdassist.terminal.answers import to_json
+    from hdassist.terminal.files import require_writable, write_text
+    from hdassist.terminal.output import Output, note, warn
+    from hdassist.terminal.workers import workers
+
+    out = Output.open(output, force=force, ascii=ascii, no_color=no_color)
+    if write is not None:
+        require_writable(write, force)
+        if preset == "-" or overrides:
+            raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
+    drive = load_preset(preset, overrides)
+    try:
+        text = targets.read_bytes()
+    except OSError as error:
+        raise DataError(f"cannot read {targets}: {error.strerror}") from None
+    wanted = read_targets(text, str(targets), drive)
+    paths = [unknown.path for unknown in wanted.unknowns]
+    given = read_preset(preset)[0].decode("utf-8-sig") if write is not None else ""
+    if write is not None:  # a text that cannot be changed is better known before than after
+        with_found_values(given, preset, {p: drive.value(p) for p in paths}, "")
+    begun = time.monotonic()
+    try:
+        with (
+            out.progress(drive.name, work(wanted, evaluations)) as progress,
+            workers(jobs) as executor,
+        ):
+            known = Evaluations(drive, wanted, executor, state)
+            if known.remembered:
+                note(f"going on from {state}: {known.remembered} drives are known")
+            result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
+    except KeyboardInterrupt:
+        if state is not None:
+            note(f"{state} keeps what was computed: the same command goes on from there")
+        raise
+    if verbose:
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.evaluations} drives computed")
+    for words in report.warnings(result):
+        warn(words)
+    if json:
+        out.text(to_json(report.answer(result)))
+    else:
+        out.human(report.brief(result) if quiet else report.render(result, out.look))
+    if write is not None:
+        sets = [dict(zip(paths, fit.values, strict=True)) for fit in result.fits]
+        ref = f"hdassist calibrate, {wanted.name or targets.name}"
+        write_text(write, with_found_values(given, preset, sets[0], ref, sets[1:]), force)

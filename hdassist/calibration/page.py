@@ -1,0 +1,156 @@
+"""A calibration as tables, and as JSON."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.calibration.calibrate import Calibration, Fit
+from hdassist.calibration.targets import KINDS, Target
+from hdassist.preset.convert import field_table
+from hdassist.preset.fields import unit_of
+from hdassist.terminal.answers import envelope
+from hdassist.terminal.console import Look, table
+
+UNSEEN = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
+
+
+def warnings(result: Calibration) -> tuple[str, ...]:
+    """What a reader should know beside the numbers."""
+    best, drive = result.best, result.drive
+    missed = [t.words for t, met in zip(result.targets.targets, best.met, strict=True) if not met]
+    words = list(drive.origin.warnings)
+    if missed:
+        words.append(f"not met together: {'; '.join(missed)}; the values are the nearest that were found")
+    unseen = [u.path for u, share in zip(result.targets.unknowns, result.determined, strict=True) if share < UNSEEN]
+    if unseen:
+        words.append(f"the targets say nothing about {', '.join(unseen)}")
+    words += [f"the targets cannot tell {a} and {b} apart (correlation {r:+.2f})" for a, b, r in result.indistinct]
+    return tuple(words)
+
+
+def render(result: Calibration, look: Look) -> RenderableType:
+    """Targets met or missed, values found with their intervals, and the sets that do as well."""
+    heading = f"{result.drive.name}: {len(result.targets.unknowns)} values from {len(result.targets.targets)} targets"
+    parts: list[RenderableType] = [
+        Text(look.text(f"{heading} ({result.targets.name})" if result.targets.name else heading), style="bold"),
+        _targets(result, look),
+        _values(result, look),
+        _sets(result, look),
+        Text(look.text(
+            "Interval: half-widths as the tolerances are; the bounds count as knowledge. Fitted targets are no "
+            "evidence for the model: what was not fitted is."
+        )),
+    ]  # fmt: skip
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _wanted(target: Target) -> str:
+    if target.value is not None:
+        return f"{target.value:g} +- {target.tolerance:.3g}"
+    low, high = (f"{x:g}" if isfinite(x) else "" for x in (target.low, target.high))
+    return f"{low} to {high}" if low and high else f"{low} or more" if low else f"{high} or less"
+
+
+def _targets(result: Calibration, look: Look) -> Table:
+    grid = table(look, "targets")
+    grid.add_column("target", overflow="fold")
+    for words in ("unit", "wanted", "found", "off, tolerances", ""):
+        grid.add_column(words, justify="right")
+    best = result.best
+    for target, found, off, met in zip(result.targets.targets, best.found, best.off, best.met, strict=True):
+        unit = KINDS[target.quantity].unit
+        row = (target.words, unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", "met" if met else "MISSED")
+        grid.add_row(*map(look.text, row))
+    return grid
+
+
+def _values(result: Calibration, look: Look) -> Table:
+    grid = table(look, "values")
+    grid.add_column("field", overflow="fold")
+    for words in ("unit", "start", "found", "+-", "bounds", "determined"):
+        grid.add_column(words, justify="right")
+    columns = (result.targets.unknowns, result.start, result.best.values, result.half_width, result.determined)
+    for unknown, start, value, half, share in zip(*columns, strict=True):
+        row = (
+            unknown.path, unit_of(field_table()[unknown.path]), f"{start:g}", f"{value:g}", f"{half:.2g}",
+            f"{unknown.low:g} to {unknown.high:g}", f"{share:.0%}",
+        )  # fmt: skip
+        grid.add_row(*map(look.text, row))
+    return grid
+
+
+def _sets(result: Calibration, look: Look) -> Table:
+    grid = table(look, "sets that were kept, and the mounting phase each finds best, deg")
+    grid.add_column("field", overflow="fold")
+    for k in range(len(result.fits)):
+        grid.add_column("best" if k == 0 else f"other {k}", justify="right")
+    for row, unknown in enumerate(result.targets.unknowns):
+        grid.add_row(unknown.path, *(f"{fit.values[row]:g}" for fit in result.fits))
+    for row, M_g in enumerate(result.drive.operation.M_g):
+        grid.add_row(look.text(f"best phase at {M_g:g} N·m"), *(f"{fit.best_deg[row]:.0f}" for fit in result.fits))
+    worst = (max(map(abs, fit.off)) for fit in result.fits)
+    grid.add_row("furthest target, tolerances", *(f"{off:.2f}" for off in worst))
+    return grid
+
+
+def answer(result: Calibration) -> dict[str, Any]:
+    """The calibration as a JSON object."""
+    unknowns, targets = result.targets.unknowns, result.targets.targets
+
+    def one(fit: Fit) -> dict[str, Any]:
+        return {
+            "values": {u.path: value for u, value in zip(unknowns, fit.values, strict=True)},
+            "off_tolerances": list(fit.off),
+            "found": list(fit.found),
+            "best_phase_deg": list(fit.best_deg),
+            "targets_met": list(fit.met),
+            "met": fit.all_met,
+        }
+
+    return {
+        **envelope("calibrate", result.drive, 0, warnings(result)),
+        "targets_file": {"name": result.targets.name, "sha256": result.targets.sha256},
+        "targets": [
+            {
+                "quantity": t.quantity,
+                "unit": KINDS[t.quantity].unit,
+                "asked": dict(t.asked),
+                "value": t.value,
+                "low": t.low if isfinite(t.low) else None,
+                "high": t.high if isfinite(t.high) else None,
+                "tolerance": t.tolerance,
+            }
+            for t in targets
+        ],
+        "unknowns": [
+            {
+                "path": u.path,
+                "unit": unit_of(field_table()[u.path]),
+                "low": u.low,
+                "high": u.high,
+                "start": start,
+                "found": value,
+                "half_width": half,
+                "determined": share,
+            }
+            for u, start, value, half, share in zip(
+                unknowns, result.start, result.best.values, result.half_width, result.determined, strict=True
+            )
+        ],
+        "correlation": result.correlation.tolist(),
+        "best": one(result.best),
+        "alternatives": [one(fit) for fit in result.alternatives],
+        "evaluations": result.evaluations,
+        "seed": result.seed,
+    }
+
+
+def brief(result: Calibration) -> str:
+    """The answer alone: the values, in the form of --set."""
+    pairs = zip(result.targets.unknowns, result.best.values, strict=True)
+    return "\n".join(f"{unknown.path}={value!r}" for unknown, value in pairs)

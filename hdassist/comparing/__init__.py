@@ -1,0 +1,1 @@
+"""A measured trace over the predicted one."""

@@ -1,0 +1,268 @@
+"""Least squares on the deviation vectors of a drive, through its contact model.
+
+Each vector is two unknowns; where the record begins in the drive's cycle may be one or two more. Every step solves the
+contacts anew. Directions among the unknowns that the record hardly sees are left where they are: their standard
+uncertainty would be above what a deviation can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import null_space
+
+from hdassist.comparing.record import Place, Record, scan
+from hdassist.comparing.vectors import vectors_of, with_vectors
+from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, Torus
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
+
+STEP = 1.0  # um, of a difference quotient
+FARTHEST = 30.0  # um or deg, of one step
+STEPS = 15
+STILL = 0.05  # of chi-square: a step that gains less is the last
+SLOW = 1e-3  # of the chi-square that is left: the same
+NEARER = 0.7  # of the chi-square: a first look must be so much better for the way to begin there
+BLIND = 0.5  # of the greatest deviation: a greater standard uncertainty says nothing
+LEAST_BLIND = 20.0  # um
+TURNED = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg: directions looked at before the first step
+SCALED = (0.5, 1.5, 2.0)
+NEARLY = 1e-2  # of an unknown's square along what the record does not tell
+SHARP = 1.0  # deg: a start that is surer leaves no room for a bend
+WALK = 6  # standard uncertainties of the start to either side that are looked at
+FAR = 12.0  # of chi-square above the least: far enough
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
+ROUNDING = 1e-3  # of the greatest slope: as sure as difference quotients are
+WHEELS = ((0, 4), (1, 2))  # vectors that turn with the flexspline, with the rigid wheel
+USUAL = 50.0  # um: size tried for a deviation that the preset has as 0
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """What is looked for: some of VECTORS by their place, start and zero of the record."""
+
+    vectors: tuple[int, ...]
+    start: bool
+    zero: bool
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return 2 * len(self.vectors) + self.start + self.zero
+
+
+@dataclass(frozen=True, eq=False)
+class VectorFit:
+    """Deviations that fit a record best.
+
+    vectors [um], shape (5,); place; slopes: whitened, by x and y of each free vector [1/um], then start and zero
+    [1/deg], shape (2 lines, unknowns); seen, blind: orthonormal directions among the unknowns that the record tells
+    and does not tell, shape (unknowns, ...); spread: standard uncertainties along seen, noise alone; wide: covariance
+    of the unknowns over many starts, where slopes at one do not tell it.
+    """
+
+    unknowns: Unknowns
+    vectors: Complex
+    place: Place
+    chi_square: float
+    slopes: Array
+    seen: Array
+    blind: Array
+    spread: Array
+    wide: Array | None = None
+
+    def covariance(self) -> Array:
+        """Covariance of the unknowns along what the record tells, noise alone."""
+        if self.wide is not None:
+            return self.wide
+        return np.asarray((self.seen * self.spread**2) @ self.seen.T)
+
+
+class VectorFitter:
+    """Fits of one record with one drive; unknowns of the place are the same in all of them."""
+
+    def __init__(self, drive: Drive, record: Record, torus: Torus, *, start: bool, zero: bool) -> None:
+        self._drive, self._record, self._torus = drive, record, torus
+        self._start, self._zero = start, zero
+        self._here = vectors_of(drive)
+        self._blind = max(LEAST_BLIND, BLIND * float(np.abs(self._here).max()))
+
+    def base(self, place: Place) -> VectorFit:
+        """The drive as it is, with the place fitted where that is asked for."""
+        waves = self._torus.waves([self._drive])[0]
+        found, _ = scan(self._record, waves, place, start=self._start, zero=self._zero)
+        return self._descend(self._here, found, (), POINTS)
+
+    def left_arcsec(self, fit: VectorFit) -> float:
+        """Rms of what a fit leaves within the orders [arcsec]."""
+        waves = self._torus.waves([with_vectors(self._drive, fit.vectors, fit.unknowns.vectors)])[0]
+        left = self._record.measured - self._record.predicted(waves, fit.place)
+        return float(np.sqrt((left**2).sum() / 2))
+
+    def single(self, free: int, base: VectorFit) -> VectorFit:
+        """One vector changed, the others as they are; on a torus that is good enough to tell the good ones."""
+        starts = self._starts(free)
+        waves = self._torus.waves([with_vectors(self._drive, v, [free]) for v in starts], COARSE)
+        looks = [scan(self._record, w, base.place, start=self._start, zero=self._zero) for w in waves]
+        best = int(np.argmin([chi for _, chi in looks]))
+        if looks[best][1] > NEARER * looks[0][1]:
+            return self._descend(self._here, base.place, (free,), MIDDLE)
+        return self._descend(starts[best], looks[best][0], (free,), MIDDLE)
+
+    def gains(self, base: VectorFit) -> Array:
+        """How much chi-square each vector alone would take off, as far as the slopes at the drive tell, shape (5,)."""
+        everything = Unknowns(tuple(range(len(self._here))), self._start, self._zero)
+        left, waves = self._left(base.vectors, base.place, (), POINTS)
+        slopes = self._slopes(base.vectors, base.place, everything, waves)
+        rest = list(range(2 * len(self._here), everything.count))
+        columns = [[2 * k, 2 * k + 1, *rest] for k in everything.vectors]
+        taken = [np.linalg.lstsq(slopes[:, own], left)[0] for own in columns]
+        return np.array(
+            [
+                2 * left @ slopes[:, own] @ t - ((slopes[:, own] @ t) ** 2).sum()
+                for own, t in zip(columns, taken, strict=True)
+            ]
+        )
+
+    def polished(self, fit: VectorFit) -> VectorFit:
+        """A fit gone on with on a fine torus."""
+        return self._descend(fit.vectors, fit.place, fit.unknowns.vectors, POINTS)
+
+    def profiled(self, fit: VectorFit) -> VectorFit:
+        """A fit of one vector looked at over many starts, where its start is uncertain: a bent valley has other minima.
+
+        The covariance is that over the starts, each as likely as its chi-square says.
+        """
+        row = 2 * len(fit.unknowns.vectors)
+        if not self._start or self._zero or (fit.blind[row] ** 2).sum() > NEARLY:
+            return fit
+        step = float(np.sqrt(fit.covariance()[row, row]))
+        if step < SHARP:
+            return fit
+        still = VectorFitter(self._drive, self._record, self._torus, start=False, zero=False)
+        free = fit.unknowns.vectors
+        found = [still._descend(fit.vectors, fit.place, free, MIDDLE)]
+        for way in (1, -1):
+            here = found[0]
+            for _ in range(WALK):
+                start = here.place.start + way * np.radians(step)
+                here = still._descend(here.vectors, replace(here.place, start=float(start)), free, MIDDLE)
+                found.append(here)
+                if here.chi_square > min(f.chi_square for f in found) + FAR:
+                    break
+        best = min(found, key=lambda f: f.chi_square)
+        result = fit
+        if best is not found[0]:
+            other = self._descend(best.vectors, best.place, free, POINTS)
+            result = min(fit, other, key=lambda f: f.chi_square)
+        weight = np.exp(-(np.array([f.chi_square for f in found]) - best.chi_square) / 2)
+        wide = np.zeros((row + 1, row + 1))
+        for share, each in zip(weight / weight.sum(), found, strict=True):
+            moved = each.vectors[list(free)] - result.vectors[list(free)]
+            turned = np.degrees(each.place.start - result.place.start)
+            away = np.array([*(part for value in moved for part in (value.real, value.imag)), turned])
+            wide += share * np.outer(away, away)
+            wide[:row, :row] += share * each.covariance()
+        return replace(result, wide=wide)
+
+    def joint(self, begin: VectorFit) -> VectorFit:
+        """All vectors changed, as far as the record tells them apart."""
+        return self._descend(begin.vectors, begin.place, tuple(range(len(self._here))), POINTS)
+
+    def _starts(self, free: int) -> list[Complex]:
+        """The drive's own vectors, and with one of them turned or scaled."""
+        own = self._here[free] or USUAL
+        others = [own * scale for scale in SCALED]
+        if not self._alike(self._here, Unknowns((free,), self._start, self._zero)).shape[1]:
+            others += [own * np.exp(1j * np.radians(turn)) for turn in TURNED]
+        if not self._here[free]:
+            others.append(own)
+        result = [self._here.copy() for _ in range(len(others) + 1)]
+        for vectors, value in zip(result[1:], others, strict=True):
+            vectors[free] = value
+        return result
+
+    def _descend(self, vectors: Complex, place: Place, free: tuple[int, ...], points: int) -> VectorFit:
+        unknowns = Unknowns(free, self._start, self._zero)
+        left, waves = self._left(vectors, place, free, points)
+        for _ in range(STEPS):
+            slopes = self._slopes(vectors, place, unknowns, waves)
+            seen, _, sizes = self._split(slopes, self._alike(vectors, unknowns))
+            step = seen @ ((seen.T @ slopes.T @ left) / sizes**2)
+            step *= min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-12))
+            before = float(left @ left)
+            for share in SHARES:
+                there = self._moved(vectors, place, unknowns, share * step)
+                tried, other = self._left(*there, free, points)
+                if tried @ tried < before:
+                    (vectors, place), left, waves = there, tried, other
+                    break
+            if before - float(left @ left) < max(STILL, SLOW * before):
+                break
+        slopes = self._slopes(vectors, place, unknowns, waves)
+        seen, blind, sizes = self._split(slopes, self._alike(vectors, unknowns))
+        return VectorFit(unknowns, vectors, place, float(left @ left), slopes, seen, blind, 1 / sizes)
+
+    def _left(self, vectors: Complex, place: Place, free: Sequence[int], points: int) -> tuple[Array, Complex]:
+        """Whitened differences that are left, and the waves."""
+        waves = self._torus.waves([with_vectors(self._drive, vectors, free)], points)[0]
+        return self._record.whitened(self._record.measured - self._record.predicted(waves, place)), waves
+
+    def _slopes(self, vectors: Complex, place: Place, unknowns: Unknowns, waves: Complex) -> Array:
+        columns = []
+        if unknowns.vectors:
+            near = [vectors]
+            for k in unknowns.vectors:
+                for part in (STEP, 1j * STEP):
+                    other = vectors.copy()
+                    other[k] += part
+                    near.append(other)
+            found = self._torus.waves([with_vectors(self._drive, v, unknowns.vectors) for v in near], MIDDLE)
+            columns += list(self._record.predicted((found[1:] - found[0]) / STEP, place))
+        moved = np.radians(self._record.slopes(waves, place))
+        columns += [column for column, wanted in zip(moved, (unknowns.start, unknowns.zero), strict=True) if wanted]
+        if not columns:
+            return np.zeros((len(self._record.measured), 0))
+        return self._record.whitened(np.array(columns)).T
+
+    def _alike(self, vectors: Complex, unknowns: Unknowns) -> Array:
+        """Directions among the unknowns that change nothing at all, orthonormal, shape (unknowns, ...).
+
+        To begin elsewhere is the same as to turn all vectors of a wheel: without effect where they all are free.
+        """
+        wanted = [place for place, free in enumerate((unknowns.start, unknowns.zero)) if free]
+        turns = np.stack([self._record.starts, -np.array(self._record.rates)], axis=1)[:, wanted]
+        held = [any(vectors[k] and k not in unknowns.vectors for k in wheel) for wheel in WHEELS]
+        free = null_space(turns[held]) if any(held) else np.eye(len(wanted))
+        columns = []
+        for gauge in free.T:
+            back = np.radians(-turns @ gauge)
+            wheel = [next((w for w, members in enumerate(WHEELS) if k in members), None) for k in unknowns.vectors]
+            moved = [
+                0j if w is None else 1j * vectors[k] * back[w] for w, k in zip(wheel, unknowns.vectors, strict=True)
+            ]
+            columns.append([*(part for value in moved for part in (value.real, value.imag)), *gauge])
+        if not columns:
+            return np.zeros((unknowns.count, 0))
+        return np.asarray(np.linalg.qr(np.array(columns).T)[0])
+
+    def _split(self, slopes: Array, alike: Array) -> tuple[Array, Array, Array]:
+        """Directions among the unknowns that are seen, those that are not, and the slopes along the first."""
+        if not slopes.shape[1]:
+            return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
+        others = null_space(alike.T) if alike.shape[1] else np.eye(len(alike))
+        _, sizes, directions = np.linalg.svd(slopes @ others, full_matrices=False)
+        seen = (sizes * self._blind > 1) & (sizes > ROUNDING * sizes.max(initial=0.0))
+        directions = others @ directions.T
+        return directions[:, seen], np.concatenate([directions[:, ~seen], alike], axis=1), sizes[seen]
+
+    def _moved(self, vectors: Complex, place: Place, unknowns: Unknowns, step: Array) -> tuple[Complex, Place]:
+        result = vectors.copy()
+        for i, k in enumerate(unknowns.vectors):
+            result[k] += step[2 * i] + 1j * step[2 * i + 1]
+        rest = list(np.radians(step[2 * len(unknowns.vectors) :]))
+        start = place.start + (rest.pop(0) if unknowns.start else 0.0)
+        zero = place.zero + (rest.pop(0) if unknowns.zero else 0.0)
+        return result, replace(place, start=float(start), zero=float(zero))

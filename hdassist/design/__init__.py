@@ -1,0 +1,1 @@
+"""Design checks: F'_ior, trace, self error, stiffness of a drive."""

@@ -1,0 +1,147 @@
+"""The design check of a drive: F'_ior, self error and verdict at each of its torques."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial, reduce
+from operator import add
+from typing import Any
+
+from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
+from hdassist.error.search import SEARCHED, searchable
+from hdassist.error.self_error import SelfError, self_error
+from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivity
+from hdassist.model.kinematics import Kinematics
+from hdassist.model.wheels import MeasuredTeeth
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import Certificate
+from hdassist.verdict import Verdict, worst
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """What a drive does at one torque M_g [N*m], and the limit [arcsec] it is held against, if any."""
+
+    M_g: float
+    error: KinematicError
+    self_error: SelfError
+    limit_arcsec: float | None
+    sensitivity: Sensitivity | None = None
+
+    @property
+    def F_ior_upper_arcsec(self) -> float:
+        """F'_ior with the self error on top [arcsec]: the value held against the limit."""
+        return self.error.F_ior_arcsec + self.self_error.range_arcsec
+
+    @property
+    def certificates(self) -> tuple[Certificate, ...]:
+        """Certificates of all states that stand behind the point."""
+        parts = (self.error, self.self_error, self.sensitivity)
+        return tuple(part.certificate for part in parts if part is not None)
+
+    @property
+    def verdict(self) -> Verdict:
+        """PASS where the upper value is within the limit, else FAIL; NO_LIMIT without one."""
+        if self.limit_arcsec is None:
+            return Verdict.NO_LIMIT
+        return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
+
+
+@dataclass(frozen=True)
+class Check:
+    """Design check of a drive: one operating point per torque, in the order of the preset.
+
+    measured: wheels in place of first harmonics.
+    """
+
+    drive: Drive
+    points: tuple[OperatingPoint, ...]
+    measured: MeasuredTeeth | None = None
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Ratio and cycle of the drive."""
+        return Kinematics.of(self.drive)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Worst verdict of the operating points."""
+        return worst(point.verdict for point in self.points)
+
+    @property
+    def certificate(self) -> Certificate:
+        """Worst residuals over all states of all torques, those of the self error included."""
+        return reduce(add, (part for point in self.points for part in point.certificates))
+
+    @property
+    def cross_checks(self) -> tuple[CrossCheck, ...]:
+        """Cross-check of each torque."""
+        return tuple(p.error.cross_check for p in self.points if p.error.cross_check)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader should know beside the numbers."""
+        rated = self.drive.operation.rated
+        over = [p.M_g for p in self.points if rated is not None and abs(p.M_g) > rated]
+        return self.drive.origin.warnings + tuple(
+            f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over
+        )
+
+
+def work(drive: Drive, measured: MeasuredTeeth | None = None) -> int:
+    """Number of states that a check solves, for a progress bar."""
+    searched = SEARCHES * SEARCHED if searchable(drive) and not measured else 0
+    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
+
+
+def check(
+    drive: Drive,
+    *,
+    measured: MeasuredTeeth | None = None,
+    solver: str | None = None,
+    cross_check: str = "CLARABEL",
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Check:
+    """Check a drive at the torques of its preset.
+
+    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; executor, to spread
+    the work over (any concurrent.futures executor; the numbers do not depend on it); the others and the errors as in
+    kinematic_error.
+    """
+    torques = drive.operation.M_g
+    there, teeth = measured.in_drive(drive) if measured else (drive, None)
+    told = None if executor else progress  # a process tells nothing before it is done
+    error = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed)
+    jobs: list[_Job] = []
+    for M_g in torques:
+        jobs += [partial(error, M_g, progress=told), partial(_sensitivity, None if measured else drive, M_g)]
+    jobs.insert(1, partial(self_error, drive, torques, progress=told))  # in an order that two processes share best
+    results = []
+    for job, result in zip(jobs, (executor.map if executor else map)(_run, jobs), strict=True):
+        results.append(result)
+        if progress and (executor or job.func is _sensitivity):
+            progress(_states(result))
+    own = results.pop(1)
+    errors, slopes = results[::2], results[1::2]
+    limits = [drive.limit(M_g) for M_g in torques]
+    return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
+
+
+_Job = partial[Any]
+
+
+def _run(job: _Job) -> Any:
+    return job()
+
+
+def _sensitivity(drive: Drive | None, M_g: float) -> Sensitivity | None:
+    return sensitivity(drive, M_g) if drive else None
+
+
+def _states(result: Any) -> int:
+    parts = result if isinstance(result, list) else [result]
+    return sum(part.certificate.states for part in parts if part is not None)

@@ -1,0 +1,190 @@
+"""The design check as tables and a plot, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.design.check import Check, OperatingPoint
+from hdassist.error.cycle import CROSS_TOLERANCE
+from hdassist.model.geometry import Geometry
+from hdassist.solve.certificate import TOLERANCE
+from hdassist.terminal.answers import certificate_object, envelope
+from hdassist.terminal.columns import Quantity, as_object
+from hdassist.terminal.console import Look, table
+from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.plot import curve
+from hdassist.terminal.wheels_page import heading, pitch_object
+
+LABEL_WIDTH = 30  # columns of a table's words; numbers take 12 each
+NUMBER_WIDTH = 12
+
+
+def _angle(point: OperatingPoint, extreme: str, angle: str) -> float:
+    states = point.error.states
+    return float(np.degrees(getattr(states, angle)[getattr(point.error, extreme)]))
+
+
+POINT: tuple[Quantity[OperatingPoint], ...] = (
+    Quantity("M_g_Nm", "torque M_g", "N·m", "g", lambda p: p.M_g),
+    Quantity("F_ior_arcsec", "F'_ior, full cycle", "arcsec", ".2f", lambda p: p.error.F_ior_arcsec),
+    Quantity("self_error_arcsec", "self error", "arcsec", ".2f", lambda p: p.self_error.range_arcsec),
+    Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f", lambda p: p.F_ior_upper_arcsec),
+    Quantity("limit_arcsec", "limit", "arcsec", "g", lambda p: p.limit_arcsec),
+    Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
+    Quantity("at_max.phi_h_deg", "greatest error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_h")),
+    Quantity("at_max.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_g")),
+    Quantity("at_max.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_b")),
+    Quantity("at_min.phi_h_deg", "least error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_h")),
+    Quantity("at_min.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_g")),
+    Quantity("at_min.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_b")),
+    Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", lambda p: p.error.one_wave_share),
+    Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", lambda p: p.error.max_tooth_force_N),
+    Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", lambda p: p.error.wind_up_arcsec),
+)
+
+
+def _slope(name: str) -> Callable[[OperatingPoint], float | None]:
+    return lambda point: getattr(point.sensitivity, name) if point.sensitivity else None
+
+
+SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
+    Quantity(f"sensitivity.{name}_arcsec_per_um", words, "arcsec/um", "+.2f", _slope(name))
+    for name, words in (
+        ("j_n", "flank clearance j_n"),
+        ("W_0", "wave W_0"),
+        ("g_b", "bearing clearance g_b"),
+    )
+)
+
+
+def render(check: Check, look: Look, *, plots: bool = True) -> RenderableType:
+    """Tables, and a plot per torque of the error over the full cycle."""
+    parts: list[RenderableType] = [_heading(check, look), _geometry(check, look), *_points(check, look)]
+    if plots:
+        parts += [Text(_plot(point, look)) for point in check.points]
+    parts.append(_certificate(check, look))
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def answer(check: Check, seed: int) -> dict[str, Any]:
+    """The check as a JSON object."""
+    k = check.kinematics
+    return {
+        **envelope("check", check.drive, check.verdict.exit_code, check.warnings),
+        "kinematics": {
+            "fixed": k.fixed,
+            "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
+            "cycle_states": k.cycle_states,
+            "cycle_cam_revolutions": k.cycle_cam_revolutions,
+        },
+        "pitch": pitch_object(check.measured),
+        "operating_points": [as_object((*POINT, *SLOPES), point) for point in check.points],
+        "certificate": certificate_object(check.certificate, check.cross_checks),
+        "seed": seed,
+        "verdict": str(check.verdict),
+    }
+
+
+def csv(checks: list[Check]) -> str:
+    """One row per drive and torque."""
+    rows = [[c.drive.name, *(q.value(p) for q in (*POINT, *SLOPES))] for c in checks for p in c.points]
+    return to_csv(["preset", *(q.key for q in (*POINT, *SLOPES))], rows)
+
+
+def brief(check: Check) -> str:
+    """The answer alone: torque, F'_ior with the self error, verdict."""
+    lines = (f"{p.M_g:g} N*m: F'_ior {p.error.F_ior_arcsec:.2f} arcsec, {p.verdict}" for p in check.points)
+    return "\n".join(lines)
+
+
+def _heading(check: Check, look: Look) -> Text:
+    k = check.kinematics
+    where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
+    words = f"{check.drive.name}: {k.z_g}/{k.z_b} teeth, fixed: {where}{heading(check.measured)}"
+    return Text(look.text(words), style="bold")
+
+
+def _geometry(check: Check, look: Look) -> Table:
+    drive, k, g = check.drive, check.kinematics, Geometry.of(check.drive)
+    ratio = "u_hg" if k.fixed == "rigid" else "u_hb"
+    grid = table(look, "geometry and kinematics", header=False)
+    for _ in range(2):
+        grid.add_column(overflow="fold")
+        grid.add_column(justify="right", no_wrap=True)
+    cells = [
+        ("module, mm", f"{drive.gears.m:g}"),
+        (f"ratio {ratio}", f"{k.u:g}"),
+        ("cam deformation W_0, mm", f"{drive.cam.W_0:g}"),
+        ("states in the cycle", f"{k.cycle_states}"),
+        ("rim mid-line r_m, mm", f"{g.r_m:.3f}"),
+        ("cam turns in the cycle", f"{k.cycle_cam_revolutions}"),
+        ("tip circles g/b, mm", f"{g.r_ag:.3f}/{g.r_ab:.3f}"),
+        ("balls", f"{drive.bearing.N} {drive.bearing.ball_motion}"),
+    ]
+    for left, right in zip(cells[::2], cells[1::2], strict=True):
+        grid.add_row(*left, *right)
+    return grid
+
+
+def _points(check: Check, look: Look) -> Iterator[Table]:
+    moving = "phi_g" if check.kinematics.fixed == "rigid" else "phi_b"
+    still = "phi_b" if moving == "phi_g" else "phi_g"
+    shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
+    yield from _columns(check, look, "kinematic error", shown)
+    if any(point.sensitivity for point in check.points):
+        yield from _columns(check, look, "what a micrometre more does to F'_ior", SLOPES)
+
+
+def _columns(check: Check, look: Look, title: str, shown: Sequence[Quantity[OperatingPoint]]) -> Iterator[Table]:
+    """One column per torque; as many tables as the width needs."""
+    many = max(1, (look.width - LABEL_WIDTH) // (NUMBER_WIDTH + 2))
+    for first in range(0, len(check.points), many):
+        points = check.points[first : first + many]
+        grid = table(look, title)
+        grid.add_column(look.text(POINT[0].words), overflow="fold")
+        for point in points:
+            grid.add_column(POINT[0].text(point), justify="right", no_wrap=True, min_width=8)
+        for quantity in shown:
+            grid.add_row(look.text(quantity.words), *(quantity.text(point) for point in points))
+        yield grid
+
+
+def _plot(point: OperatingPoint, look: Look) -> str:
+    turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
+    return curve(
+        look,
+        turns,
+        point.error.error_arcsec,
+        x_label="cam angle phi_h, turns",
+        y_label=f"error at {point.M_g:g} N·m, arcsec, least to greatest in each column",
+    )
+
+
+def _certificate(check: Check, look: Look) -> Table:
+    certificate = check.certificate
+    crosses = certificate_object(certificate, check.cross_checks)["cross_check"]
+    grid = table(look, "certificate: every state of the cycle solved", header=False)
+    grid.add_column(overflow="fold")
+    grid.add_column(justify="right", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for words, value, limit in (
+        ("states solved for all of the above", f"{certificate.states}", ""),
+        ("negative force, share of scale", f"{certificate.negative_force:.1e}", f"<= {TOLERANCE:.0e}"),
+        ("negative gap", f"{certificate.negative_gap:.1e}", f"<= {TOLERANCE:.0e}"),
+        ("force on an open gap", f"{certificate.complementarity:.1e}", f"<= {TOLERANCE:.0e}"),
+        ("equilibrium", f"{certificate.equilibrium:.1e}", f"<= {TOLERANCE:.0e}"),
+        ("states that needed a fallback", f"{certificate.fallbacks}", ""),
+        (
+            f"{crosses['states']} states again by {crosses['solver']}, arcsec",
+            f"{crosses['max_difference_arcsec']:.1e}",
+            f"<= {CROSS_TOLERANCE:g}",
+        ),
+    ):
+        grid.add_row(look.text(words), value, look.text(limit))
+    return grid

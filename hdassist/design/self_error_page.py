@@ -1,0 +1,65 @@
+"""The self error as a table, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from operator import add
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from hdassist.error.self_error import SelfError
+from hdassist.preset.fields import Drive
+from hdassist.terminal.answers import certificate_object, envelope
+from hdassist.terminal.columns import Quantity, as_object
+from hdassist.terminal.console import Look, table
+from hdassist.terminal.csvtext import to_csv
+
+POINT: tuple[Quantity[SelfError], ...] = (
+    Quantity("M_g_Nm", "torque M_g", "N·m", "g", lambda e: e.M_g),
+    Quantity("self_error_arcsec", "self error", "arcsec", ".2f", lambda e: e.range_arcsec),
+    Quantity("tooth_phase_arcsec", "tooth phase alone", "arcsec", ".2f", lambda e: e.tooth_phase_arcsec),
+    Quantity("ball_phase_arcsec", "ball phase alone", "arcsec", ".2f", lambda e: e.ball_phase_arcsec),
+)
+
+
+def render(drive: Drive, results: Sequence[SelfError], look: Look) -> RenderableType:
+    """One row per torque, and the certificate."""
+    grid = table(look, f"{drive.name}: error of the drive without deviations")
+    for quantity in POINT:
+        grid.add_column(look.text(quantity.words), justify="right")
+    for result in results:
+        grid.add_row(*(quantity.text(result) for quantity in POINT))
+    proof = reduce(add, (result.certificate for result in results))
+    phases = drive.numerics.n_phase
+    words = f"certificate: {phases} x {phases} phases at each torque; {proof}"
+    return Group(grid, Text(""), Text(look.text(words)))
+
+
+def answer(drive: Drive, results: Sequence[SelfError]) -> dict[str, Any]:
+    """The self error as a JSON object; rotation_arcsec by tooth phase, then ball phase."""
+    proof = reduce(add, (result.certificate for result in results))
+    return {
+        **envelope("self-error", drive, 0, drive.origin.warnings),
+        "operating_points": [
+            {**as_object(POINT, result), "rotation_arcsec": result.rotation_arcsec.tolist()} for result in results
+        ],
+        "certificate": certificate_object(proof, []),
+    }
+
+
+def csv(results: Sequence[SelfError]) -> str:
+    """One row per torque and pair of phases."""
+    rows = []
+    for result in results:
+        phases = len(result.rotation_arcsec)
+        for i, line in enumerate(result.rotation_arcsec.tolist()):
+            rows += [[result.M_g, i / phases, k / phases, value] for k, value in enumerate(line)]
+    return to_csv(["M_g_Nm", "tau", "beta", "rotation_arcsec"], rows)
+
+
+def brief(results: Sequence[SelfError]) -> str:
+    """The answer alone: torque and self error."""
+    return "\n".join(f"{result.M_g:g} N*m: self error {result.range_arcsec:.2f} arcsec" for result in results)

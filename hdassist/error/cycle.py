@@ -1,0 +1,204 @@
+"""The kinematic error of a drive under constant torque, F_kpp, and its largest range F'_ior.
+
+Source: Lyuminarsky et al. 2019, doi 10.18698/0536-1044-2019-11-3-8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.contacts import ContactSystems, contact_system
+from hdassist.model.deviations import ToothDeviations, gaps
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import ARCSEC, CHUNK, EMPTY, Answers, Certificate, Progress, solve_states
+from hdassist.solve.engine import Engine, StateSolver, ThroughCvxpy
+from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
+
+ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
+CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
+N_MM = 1e3  # N*mm in a N*m
+BLOCK = 4 * CHUNK  # states whose gaps are held at once
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """States solved again through cvxpy by another solver, and the greatest difference of the error."""
+
+    solver: str
+    states: int
+    max_difference_arcsec: float
+
+
+@dataclass(frozen=True)
+class KinematicError:
+    """Kinematic error of a drive at one torque.
+
+    M_g [N*m]; error_arcsec, F_kpp relative to the first state, shape (states,); rotation_arcsec, the
+    twist of the flexspline against the rigid wheel (wind-up and error); zone_share, share of the torque
+    that each mesh zone takes, shape (states, 2); tooth_force_N, greatest force on a flank in each state.
+    """
+
+    kinematics: Kinematics
+    M_g: float
+    states: States
+    rotation_arcsec: Array
+    zone_share: Array
+    tooth_force_N: Array
+    certificate: Certificate
+    cross_check: CrossCheck | None
+
+    @cached_property
+    def error_arcsec(self) -> Array:
+        """F_kpp [arcsec] of each state, zero in the first."""
+        return np.asarray(self.kinematics.error_sign * (self.rotation_arcsec - self.rotation_arcsec[0]))
+
+    @property
+    def range_arcsec(self) -> float:
+        """Greatest minus least error [arcsec]: F'_ior where the states are the full cycle."""
+        return float(np.ptp(self.error_arcsec))
+
+    @property
+    def F_ior_arcsec(self) -> float:
+        """F'_ior [arcsec]. Raises UsageError where the states are not the full cycle."""
+        if len(self.states) < self.kinematics.cycle_states:
+            raise UsageError("F'_ior needs every state of the full cycle")
+        return self.range_arcsec
+
+    @property
+    def at_max(self) -> int:
+        """Place of the greatest error among the states."""
+        return int(np.argmax(self.error_arcsec))
+
+    @property
+    def at_min(self) -> int:
+        """Place of the least error among the states."""
+        return int(np.argmin(self.error_arcsec))
+
+    @property
+    def one_wave_share(self) -> float:
+        """Share of states in which one mesh zone takes less than 1 % of the torque."""
+        return float(np.mean(self.zone_share.min(axis=1) < ONE_WAVE))
+
+    @property
+    def wind_up_arcsec(self) -> float:
+        """Mean twist of the flexspline against the rigid wheel over the states [arcsec]."""
+        return float(self.rotation_arcsec.mean())
+
+    @property
+    def max_tooth_force_N(self) -> float:
+        """Greatest force on a flank over the states [N]."""
+        return float(self.tooth_force_N.max())
+
+
+def kinematic_error(
+    drive: Drive,
+    M_g: float,
+    *,
+    states: States | None = None,
+    teeth: ToothDeviations | None = None,
+    solver: str | None = None,
+    cross_check: str | None = "CLARABEL",
+    sample: int = 8,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> KinematicError:
+    """Kinematic error of a drive at a torque M_g [N*m], over the full cycle unless states are given.
+
+    Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
+    knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
+    extremes and a seeded sample again, None for none; progress, told how many states were solved.
+    Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
+    """
+    for name in filter(None, (solver, cross_check)):
+        require_solver(name)
+    kinematics = Kinematics.of(drive)
+    states = pitch_locked_states(kinematics) if states is None else states
+    parts, programmes = [], 0
+    for rows, formulation in _formulations(drive, states):
+        programmes += 1
+        rows = rows[neighbours_together(kinematics, states.take(rows))]
+        system, torque = formulation.system, M_g * N_MM
+        way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
+        for some in np.split(rows, range(BLOCK, len(rows), BLOCK)):
+            part = states.take(some)
+            delta_p = gaps(drive, system, part, teeth)
+            parts.append((some, solve_states(system, way, torque, delta_p, partial(place, part, M_g), progress)))
+    result = _collect(kinematics, M_g, states, parts)
+    if cross_check:
+        # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
+        stated = formulation if programmes == 1 else None
+        result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed, stated))
+    return result
+
+
+def _formulations(
+    drive: Drive, states: States, stated: Formulation | None = None
+) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
+    """Rows of the states that share a contact system, and its programme: one for each position of the balls.
+
+    Arguments: stated, the programme of all states, where it is there already.
+    """
+    if stated or drive.bearing.ball_motion == "locked":
+        yield np.arange(len(states)), stated or formulate(contact_system(drive))
+        return
+    systems, steps = ContactSystems(drive), drive.numerics.n_beta
+    nearest = np.rint(ball_phase(drive, states.phi_h) * steps).astype(np.int64) % steps
+    for step in np.unique(nearest):
+        yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
+
+
+def _collect(
+    kinematics: Kinematics, M_g: float, states: States, parts: list[tuple[NDArray[np.int64], Answers]]
+) -> KinematicError:
+    count = len(states)
+    rotation, share, force = np.empty(count), np.empty((count, 2)), np.empty(count)
+    certificate = EMPTY
+    for rows, answers in parts:
+        rotation[rows] = answers.rotation * ARCSEC
+        share[rows] = answers.zone_moment / (M_g * N_MM)
+        force[rows] = answers.tooth_force
+        certificate += answers.certificate
+    return KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
+
+
+def _cross_check(
+    drive: Drive,
+    result: KinematicError,
+    teeth: ToothDeviations | None,
+    solver: str,
+    sample: int,
+    seed: int,
+    stated: Formulation | None,
+) -> CrossCheck:
+    count = len(result.states)
+    some = np.random.default_rng(seed).choice(count, min(sample, count), replace=False)
+    rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
+    chosen = result.states.take(rows)
+    worst = 0.0
+    for part, formulation in _formulations(drive, chosen, stated):
+        system = formulation.system
+        for k, delta_p in zip(part, gaps(drive, system, chosen.take(part), teeth), strict=True):
+            _, free = solve_through_cvxpy(formulation, delta_p, result.M_g * N_MM, solver)
+            difference = abs(free[system.free_rotation] * ARCSEC - result.rotation_arcsec[rows[k]])
+            if not difference <= CROSS_TOLERANCE:
+                raise UntrustedError(
+                    f"two solvers disagree at {place(chosen, result.M_g, k)}: {difference:.3g} arcsec "
+                    f"between the engine and {solver}, {CROSS_TOLERANCE} allowed",
+                    "try another solver for the cross-check (--cross-check osqp)",
+                )
+            worst = max(worst, float(difference))
+    return CrossCheck(require_solver(solver), len(rows), worst)
+
+
+def place(states: States, M_g: float, k: int) -> str:
+    """Words for where state k of some states is, at a torque [N*m]."""
+    phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))
+    return f"phi_h = {phi_h:.3f} deg, phi_g = {phi_g:.3f} deg, phi_b = {phi_b:.3f} deg, M_g = {M_g:g} N*m"

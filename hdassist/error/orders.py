@@ -1,0 +1,100 @@
+"""Orders of the kinematic error: amplitude and phase per cam revolution, and what causes each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.fields import Drive
+
+DEGREE = 4  # products of up to so many deviations are named
+LARGEST = 12  # orders without a known cause that are kept all the same
+UNKNOWN = "no single cause known"
+LEGEND = (
+    "rigid wheel: its teeth and the cam offset that stands still with it; flexspline: its teeth and the "
+    "cam offset that goes with it; cam: the offset that turns with the cam. The error follows sums and "
+    "differences of their orders, because it is even in all deviations together."
+)
+FLOOR = 1e-9  # arcsec: what is smaller is rounding
+
+
+@dataclass(frozen=True)
+class Order:
+    """One order of the error: amplitude cos(per_cam_rev phi_h + phase), and its cause in words."""
+
+    per_cam_rev: float
+    amplitude_arcsec: float
+    phase_deg: float
+    cause: str
+
+
+def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
+    """Order per cam revolution, and cause, of each product of a drive's deviations up to DEGREE.
+
+    Keys (k_g, k_b): how often what turns with the flexspline and what turns with the rigid wheel, as seen
+    from the cam, enter. The error is even in all deviations together (half a turn changes nothing), so an
+    odd product needs the offset that turns with the cam, e_hh, as well.
+    """
+    kinematics, t = Kinematics.of(drive), drive.tolerances
+    rate_g = kinematics.teeth_fixed / kinematics.z_g
+    rate_b = kinematics.teeth_fixed / kinematics.z_b
+    most_g, most_b = DEGREE * bool(t.F_i1 or t.e_hg), DEGREE * bool(t.F_i2 or t.e_hb)
+    found = {}
+    for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
+        degree = k_g + abs(k_b)
+        odd = degree % 2 == 1
+        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and (t.e_hh or not odd):
+            found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, odd))
+    return found
+
+
+def _words(k_g: int, k_b: int, odd: bool) -> str:
+    flexspline = f"{k_g if k_g > 1 else ''} flexspline" if k_g else ""
+    rigid = f"{abs(k_b) if abs(k_b) > 1 else ''} rigid wheel" if k_b else ""
+    between = (" - " if k_b < 0 else " + ") if k_g and k_b else ""
+    return " ".join(f"{flexspline}{between}{rigid}{' + cam' if odd else ''}".split())
+
+
+def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
+    """Orders of a drive's error sampled at even steps over whole cam revolutions, by rising order.
+
+    Arguments: drive, whose deviations name the causes; error_arcsec, shape (states,); revolutions, cam
+    revolutions that they span. Known orders are always there, others where they are among the largest. Where
+    several causes fall within the resolution (1/revolutions), the simplest stand together.
+    """
+    count = len(error_arcsec)
+    spectrum = np.fft.rfft(error_arcsec - np.mean(error_arcsec))
+    amplitude = 2 * np.abs(spectrum) / count
+    if count % 2 == 0:
+        amplitude[-1] /= 2  # the last bin has no mirror image
+    causes: dict[int, list[tuple[int, str]]] = {}
+    for (k_g, k_b), (order, words) in known_causes(drive).items():
+        place = round(order * revolutions)
+        if 0 < place < len(amplitude):
+            causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
+    places = sorted(set(causes) | {int(p) for p in np.argsort(amplitude)[::-1][:LARGEST] if p > 0})
+    return [
+        Order(
+            place / revolutions,
+            float(amplitude[place]),
+            _phase(spectrum[place]),
+            _simplest(causes.get(place, [])),
+        )
+        for place in places
+        if place in causes or amplitude[place] > FLOOR
+    ]
+
+
+def _phase(value: complex) -> float:
+    return float(np.degrees(np.angle(value)))
+
+
+def _simplest(causes: list[tuple[int, str]]) -> str:
+    if not causes:
+        return UNKNOWN
+    least = min(degree for degree, _ in causes)
+    return "; ".join(words for degree, words in causes if degree == least)

@@ -1,0 +1,74 @@
+"""The error that a drive without deviations has: rotation over tooth phase and ball phase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from hdassist.model.contacts import ContactSystems
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+
+N_MM = 1e3  # N*mm in a N*m
+
+
+@dataclass(frozen=True)
+class SelfError:
+    """Self error of a drive at a torque M_g [N*m].
+
+    rotation_arcsec, shape (tooth phases, ball phases): twist of the flexspline at tau = i/phases,
+    beta likewise.
+    """
+
+    M_g: float
+    rotation_arcsec: Array
+    certificate: Certificate
+
+    @property
+    def range_arcsec(self) -> float:
+        """Greatest minus least rotation over both phases [arcsec]."""
+        return float(np.ptp(self.rotation_arcsec))
+
+    @property
+    def tooth_phase_arcsec(self) -> float:
+        """Range over the tooth phase alone [arcsec], the ball phase as in the first column."""
+        return float(np.ptp(self.rotation_arcsec[:, 0]))
+
+    @property
+    def ball_phase_arcsec(self) -> float:
+        """Range over the ball phase alone [arcsec], the tooth phase 0."""
+        return float(np.ptp(self.rotation_arcsec[0]))
+
+
+def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | None = None) -> list[SelfError]:
+    """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
+
+    Progress is told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    """
+    systems, grid = ContactSystems(drive), drive.numerics.n_phase
+    rotation = np.empty((len(torques), grid, grid))
+    certificates = [EMPTY] * len(torques)
+    engines: dict[float, Engine] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
+    for i in range(grid):
+        for k in range(grid):
+            system = systems.at(i / grid, k / grid)
+            formulation = formulate(system)
+            for t, M_g in enumerate(torques):
+                torque = M_g * N_MM
+                near = engines.get(M_g) or next(iter(engines.values()), None)
+                engines[M_g] = Engine(formulation, torque, like=near)
+                place = partial(_place, i / grid, k / grid, M_g)
+                answers = solve_states(system, engines[M_g], torque, system.delta_p[None], place, progress)
+                rotation[t, i, k] = answers.rotation[0] * ARCSEC
+                certificates[t] += answers.certificate
+    return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]
+
+
+def _place(tau: float, beta: float, M_g: float, _: int) -> str:
+    return f"tau = {tau:g}, beta = {beta:g}, M_g = {M_g:g} N*m, without deviations"

@@ -1,0 +1,194 @@
+"""Torsional stiffness of a drive without deviations: twist against torque, lost motion, K1, K2, K3.
+
+The twist is that of mesh and rings (the contact model) and of the shell as a tube, in series. Without friction
+the curve is the same on the way up and on the way down: there is no hysteresis loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from hdassist.error.cycle import CROSS_TOLERANCE, N_MM, CrossCheck
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.contacts import contact_system
+from hdassist.model.geometry import Array
+from hdassist.model.rings import shell_twist_stiffness
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
+
+LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
+NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
+# Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
+# size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
+T_58, D_58 = (168.0, 598.0), 147.32
+BEYOND = 1.5  # of T_2: how far the curve goes by default
+POINTS = 40  # torques to each side
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A chord of the curve between two torques [N*m] on one side: stiffness [N*m/rad]."""
+
+    start: float
+    end: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Twist of a drive over torques.
+
+    torque [N*m], shape (points,), ascending, without 0; contact_arcsec and tube_arcsec, the twist of mesh and
+    rings and that of the shell, same shape; rated [N*m]; segments: K1, K2, K3 to the positive, then to the
+    negative side, those the curve reaches.
+    """
+
+    torque: Array
+    contact_arcsec: Array
+    tube_arcsec: Array
+    rated: float
+    positive: tuple[Segment, ...]
+    negative: tuple[Segment, ...]
+    certificate: Certificate
+    cross_check: CrossCheck | None
+
+    @property
+    def twist_arcsec(self) -> Array:
+        """Twist of the output against the fixed wheel, the cam held."""
+        return self.contact_arcsec + self.tube_arcsec
+
+    def twist_at(self, torque: float) -> float:
+        """Twist [arcsec] at a torque [N*m] that is one of the curve's."""
+        return float(self.twist_arcsec[int(np.argmin(np.abs(self.torque - torque)))])
+
+    @property
+    def lost_motion_arcsec(self) -> float:
+        """Twist between plus and minus 4 % of the rated torque."""
+        return self.twist_at(LOST_MOTION * self.rated) - self.twist_at(-LOST_MOTION * self.rated)
+
+    @property
+    def play_arcsec(self) -> float:
+        """Twist between the least torques to both sides: what the clearances leave free."""
+        return self.twist_at(NEAR_ZERO * self.rated) - self.twist_at(-NEAR_ZERO * self.rated)
+
+
+def rated_torque(drive: Drive) -> float:
+    """Rated torque [N*m] of a preset; without one, the greatest of its torques."""
+    return drive.operation.rated or max(map(abs, drive.operation.M_g))
+
+
+def catalogue_torques(drive: Drive) -> tuple[float, float]:
+    """Ends T_1, T_2 [N*m] of the catalogues' segments at the pitch diameter of a drive, by the cube law."""
+    scale = (drive.gears.m * drive.gears.z_g / D_58) ** 3
+    return T_58[0] * scale, T_58[1] * scale
+
+
+def work() -> int:
+    """Number of states that a stiffness curve solves, about, for a progress bar."""
+    return 2 * (POINTS + 5)
+
+
+def stiffness(
+    drive: Drive,
+    *,
+    T_1: float | None = None,
+    T_2: float | None = None,
+    T_max: float | None = None,
+    cross_check: str | None = "CLARABEL",
+    progress: Progress | None = None,
+) -> Stiffness:
+    """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
+
+    Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
+    T_max, end of the curve, by default 1.5 T_2 [N*m]; cross_check, the solver that solves the ends of the
+    segments again, None for none; progress, told how many states were solved.
+    Raises UsageError for torques out of order, UntrustedError where an answer cannot be trusted.
+    """
+    first, second = catalogue_torques(drive)
+    T_1, T_2 = first if T_1 is None else T_1, second if T_2 is None else T_2
+    T_max = BEYOND * T_2 if T_max is None else T_max
+    rated = rated_torque(drive)
+    near_zero = NEAR_ZERO * rated
+    if not (near_zero < T_1 < T_2 < np.inf and near_zero < T_max < np.inf):
+        raise UsageError(
+            f"T_1 {T_1:g}, T_2 {T_2:g} and the end of the curve {T_max:g} N*m must be positive, T_1 less than T_2",
+            f"at least {near_zero:g} N*m, a hundred-thousandth of the rated torque",
+        )
+    # a segment that the curve ends in is none
+    ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
+    side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, POINTS + 1)[1:]])
+    torque = np.concatenate([-side[::-1], side])
+    twist = Twist(drive)
+    contact, tube, proof = twist.at(torque, progress)
+    at = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
+    centre = (at[near_zero] + at[-near_zero]) / 2
+    positive, negative = (
+        tuple(_segments([sign * T for T in ends[1:]], [at[sign * T] for T in ends[1:]], centre)) for sign in (1, -1)
+    )
+    check = None
+    if cross_check:
+        rows = [int(np.flatnonzero(torque == sign * T)[0]) for T in ends for sign in (1, -1)]
+        check = _solve_again(twist.formulation, torque[rows], contact[rows], cross_check)
+    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
+
+
+class Twist:
+    """Twist of a drive without deviations, at tooth phase 0 and its ball phase."""
+
+    def __init__(self, drive: Drive) -> None:
+        self.system = contact_system(drive)
+        self.formulation = formulate(self.system)
+        self._tube = shell_twist_stiffness(drive, self.system.geometry)
+        self._engine: Engine | None = None
+
+    def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:
+        """Twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
+
+        Raises UntrustedError where an answer cannot be trusted.
+        """
+        contact, proof = np.empty(len(torque)), EMPTY
+        for k, M_g in enumerate(torque.tolist()):
+            self._engine = self._engine or Engine(self.formulation, M_g * N_MM)
+            self._engine.load(M_g * N_MM)
+            gaps, place = self.system.delta_p[None], partial(_place, M_g)
+            answers = solve_states(self.system, self._engine, M_g * N_MM, gaps, place, progress)
+            contact[k] = answers.rotation[0] * ARCSEC
+            proof += answers.certificate
+        return contact, torque * N_MM / self._tube * ARCSEC, proof
+
+    def between(self, low: float, high: float) -> float:
+        """Twist [arcsec] from one torque to another [N*m]."""
+        contact, tube, _ = self.at(np.array([low, high]))
+        return float(contact[1] + tube[1] - contact[0] - tube[0])
+
+
+def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) -> list[Segment]:
+    """Chords from one torque to the next; the first from the middle of the play, where a loop has its centre."""
+    points = [(0.0, centre), *zip(torques, twists, strict=True)]
+    return [Segment(T, T_next, (T_next - T) / (x_next - x) * ARCSEC) for (T, x), (T_next, x_next) in pairwise(points)]
+
+
+def _solve_again(formulation: Formulation, torque: Array, contact: Array, solver: str) -> CrossCheck:
+    system, worst = formulation.system, 0.0
+    for M_g, expected in zip(torque.tolist(), contact.tolist(), strict=True):
+        _, free = solve_through_cvxpy(formulation, system.delta_p, M_g * N_MM, solver)
+        difference = abs(float(free[system.free_rotation]) * ARCSEC - expected)
+        if not difference <= CROSS_TOLERANCE:
+            raise UntrustedError(
+                f"two solvers disagree at {_place(M_g, 0)}: {difference:.3g} arcsec between the engine and {solver}, "
+                f"{CROSS_TOLERANCE} allowed",
+                "try another solver for the cross-check (--cross-check osqp)",
+            )
+        worst = max(worst, difference)
+    return CrossCheck(require_solver(solver), len(torque), worst)
+
+
+def _place(M_g: float, _: int) -> str:
+    return f"M_g = {M_g:g} N*m, without deviations"

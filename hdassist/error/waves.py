@@ -1,0 +1,78 @@
+"""The error of a drive over both wheels' angles in the cam's frame, as waves around each of them.
+
+A state's error depends on alpha_g and alpha_b alone: it is a function on a torus. Solved on an even grid there it is
+known at any angle of any record, wherever that begins: the waves only turn. What is cut off (waves beyond HIGHEST
+around a wheel) is some hundredths of an arcsec of 28 within orders up to 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.error.cycle import N_MM
+from hdassist.error.search import searchable
+from hdassist.errors import UsageError
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import deviation_scalars
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import ARCSEC, EMPTY, Progress, solve_states
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+
+POINTS = 40  # around each wheel
+COARSE = 16  # around each wheel, for a first look at very different deviations
+MIDDLE = 24  # around each wheel, for slopes
+HIGHEST = 18  # times around a wheel: waves that are kept
+
+Complex = NDArray[np.complex128]
+
+
+class Torus:
+    """Errors of a drive at a torque M_g [N*m], and of drives that differ from it in their deviations alone.
+
+    k_g, k_b: how often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,);
+    certificate: of all states that were solved so far. Raises UsageError for a drive with rolling balls.
+    """
+
+    def __init__(self, drive: Drive, M_g: float, progress: Progress | None = None) -> None:
+        if not searchable(drive):
+            raise UsageError("a comparison needs locked balls", "--set bearing.ball_motion=locked")
+        self._M_g, self._progress = M_g, progress
+        self._system = contact_system(drive)
+        self._engine = Engine(formulate(self._system), M_g * N_MM)
+        self._sign = Kinematics.of(drive).error_sign
+        self.certificate = EMPTY
+        k_g, k_b = np.meshgrid(np.arange(HIGHEST + 1), np.arange(-HIGHEST, HIGHEST + 1), indexing="ij")
+        half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
+        self.k_g, self.k_b = k_g[half], k_b[half]
+
+    def waves(self, drives: Sequence[Drive], points: int = POINTS) -> Complex:
+        """Waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
+
+        The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of
+        so many points does not hold are 0. Raises UntrustedError where a state cannot be trusted.
+        """
+        angles = 2 * np.pi * np.arange(points) / points
+        rows, columns = np.meshgrid(angles, angles, indexing="ij")
+        columns[1::2] = columns[1::2, ::-1]  # there and back, so that neighbours follow each other
+        alpha_g, alpha_b = rows.ravel(), columns.ravel()
+        found = []
+        for drive in drives:
+            delta_p = self._system.delta_p + deviation_scalars(drive, alpha_g, alpha_b) @ self._system.deviation_map.T
+
+            def where(k: int) -> str:
+                g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
+                return f"alpha_g = {g:.2f} deg, alpha_b = {b:.2f} deg, M_g = {self._M_g:g} N*m"
+
+            answers = solve_states(self._system, self._engine, self._M_g * N_MM, delta_p, where, self._progress)
+            self.certificate += answers.certificate
+            error = (self._sign * ARCSEC * answers.rotation).reshape(points, points)
+            error[1::2] = error[1::2, ::-1].copy()
+            spectrum = np.fft.fft2(error) / points**2
+            held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
+            found.append(np.where(held, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
+        return np.array(found)

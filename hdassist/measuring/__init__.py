@@ -1,0 +1,1 @@
+"""What a measured trace says: F'_ior, orders, coverage, uncertainty."""

@@ -1,0 +1,1 @@
+"""Where to mount the fixed wheel: positions, their curve, uncertainty, the card."""

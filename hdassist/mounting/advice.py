@@ -1,0 +1,147 @@
+"""Where to mount the fixed wheel: the curve, what is uncertain about it, and the position to choose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from hdassist.error.search import SEARCHED, searchable
+from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivities
+from hdassist.errors import UsageError
+from hdassist.model.wheels import MeasuredTeeth
+from hdassist.mounting.curve import FREE, Alternative, alternatives, mounting_curve
+from hdassist.mounting.curve import work as curve_work
+from hdassist.mounting.positions import MountingCurve, Position, rotated
+from hdassist.mounting.robust import Criterion, Robust, robust
+from hdassist.mounting.robust import work as robust_work
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import Progress
+
+NOTHING = 0.01  # of the error: a smaller gain is not worth a turn
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Advice on one drive.
+
+    robust: the positions under the preset's uncertainties, None without any; others: the best position under each
+    of the preset's alternatives; now and best: what a micrometre does where the wheel stands and at the chosen
+    position, one for each torque, empty where it cannot be had; measured: wheels in place of first harmonics, for which
+    there is the curve alone.
+    """
+
+    drive: Drive
+    curve: MountingCurve
+    robust: Robust | None
+    others: tuple[Alternative, ...]
+    now: tuple[Sensitivity, ...]
+    best: tuple[Sensitivity, ...]
+    measured: MeasuredTeeth | None = None
+
+    @property
+    def chosen(self) -> Position:
+        """The position to choose."""
+        return self.curve.at(self.robust.recommended) if self.robust else self.curve.recommended
+
+    @property
+    def ranked(self) -> list[Position]:
+        """The usable positions, best first."""
+        return self.curve.ranked
+
+    @property
+    def gain(self) -> float:
+        """What the chosen position takes off the error of the present one, as a share, for the torque served worst."""
+        F_ior = [new / now for new, now in zip(self.chosen.F_ior_arcsec, self.curve.current.F_ior_arcsec, strict=True)]
+        return 1 - max(F_ior)
+
+    @property
+    def worth_turning(self) -> bool:
+        """Whether the gain is more than nothing, and than its uncertainty; a forbidden position is always left."""
+        if self.chosen == self.curve.current:
+            return False
+        if not self.curve.usable[0]:
+            return True
+        return self.gain > NOTHING and (self.robust is None or self.robust.worth_turning)
+
+    @property
+    def disagreeing(self) -> tuple[Alternative, ...]:
+        """Alternatives whose best position is more than a hole from the chosen one."""
+        hole = 360 / (self.drive.mounting.holes or FREE)
+        return tuple(o for o in self.others if _apart(o.recommended, self.chosen) > hole + 1e-9)
+
+
+def work(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations: Sequence[float],
+    *,
+    every_state: bool,
+    samples: int,
+    measured: MeasuredTeeth | None = None,
+) -> int:
+    """Number of states that an advice solves, about, for a progress bar."""
+    others = len(drive.alternatives) * (drive.mounting.holes or FREE) + 2 * SEARCHES
+    curve = curve_work(drive, torques, rotations, every_state=every_state, measured=measured)
+    if measured or not searchable(drive):
+        return curve
+    return curve + len(torques) * (SEARCHED * others + robust_work(drive, samples, len(rotations) + 1))
+
+
+def advise(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    *,
+    measured: MeasuredTeeth | None = None,
+    every_state: bool = False,
+    weights: Sequence[float] | None = None,
+    samples: int = 200,
+    criterion: str = "expected",
+    cross_check: str | None = "CLARABEL",
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Advice:
+    """Find the position in which to mount the fixed wheel of a drive.
+
+    Arguments: as in mounting_curve and, for a preset with uncertainties, robust. An interrupt ends the work early:
+    the advice has what was done. Raises UsageError and UntrustedError as those, and UsageError for samples of a drive
+    with measured teeth.
+    """
+    Criterion.of(criterion)  # wrong before anything is computed, and without uncertainties too
+    if measured and drive.uncertainty and samples:
+        raise UsageError(
+            "with measured teeth what the preset has as uncertain is not sampled: "
+            "each sample would take every state at every position",
+            "--samples 0 advises without the uncertainty",
+        )
+    curve = mounting_curve(
+        drive,
+        torques,
+        rotations_deg,
+        measured=measured,
+        every_state=every_state,
+        weights=weights,
+        cross_check=cross_check,
+        seed=seed,
+        executor=executor,
+        progress=progress,
+    )
+    if curve.interrupted or measured:
+        return Advice(drive, curve, None, (), (), (), measured)
+    sampled = None
+    if drive.uncertainty and samples:
+        sampled = robust(
+            drive, curve, samples=samples, criterion=criterion, seed=seed, executor=executor, progress=progress
+        )
+    others = tuple(alternatives(drive, torques, executor=executor, progress=progress))
+    chosen = Advice(drive, curve, sampled, others, (), ()).chosen
+    cases = [(rotated(drive, p.rotation_deg), M_g) for p in (curve.current, chosen) for M_g in torques]
+    slopes = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
+    many = len(torques)
+    return Advice(drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]))
+
+
+def _apart(one: Position, other: Position) -> float:
+    return abs((one.phase_deg - other.phase_deg + 180) % 360 - 180)

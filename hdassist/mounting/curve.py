@@ -1,0 +1,297 @@
+"""F'_ior over the positions of the fixed wheel, computed: searches, full cycles, processes, interrupts.
+
+Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import product
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from hdassist.error.cycle import CrossCheck, kinematic_error
+from hdassist.error.search import QUICK, SEARCHED, THOROUGH, CycleSearch, Effort, searchable, worth_searching
+from hdassist.error.sensitivity import SEARCHES
+from hdassist.errors import UsageError
+from hdassist.model.deviations import ToothDeviations
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
+from hdassist.model.wheels import MeasuredTeeth
+from hdassist.mounting.positions import MountingCurve, Position, merit, phase_deg, rotated
+from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import is_overridden
+from hdassist.solve.answers import EMPTY, Certificate, Progress
+
+SAMPLE = 1  # random states solved again at each position, besides those of the extremes
+SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
+GROUP = 6  # positions that one task searches
+FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
+FREE = 12  # positions tried under alternatives where the seat has no holes
+PROVEN = 2  # positions where every state is solved
+
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
+
+
+def work(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    *,
+    every_state: bool,
+    measured: MeasuredTeeth | None = None,
+) -> int:
+    """Number of states that a mounting curve and its sensitivities solve, about, for a progress bar."""
+    cycle = Kinematics.of(drive).cycle_states
+    if measured:
+        return len(torques) * len(rotations_deg) * cycle
+    others = 2 * SEARCHES + len(drive.alternatives) * (drive.mounting.holes or FREE)
+    slopes = others * SEARCHED if searchable(drive) else 0
+    if every_state or not worth_searching(drive):
+        return len(torques) * (len(rotations_deg) * cycle + slopes)
+    return len(torques) * (len(rotations_deg) * SEARCHED + PROVEN * cycle + slopes)
+
+
+def mounting_curve(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    *,
+    measured: MeasuredTeeth | None = None,
+    every_state: bool = False,
+    weights: Sequence[float] | None = None,
+    cross_check: str | None = "CLARABEL",
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> MountingCurve:
+    """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
+
+    Extremes are searched for; where the wheel stands and at the recommended position every state is solved then,
+    and should a search have missed more than SEARCH_TOLERANCE there, everywhere. An interrupt ends the work early:
+    the curve has what was done, if the present position was.
+
+    Where the seat has no holes, every valley of the curve is searched for its bottom and that position added.
+
+    The error of measured teeth is not continuous and so cannot be searched: then every state is solved everywhere, and
+    no position is added.
+
+    Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
+    every_state, solve all states of all positions; weights of the torques in the choice of the best position, one each;
+    executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it); progress, told
+    how many states were solved. Raises UsageError where the present position is not the first or weights are not one
+    positive number a torque, UntrustedError where an answer cannot be trusted.
+    """
+    if not len(rotations_deg) or rotations_deg[0] != 0:
+        raise UsageError("the first rotation must be 0, the present position")
+    if weights is not None and (len(weights) != len(torques) or not all(0 < w < np.inf for w in weights)):
+        raise UsageError(f"weights must be {len(torques)} positive numbers, one for each torque")
+    job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
+    job.weights = None if weights is None else tuple(weights)
+    job.measured = measured
+    if every_state or measured or not worth_searching(drive):
+        job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
+    else:
+        job.search()
+    if not (drive.mounting.holes or measured) and searchable(drive):
+        job.refine()
+    decisive = job.decisive()
+    found = job.values.copy()
+    job.solve(decisive)
+    missed = max((abs(job.values[place] - found[place]) for place in decisive), default=0.0)
+    if missed > SEARCH_TOLERANCE:
+        job.solve(job.unsolved())
+    return job.curve()
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The best position under other values of identified fields that agree with the same targets."""
+
+    values: dict[str, float]
+    recommended: Position
+
+
+def alternatives(
+    drive: Drive, torques: Sequence[float], *, executor: Executor | None = None, progress: Progress | None = None
+) -> list[Alternative]:
+    """Best position under each of the preset's alternatives, in steps of a seat hole, or of 30 deg.
+
+    Fields that were overridden keep their override. Arguments and errors as in mounting_curve.
+    """
+    count = drive.mounting.holes or FREE
+    rotations = np.arange(count, dtype=float) * 360 / count
+    found = []
+    for given in drive.alternatives:
+        values = {p: v for p, v in given.items() if not is_overridden(p, drive.origin.overrides)}
+        job = _Job(drive.with_values(values), tuple(torques), rotations, None, 0, executor, progress)
+        if searchable(drive):
+            job.search(QUICK)  # which hole is asked, not how good it is
+        else:
+            job.solve(product(range(len(torques)), range(count)))
+        found.append(Alternative(values, job.curve().recommended))
+    return found
+
+
+class _Job:
+    """A mounting curve being made: values, shape (torques, rotations), NaN where nothing is known yet."""
+
+    def __init__(
+        self,
+        drive: Drive,
+        torques: tuple[float, ...],
+        rotations: Array,
+        cross_check: str | None,
+        seed: int,
+        executor: Executor | None,
+        progress: Progress | None,
+    ) -> None:
+        self.drive, self.torques, self.rotations = drive, torques, rotations
+        self.values = np.full((len(torques), len(rotations)), np.nan)
+        self.solved = np.zeros(self.values.shape, dtype=bool)
+        self._certificate, self._checks = EMPTY, list[CrossCheck]()
+        self._cross_check, self._seed, self._executor, self._progress = cross_check, seed, executor, progress
+        self._interrupted = False
+        self.weights: tuple[float, ...] | None = None
+        self.measured: MeasuredTeeth | None = None
+
+    def search(self, effort: Effort = THOROUGH) -> None:
+        """Search the extremes at every position."""
+        order = _coarse_first(len(self.rotations))
+        groups = [order[first : first + GROUP] for first in range(0, len(order), GROUP)]
+        places = [(t, group) for group in groups for t in range(len(self.torques))]
+        tasks = [(self.drive, self.torques[t], self.rotations[group], effort) for t, group in places]
+        for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
+            self.values[t, group] = values
+            self._take(proof)
+
+    def refine(self) -> None:
+        """Add the bottom of every valley of the curve."""
+        if self._interrupted or len(self.rotations) < 3:
+            return
+        value = merit(self.values, self.values[:, 0], self.weights)
+        step = 360 / len(self.rotations)
+        valleys = np.flatnonzero((value <= np.roll(value, 1)) & (value <= np.roll(value, -1)))
+        tasks = [
+            (self.drive, self.torques, self.weights, tuple(self.values[:, 0]), self.rotations[k], step) for k in valleys
+        ]
+        for rotation, values, proof in self._run(_bottom, tasks):
+            self.rotations = np.append(self.rotations, rotation)
+            self.values = np.column_stack([self.values, values])
+            self.solved = np.column_stack([self.solved, np.zeros(len(self.torques), dtype=bool)])
+            self._take(proof)
+
+    def solve(self, places: Iterable[tuple[int, int]]) -> None:
+        """Solve every state at some places (torque, rotation)."""
+        places = list(places)
+        tasks = [(*self._there(self.rotations[r]), self.torques[t], self._cross_check, self._seed) for t, r in places]
+        for place, (value, proof, check) in zip(places, self._run(_solved, tasks), strict=False):
+            self.values[place], self.solved[place] = value, True
+            self._take(proof)
+            self._checks += [check] if check else []
+
+    def _there(self, rotation: float) -> tuple[Drive, ToothDeviations | None]:
+        """The drive and its measured teeth at a rotation [deg]."""
+        drive = rotated(self.drive, rotation)
+        if self.measured is None:
+            return drive, None
+        return self.measured.rotated(drive, rotation).in_drive(drive)
+
+    def _phase_deg(self, rotation: float) -> float:
+        drive = rotated(self.drive, rotation)
+        return phase_deg(drive, self.measured and self.measured.rotated(drive, rotation))
+
+    def unsolved(self) -> list[tuple[int, int]]:
+        """Places (torque, rotation) where not every state was solved."""
+        return [(int(t), int(r)) for t, r in np.argwhere(~self.solved)]
+
+    def decisive(self) -> list[tuple[int, int]]:
+        """Those of them on which the advice rests."""
+        done = np.flatnonzero(~np.isnan(self.values).any(axis=0))
+        rotations = {int(done[place]) for place in self.curve().decisive}
+        return [(t, r) for t, r in self.unsolved() if r in rotations]
+
+    def curve(self) -> MountingCurve:
+        """What is known so far, at the positions that are known for all torques."""
+        done = ~np.isnan(self.values).any(axis=0)
+        if not done[0]:
+            raise KeyboardInterrupt
+        return MountingCurve(
+            torques=self.torques,
+            rotation_deg=self.rotations[done],
+            phase_deg=np.array([self._phase_deg(r) for r in self.rotations[done]]),
+            F_ior_arcsec=self.values[:, done],
+            every_state=self.solved[:, done],
+            holes=self.drive.mounting.holes,
+            allowed=None if self.drive.mounting.allowed == "all" else self.drive.mounting.allowed,
+            weights=self.weights,
+            missing=int(np.count_nonzero(~done)),
+            interrupted=self._interrupted,
+            certificate=self._certificate,
+            cross_checks=tuple(self._checks),
+        )
+
+    def _run(self, function: Callable[[_Task], _Result], tasks: list[_Task]) -> Iterator[_Result]:
+        if self._interrupted:
+            return
+        try:
+            yield from self._executor.map(function, tasks) if self._executor else map(function, tasks)
+        except KeyboardInterrupt:
+            self._interrupted = True
+
+    def _take(self, proof: Certificate) -> None:
+        self._certificate += proof
+        if self._progress:
+            self._progress(proof.states)
+
+
+def _coarse_first(count: int) -> list[int]:
+    """0 to count - 1 in an order that is spread out wherever it is cut off."""
+    bits = max(count - 1, 1).bit_length()
+    mirrored = (int(f"{n:0{bits}b}"[::-1], 2) for n in range(2**bits))
+    return [n for n in mirrored if n < count]
+
+
+def _searched(task: tuple[Drive, float, Array, Effort]) -> tuple[list[float], Certificate]:
+    drive, M_g, rotations, effort = task
+    search = CycleSearch(drive, M_g)
+    found = [search.extremes(rotated(drive, rotation), effort) for rotation in rotations]
+    return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
+
+
+_Valley = tuple[Drive, tuple[float, ...], tuple[float, ...] | None, tuple[float, ...], float, float]
+
+
+def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
+    """Rotation [deg] at the bottom of a valley of the merit, F'_ior there at each torque."""
+    drive, torques, weights, now, middle, step = task
+    searches = [CycleSearch(drive, M_g) for M_g in torques]
+    proofs: list[Certificate] = []
+
+    def at(rotation: float) -> list[float]:
+        found = [search.extremes(rotated(drive, rotation)) for search in searches]
+        proofs.extend(f.certificate for f in found)
+        return [f.F_ior_arcsec for f in found]
+
+    answer = minimize_scalar(
+        lambda rotation: float(merit(np.array(at(rotation)), np.array(now), weights)),
+        bounds=(middle - step, middle + step),
+        method="bounded",
+        options={"xatol": FREE_TOLERANCE},
+    )
+    rotation = round(float(answer.x), 1)  # finer than anyone can turn a wheel
+    return rotation % 360, at(rotation), sum(proofs, EMPTY)
+
+
+_Full = tuple[Drive, ToothDeviations | None, float, str | None, int]
+
+
+def _solved(task: _Full) -> tuple[float, Certificate, CrossCheck | None]:
+    drive, teeth, M_g, cross_check, seed = task
+    error = kinematic_error(drive, M_g, teeth=teeth, cross_check=cross_check, sample=SAMPLE, seed=seed)
+    return error.F_ior_arcsec, error.certificate, error.cross_check

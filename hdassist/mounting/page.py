@@ -1,0 +1,264 @@
+"""The mounting advice as an instruction, plots and tables, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.error.sensitivity import Sensitivity
+from hdassist.mounting.advice import Advice
+from hdassist.mounting.positions import MountingCurve, Position
+from hdassist.mounting.seat import circle, instruction, wheel
+from hdassist.terminal.answers import certificate_object, envelope
+from hdassist.terminal.console import Look, table
+from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.plot import curve
+from hdassist.terminal.texts import Texts, texts
+from hdassist.terminal.wheels_page import heading, pitch_object
+
+
+def _phase_words(advice: Advice) -> str:
+    rigid = advice.drive.mounting.fixed == "rigid"
+    if advice.measured and advice.measured.fixed(advice.drive):
+        return "mark - phi_hb" if rigid else "mark - phi_hg"
+    return "xi_b - phi_hb" if rigid else "xi_g - phi_hg"
+
+
+def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
+    """What a reader should know beside the numbers."""
+    result, found = advice.curve, list(advice.drive.origin.warnings)
+    done = len(result.rotation_deg)
+    if result.missing:
+        found.append(f"interrupted: {done} of {result.missing + done} positions were done")
+    elif result.interrupted:
+        found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
+    say = say or texts()
+    if advice.measured and advice.drive.alternatives:
+        found.append(say("warning.alternatives"))
+    if advice.measured and not advice.drive.mounting.holes:
+        found.append(say("warning.steps"))
+    if advice.disagreeing:
+        phases = ", ".join(say.number(other.recommended.phase_deg) for other in advice.disagreeing)
+        found.append(say("warning.disagree", phases=phases, phase=say.number(advice.chosen.phase_deg)))
+    return tuple(found)
+
+
+def exit_code(advice: Advice) -> int:
+    """Exit code of the command: 130 where it was interrupted."""
+    return 130 if advice.curve.interrupted else 0
+
+
+def render(advice: Advice, look: Look, *, plots: bool = True) -> RenderableType:
+    """The instruction, the seat, a plot per torque, and tables of the positions."""
+    drive, result = advice.drive, advice.curve
+    words = f"{drive.name}: turning the fixed {wheel(drive)} on its seat{heading(advice.measured)}"
+    parts: list[RenderableType] = [Text(look.text(words), style="bold"), Text(look.text(instruction(advice)))]
+    if plots:
+        parts.append(Text(circle(advice, look)))
+        parts += [Text(drawn) for drawn in _curves(advice, look)]
+    parts += [_positions(advice, look), _torques(result, look)]
+    if advice.robust:
+        parts += [_uncertain(advice, look)]
+    if advice.now:
+        parts.append(_slopes(advice, look))
+    turns = "Turns are counter-clockwise seen from the cam side, from where the wheel stands."
+    parts += [Text(look.text(turns)), Text(_proof(result))]
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _curves(advice: Advice, look: Look) -> list[str]:
+    result = advice.curve
+    order = np.argsort(result.phase_deg)
+    if len(order) < 2:
+        return []
+    label = f"phase {_phase_words(advice)}, deg"
+    return [
+        curve(look, result.phase_deg[order], values[order], x_label=label, y_label=f"F'_ior at {M_g:g} N·m, arcsec")
+        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
+    ]
+
+
+def _proof(result: MountingCurve) -> str:
+    proof = certificate_object(result.certificate, result.cross_checks)
+    solved, places = int(result.every_state.sum()), result.every_state.size
+    words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
+    if solved < places:
+        words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
+    if cross := proof["cross_check"]:
+        words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
+    return words
+
+
+def _named(advice: Advice) -> list[tuple[str, Position]]:
+    result = advice.curve
+    rows = [("now", result.current), ("best", advice.chosen)]
+    second = next((p for p in result.ranked if p != advice.chosen), None)
+    if second is not None:
+        rows.append(("second", second))
+    return [*rows, ("worst", result.worst)]
+
+
+def _positions(advice: Advice, look: Look) -> Table:
+    result = advice.curve
+    grid = table(look, "positions (best for the torque served worst)")
+    grid.add_column("position")
+    for words in ("hole", "turn, deg", f"phase {_phase_words(advice)}, deg", "F'_ior, arcsec", "against now"):
+        grid.add_column(words, justify="right")
+    for words, position in _named(advice):
+        values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
+        hole = "-" if position.hole is None else f"{position.hole}"
+        change = gain(result, position)
+        grid.add_row(words, hole, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{change:+.0%}")
+    return grid
+
+
+def _torques(result: MountingCurve, look: Look) -> Table:
+    grid = table(look, "each torque alone")
+    grid.add_column(look.text("torque, N·m"), justify="right", no_wrap=True)
+    for words in ("now, arcsec", "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg"):
+        grid.add_column(words, justify="right")
+    for k, M_g in enumerate(result.torques):
+        best, worst = result.extremes(k)
+        numbers = (
+            f"{result.current.F_ior_arcsec[k]:.2f}",
+            f"{best.F_ior_arcsec[k]:.2f}",
+            f"{best.phase_deg:g}",
+            f"{worst.F_ior_arcsec[k]:.2f}",
+            f"{worst.phase_deg:g}",
+        )
+        grid.add_row(f"{M_g:g}", *numbers)
+    return grid
+
+
+def _uncertain(advice: Advice, look: Look) -> Table:
+    sampled, result = advice.robust, advice.curve
+    assert sampled is not None
+    title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
+    if any(sampled.standard_error_arcsec):
+        errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
+        title += f"; interpolated, standard error {errors} arcsec"
+    grid = table(look, title)
+    for words in ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %"):
+        grid.add_column(words, justify="right")
+    low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
+    for k in np.argsort(sampled.value, kind="stable")[:SHOWN]:
+        position = result.at(sampled.places[k])
+        hole = "-" if position.hole is None else f"{position.hole}"
+        numbers = (f"{sampled.merits[:, k].mean():.2f}", f"{low[k]:.2f}", f"{high[k]:.2f}")
+        share = f"{sampled.probability_best[k]:.0%}".rstrip("%")
+        grid.add_row(hole, f"{position.rotation_deg:g}", share, *numbers)
+    return grid
+
+
+SHOWN = 6  # positions that the table of uncertainty lists, best first
+
+
+def _slopes(advice: Advice, look: Look) -> Table:
+    grid = table(look, "what a micrometre more does to F'_ior, arcsec")
+    grid.add_column("position")
+    for words in ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b"):
+        grid.add_column(look.text(words), justify="right")
+    for words, values in (("now", advice.now), ("best", advice.best)):
+        for M_g, slope in zip(advice.curve.torques, values, strict=True):
+            grid.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
+    return grid
+
+
+def gain(result: MountingCurve, position: Position) -> float:
+    """Change of F'_ior against the present position, of the torque that is served worst."""
+    return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
+
+
+def answer(advice: Advice, seed: int) -> dict[str, Any]:
+    """The curves and positions as a JSON object."""
+    result = advice.curve
+    second = next((p for p in result.ranked if p != advice.chosen), None)
+    return {
+        **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
+        "complete": not result.interrupted,
+        "pitch": pitch_object(advice.measured),
+        "instruction": instruction(advice),
+        "turn": advice.worth_turning,
+        "curves": [
+            {
+                "M_g_Nm": M_g,
+                "phase_deg": result.phase_deg.tolist(),
+                "F_ior_arcsec": values.tolist(),
+                "every_state": every.tolist(),
+            }
+            for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
+        ],
+        "rotation_deg": result.rotation_deg.tolist(),
+        "current": _position(result.current, advice.now),
+        "recommended": _position(advice.chosen, advice.best),
+        "second": None if second is None else _position(second),
+        "worst": _position(result.worst),
+        "weights": None if result.weights is None else list(result.weights),
+        "uncertainty": _robust(advice),
+        "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
+        "gain": advice.gain,
+        "certificate": certificate_object(result.certificate, result.cross_checks),
+        "seed": seed,
+    }
+
+
+def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> dict[str, Any]:
+    told = {
+        f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in ("j_n", "W_0", "g_b")
+    }
+    return {
+        "rotation_deg": position.rotation_deg,
+        "phase_deg": position.phase_deg,
+        "hole": position.hole,
+        "F_ior_arcsec": list(position.F_ior_arcsec),
+        **({"sensitivity": told} if slopes else {}),
+    }
+
+
+def _robust(advice: Advice) -> dict[str, Any] | None:
+    sampled, result = advice.robust, advice.curve
+    if sampled is None:
+        return None
+    low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
+    return {
+        "samples": len(sampled.merits),
+        "criterion": sampled.criterion.name,
+        "standard_error_arcsec": list(sampled.standard_error_arcsec),
+        "fields": dict(advice.drive.uncertainty),
+        "probability_gain": sampled.probability_gain,
+        "positions": [
+            {
+                "rotation_deg": result.at(place).rotation_deg,
+                "hole": result.at(place).hole,
+                "probability_best": float(sampled.probability_best[k]),
+                "expected_relative": float(sampled.merits[:, k].mean()),
+                "relative_5_percent": float(low[k]),
+                "relative_95_percent": float(high[k]),
+                "expected_loss": sampled.loss(place),
+                "F_ior_expected_arcsec": sampled.F_ior_arcsec[:, :, k].mean(axis=0).tolist(),
+            }
+            for k, place in enumerate(sampled.places)
+        ],
+    }
+
+
+def csv(advice: Advice) -> str:
+    """One row per torque and position."""
+    result = advice.curve
+    rows = [
+        [M_g, float(rotation), float(phase), float(value), int(every)]
+        for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
+        for rotation, phase, value, every in zip(result.rotation_deg, result.phase_deg, values, solved, strict=True)
+    ]
+    return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
+
+
+def brief(advice: Advice) -> str:
+    """The answer alone: the hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
+    chosen = advice.chosen if advice.worth_turning else advice.curve.current
+    return f"{chosen.rotation_deg:g}" if chosen.hole is None else f"{chosen.hole}"

@@ -1,0 +1,180 @@
+"""F'_ior against the mounting angle of the fixed wheel: what turning it on its seat brings.
+
+Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.error.cycle import CrossCheck
+from hdassist.model.deviations import tooth_phases
+from hdassist.model.geometry import Array
+from hdassist.model.wheels import MeasuredTeeth
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import Certificate
+
+FREE_STEP = 5.0  # deg between positions where the seat has no holes
+
+
+@dataclass(frozen=True)
+class Position:
+    """The fixed wheel turned by rotation_deg from where it stands, and F'_ior [arcsec] there at each torque.
+
+    phase_deg: direction of the fixed wheel's deviation from the cam offset that stands with it, in 0..360;
+    hole: seat holes that it is turned by, None where that is no whole number of them.
+    """
+
+    rotation_deg: float
+    phase_deg: float
+    hole: int | None
+    F_ior_arcsec: tuple[float, ...]
+
+    @property
+    def short_way_deg(self) -> float:
+        """The same turn by the shorter way, in -180..180: negative is clockwise."""
+        return self.rotation_deg - 360 if self.rotation_deg > 180 else self.rotation_deg
+
+
+@dataclass(frozen=True)
+class MountingCurve:
+    """F'_ior over rotations of the fixed wheel.
+
+    torques [N*m]; rotation_deg, shape (rotations,), counter-clockwise seen from the cam side, the present
+    position first; phase_deg, the same positions as phases; F_ior_arcsec, shape (torques, rotations);
+    every_state, same shape: where all states were solved, not searched; holes of the seat, 0 for a free angle;
+    allowed: hole numbers that may be used, None for all; weights of the torques; missing: positions asked for that
+    an interrupt left undone.
+    """
+
+    torques: tuple[float, ...]
+    rotation_deg: Array
+    phase_deg: Array
+    F_ior_arcsec: Array
+    certificate: Certificate
+    cross_checks: tuple[CrossCheck, ...]
+    every_state: NDArray[np.bool_]
+    holes: int = 0
+    allowed: tuple[int, ...] | None = None
+    weights: tuple[float, ...] | None = None
+    missing: int = 0
+    interrupted: bool = False
+
+    def at(self, place: int) -> Position:
+        """One of the positions."""
+        values = tuple(float(v) for v in self.F_ior_arcsec[:, place])
+        rotation = float(self.rotation_deg[place])
+        return Position(rotation, float(self.phase_deg[place]), hole_of(rotation, self.holes), values)
+
+    @property
+    def relative(self) -> Array:
+        """Greatest over the torques of F'_ior against that of the present position, shape (rotations,).
+
+        Each torque counts by its weight, the greatest weight being 1.
+        """
+        return merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0], self.weights)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Which positions the wheel can be mounted in, shape (rotations,)."""
+        if not self.holes:
+            return np.ones(len(self.rotation_deg), dtype=bool)
+        return np.array([_is_usable(hole_of(float(r), self.holes), self.allowed) for r in self.rotation_deg])
+
+    @property
+    def current(self) -> Position:
+        """Where the wheel stands."""
+        return self.at(0)
+
+    @property
+    def recommended(self) -> Position:
+        """The usable position that is best for the torque it serves worst; the first of equals."""
+        return self.at(self._ranked[0])
+
+    @property
+    def ranked(self) -> list[Position]:
+        """The usable positions, best first."""
+        return [self.at(place) for place in self._ranked]
+
+    @property
+    def worst(self) -> Position:
+        """The usable position that is worst for some torque."""
+        return self.at(self._ranked[-1])
+
+    def extremes(self, torque: int) -> tuple[Position, Position]:
+        """Best and worst position for one torque alone, by its place."""
+        best, worst = self._extremes(torque)
+        return self.at(best), self.at(worst)
+
+    @property
+    def decisive(self) -> set[int]:
+        """Places of the present and of the recommended position."""
+        return {0, self._ranked[0]}
+
+    @property
+    def _ranked(self) -> list[int]:
+        """Places of the usable positions, best first."""
+        places = np.flatnonzero(self.usable)
+        return [int(p) for p in places[np.argsort(self.relative[places], kind="stable")]]
+
+    def _extremes(self, torque: int) -> tuple[int, int]:
+        values = self.F_ior_arcsec[torque]
+        return int(np.argmin(values)), int(np.argmax(values))
+
+
+def merit(F_ior: Array, now: Array, weights: Sequence[float] | None = None) -> Array:
+    """Greatest over the torques of F'_ior against now, each counted by its weight; shape (...,).
+
+    Arguments: F_ior, shape (torques, ...); now, shape (torques,).
+    """
+    share = np.ones(len(now)) if weights is None else np.array(weights) / max(weights)
+    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / now * share, axis=-1))
+
+
+def hole_of(rotation_deg: float, holes: int) -> int | None:
+    """Holes of a seat that a turn [deg] is, None where it is no whole number of them."""
+    turned = rotation_deg * holes / 360
+    return round(turned) if holes and abs(turned - round(turned)) < 1e-9 else None
+
+
+def hole_words(rotation_deg: float, holes: int) -> str:
+    """A position in words: hole 4 (120 deg), or the angle alone."""
+    hole = hole_of(rotation_deg, holes)
+    return f"{rotation_deg:g} deg" if hole is None else f"hole {hole} ({rotation_deg:g} deg)"
+
+
+def _is_usable(hole: int | None, allowed: tuple[int, ...] | None) -> bool:
+    return hole is not None and (allowed is None or hole in allowed)
+
+
+def seat_positions(drive: Drive) -> list[float]:
+    """Turns of the fixed wheel [deg] to try, 0 first: the usable holes, or 5 degree steps where the angle is free."""
+    holes = drive.mounting.holes
+    if not holes:
+        return [FREE_STEP * k for k in range(round(360 / FREE_STEP))]
+    allowed = drive.mounting.allowed
+    return [360 * k / holes for k in range(holes) if k == 0 or allowed == "all" or k in allowed]
+
+
+def rotated(drive: Drive, rotation_deg: float) -> Drive:
+    """The drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
+    name = "xi_b" if drive.mounting.fixed == "rigid" else "xi_g"
+    turned = {name: getattr(drive.phases, name) + rotation_deg}
+    return drive.model_copy(update={"phases": drive.phases.model_copy(update=turned)})
+
+
+def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None) -> float:
+    """Direction of the fixed wheel's deviation from the cam offset that stands with it [deg], in 0..360.
+
+    Where the fixed wheel is measured, it is the direction of its mark that counts.
+    """
+    xi_g, xi_b = np.degrees(tooth_phases(drive))
+    rigid = drive.mounting.fixed == "rigid"
+    if measured and (wheel := measured.fixed(drive)):
+        xi_g = xi_b = wheel.mark_deg
+    phase = xi_b - drive.phases.phi_hb if rigid else xi_g - drive.phases.phi_hg
+    return float(np.mod(round(float(phase), 9), 360.0))

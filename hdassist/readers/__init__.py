@@ -1,0 +1,1 @@
+"""Files of instruments and of shops: tables, traces, pitch deviations, lots."""

@@ -1,0 +1,107 @@
+"""Files that appear whole or not at all, and never over another one unasked."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+import sys
+from pathlib import Path
+
+from hdassist.errors import DataError, UsageError
+from hdassist.terminal.console import hush, say
+
+
+def write_text(path: str, text: str, force: bool) -> None:
+    """Write text as UTF-8, and say "wrote FILE" on standard error.
+
+    Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
+    Raises UsageError: the file exists; DataError: it cannot be written. Then nothing has changed.
+    """
+    if path == "-":
+        encoding = sys.stdout.encoding or "utf-8"
+        try:
+            sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
+            sys.stdout.flush()
+        except BrokenPipeError:
+            hush()
+        return
+    require_writable(path, force)
+    put_text(path, text)
+    say(f"wrote {path}")
+
+
+def put_text(path: str, text: str) -> None:
+    """Write text as UTF-8 to a file, in place of what it has. Raises DataError: it cannot be; then nothing changed."""
+    data = text.encode("utf-8", "backslashreplace")
+    target = Path(path)
+    try:
+        if _is_device(target):
+            target.write_bytes(data)
+        else:
+            _replace(_real(target), data)
+    except OSError as error:
+        raise _unwritable(path, error.strerror or str(error)) from None
+
+
+def add_line(path: str, line: str) -> None:
+    """Add a line to the end of a file at once. Raises DataError: it cannot be."""
+    try:
+        with Path(path).open("ab") as stream:
+            stream.write(line.encode("utf-8", "backslashreplace") + b"\n")
+    except OSError as error:
+        raise _unwritable(path, error.strerror or str(error)) from None
+
+
+def require_writable(path: str, force: bool) -> None:
+    """Refuse a file that `write_text` would refuse, before anything is computed for it.
+
+    Arguments: path, "-" for standard output; force, whether an existing file may be replaced.
+    Raises UsageError: the file exists; DataError: it cannot be written.
+    """
+    if path == "-":
+        return
+    target = Path(path)
+    try:
+        if not path or target.is_dir():
+            raise _unwritable(path, "it is a directory" if path else "it has no name")
+        if target.exists() and not _is_device(target) and not force:
+            raise UsageError(f"{path} exists", "--force replaces it")
+        folder = _real(target).parent
+        if not folder.is_dir():
+            raise _unwritable(path, f"there is no directory {folder}")
+        if not os.access(target if _is_device(target) else folder, os.W_OK):
+            raise _unwritable(path, "no permission")
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+        raise _unwritable(path, getattr(error, "strerror", None) or str(error)) from None
+
+
+def _real(target: Path) -> Path:
+    """What a link points to: the link stays one when its file is replaced."""
+    return Path(os.path.realpath(target))
+
+
+def _is_device(target: Path) -> bool:
+    """A device or a pipe, which has nothing to lose and must not be replaced."""
+    return target.exists() and not target.is_file()
+
+
+def _unwritable(path: str, reason: str) -> DataError:
+    return DataError(f"cannot write {path or 'a file'}: {reason}")
+
+
+def _replace(target: Path, data: bytes) -> None:
+    """Write beside the target under another name, then give it its own."""
+    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    try:
+        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+        with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
+            stream.write(data)
+        if target.exists():
+            shutil.copymode(target, beside)
+        beside.replace(target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        raise

@@ -1,0 +1,119 @@
+"""Where a command's answer, its files and its progress go."""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from hdassist.errors import HdassistError
+from hdassist.terminal.console import PIPE_WIDTH, Look, console, say
+from hdassist.terminal.files import require_writable, write_text
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+PATIENCE = 0.5  # s of work before a progress bar appears
+
+
+@dataclass(frozen=True)
+class Output:
+    """Streams and files of one command: target takes the answer, csv the figures; "-" is stdout."""
+
+    look: Look
+    target: str = "-"
+    csv: str | None = None
+    force: bool = False
+    no_color: bool = False
+
+    @classmethod
+    def open(
+        cls,
+        target: str = "-",
+        csv: str | None = None,
+        *,
+        force: bool = False,
+        ascii: bool = False,
+        no_color: bool = False,
+    ) -> Output:
+        """Output of a command; refuses files that cannot be written before anything is computed."""
+        for path in filter(None, (target, csv)):
+            require_writable(path, force)
+        look = Look.of(sys.stdout, ascii=ascii, no_color=no_color)
+        return cls(look if target == "-" else Look(look.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
+
+    def human(self, answer: RenderableType) -> None:
+        """Give the answer for people; silent where the figures take stdout."""
+        if self.csv == "-":
+            return
+        if self.look.codes:
+            console(sys.stdout, self.look).print(answer)
+            return
+        self.text(self.page(answer))
+
+    def page(self, answer: RenderableType) -> str:
+        """The answer for people as plain text."""
+        page = io.StringIO()
+        console(page, replace(self.look, codes=False)).print(answer)
+        return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
+
+    def text(self, answer: str) -> None:
+        """Give an answer that is text as it stands."""
+        write_text(self.target, answer, self.force)
+
+    def figures(self, csv: str) -> None:
+        """Write the figures where they were asked for."""
+        if self.csv is not None:
+            write_text(self.csv, csv, self.force)
+
+    @contextmanager
+    def progress(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
+        """A bar with the time left, on a terminal only and once the work has taken PATIENCE."""
+        look = Look.of(sys.stderr, no_color=self.no_color)
+        if not look.codes:
+            yield lambda _: None
+            return
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TimeRemainingColumn(),
+            console=console(sys.stderr, look), transient=True,
+            redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
+        )  # fmt: skip
+        task = bar.add_task(words, total=total)
+        begun = time.monotonic()
+
+        def advance(states: int) -> None:
+            bar.advance(task, states)
+            if not bar.live.is_started and time.monotonic() - begun > PATIENCE:
+                bar.start()
+
+        try:
+            yield advance
+        finally:
+            if bar.live.is_started:
+                bar.stop()
+
+
+def complain(error: HdassistError, about: str = "") -> None:
+    """Say an error on stderr, with what to do about it."""
+    where = f"{about}: " if about else ""
+    hint = f"\n  hint: {error.hint}" if error.hint else ""
+    note(f"error: {where}{error.message}{hint}")
+
+
+def warn(text: str) -> None:
+    """Say a warning on stderr."""
+    note(f"warning: {text}")
+
+
+def note(text: str) -> None:
+    """Say something beside the answer on stderr."""
+    say(Look.of(sys.stderr).text(text))

@@ -1,0 +1,134 @@
+"""Curves drawn with characters: braille dots, or plain ASCII where the stream has none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.terminal.console import Look
+
+FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
+
+Array = NDArray[np.float64]
+Dots = NDArray[np.bool_]
+
+DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
+HEIGHT = 10  # rows, about
+WIDEST = 80  # columns: wider says no more
+
+
+def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT) -> str:
+    """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
+
+    x_label and y_label carry the units; height, about how many rows. Returns lines without a final newline.
+    """
+    wide, tall = (1, 1) if look.ascii else (2, 4)
+    frame = _Frame.around(look, [y], height)
+    dots = _fill(x, y, frame.columns * wide, frame.rows * tall, frame.ticks[0], frame.ticks[-1])
+    rows = ["".join(row) for row in (dots_to_ascii(dots) if look.ascii else dots_to_braille(dots))]
+    return frame.drawn(look, rows, x, x_label, y_label)
+
+
+def two_curves(
+    look: Look, x: Array, first: Array, second: Array, *, names: tuple[str, str], x_label: str, y_label: str
+) -> str:
+    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
+    frame = _Frame.around(look, [first, second], 2 * HEIGHT)
+    both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
+    glyphs = " .o#" if look.ascii else " ·o●"
+    rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
+    words = (*names, "both")
+    legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], words, strict=True))
+    return frame.drawn(look, rows, x, x_label, f"{y_label}: {legend}")
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Numbered axes around a picture of so many columns and rows; apart, rows from tick to tick."""
+
+    ticks: list[float]
+    apart: int
+    columns: int
+    margin: int
+
+    @classmethod
+    def around(cls, look: Look, series: Sequence[Array], height: int) -> _Frame:
+        low, high = (float(end(end(y) for y in series)) for end in (min, max))
+        ticks = _ticks(low, high, max(2, height // 2))
+        margin = max(7, *(len(f"{tick:g}") for tick in ticks))
+        apart = max(1, round((height - 1) / (len(ticks) - 1)))
+        return cls(ticks, apart, min(look.width, WIDEST) - margin - 2, margin)
+
+    @property
+    def rows(self) -> int:
+        return self.apart * (len(self.ticks) - 1) + 1
+
+    def drawn(self, look: Look, rows: Sequence[str], x: Array, x_label: str, y_label: str) -> str:
+        numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
+        corner, side, floor, mark = ("+", "|", "-", "+") if look.ascii else ("└", "│", "─", "┤")
+        lines = [look.text(y_label)]
+        for k, row in enumerate(rows):
+            lines.append(f"{numbers.get(k, ''):>{self.margin}} {mark if k in numbers else side}{row}".rstrip())
+        lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
+        lines.append(" " * (self.margin + 2) + _x_numbers(float(x[0]), float(x[-1]), self.columns))
+        lines.append(" " * (self.margin + 2) + look.text(x_label).center(self.columns).rstrip())
+        return "\n".join(lines)
+
+
+def dots_to_braille(dots: Dots) -> list[list[str]]:
+    """Characters of a grid of dots, four rows and two columns to a character."""
+    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
+    cells = dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3)
+    return [[chr(0x2800 + int((cell * DOTS).sum())) if cell.any() else " " for cell in row] for row in cells]
+
+
+def dots_to_ascii(dots: Dots) -> list[list[str]]:
+    """Characters of a grid of dots, one to a character."""
+    return [["*" if dot else " " for dot in row] for row in dots]
+
+
+def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float) -> Dots:
+    if len(x) < columns:
+        # between points that lie apart the curve is drawn straight
+        x, y = (fine := np.linspace(x[0], x[-1], 4 * columns)), np.interp(fine, x, y)
+    span = max(float(x[-1] - x[0]), np.finfo(float).tiny)
+    place = np.minimum(((x - x[0]) / span * columns).astype(int), columns - 1)
+    row = np.rint((top - y) / (top - bottom) * (rows - 1)).astype(int)
+    dots = np.zeros((rows, columns), dtype=bool)
+    previous: int | None = None
+    for column in range(columns):
+        here = row[place == column]
+        if not len(here):
+            continue
+        first, last = int(here.min()), int(here.max())
+        if previous is not None:
+            # join to the curve's last point in the column before, so that a steep curve has no holes
+            first, last = min(first, previous), max(last, previous)
+        dots[first : last + 1, column] = True
+        previous = int(here[-1])
+    return dots
+
+
+def _ticks(low: float, high: float, count: int) -> list[float]:
+    """Round numbers that enclose low and high, at most count steps apart."""
+    if high - low <= FLAT * max(1.0, abs(low), abs(high)):
+        low, high = low - 1, high + 1
+    span = high - low
+    power = 10.0 ** np.floor(np.log10(span / count))
+    step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= count)
+    first, last = int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
+    return [round(k * step, 12) for k in range(first, max(last, first + 1) + 1)]
+
+
+def _x_numbers(low: float, high: float, columns: int) -> str:
+    line = [" "] * columns
+    for tick in _ticks(low, high, 6):
+        number = f"{tick:g}"
+        place = round((tick - low) / (high - low) * (columns - 1))
+        if 0 <= place < columns:
+            start = min(max(0, place - len(number) // 2), columns - len(number))
+            line[start : start + len(number)] = number
+    return "".join(line).rstrip()

@@ -1,0 +1,1 @@
+"""The hidden offset from trials."""

@@ -1,0 +1,352 @@
+"""What is known of the cam offset before a trial, and F'_ior for all of it.
+
+The cam offset that stands with the fixed wheel, its size and its direction, is seldom measurable in a housing. The
+rest that F'_ior depends on is not known exactly either: the cam offset that turns with the cam, what the preset gives
+an uncertainty for, the stiffnesses among the sets that agree with a calibration, and the model's own scale: its
+absolute values are less sure than its ratios. Each draw of that rest is a world; over sizes and directions of the
+offset every world has its own F'_ior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import cycle
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+from scipy.stats import norm, qmc
+
+from hdassist.error.search import searchable
+from hdassist.error.table import DEVIATIONS, Response, tables, turns
+from hdassist.errors import UsageError
+from hdassist.model.deviations import deviation_scalars
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import is_overridden
+from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.trials.trace_evidence import Evidence, curves_of, log_likelihood
+from hdassist.trials.traced_worlds import Case, drawn_from_traces, evidence_of
+from hdassist.trials.trial import Rig, Trial
+from hdassist.trials.unknowns import FINE_DIRECTIONS, FINE_SIZES, Unknowns
+
+WORLDS = 64  # draws for each set of stiffnesses; with 16 many trials came out surer than they were
+TRACED = 32  # draws where traces tell what to draw
+SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed; between them it is interpolated
+SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed; docs/trials.md shows what it brings
+SCALES = np.linspace(-2.4, 2.4, 7)  # standard deviations at which it is taken
+BETWEEN = 16  # offsets between those, at which the interpolation is compared
+NEGLIGIBLE = 1e-9  # of the likeliest size, direction and scale in a world
+STATES = 4_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
+
+
+@dataclass(frozen=True)
+class OffsetPrior:
+    """F'_ior over worlds, sizes and directions of the offset, and how likely each is before any trial.
+
+    size_um, shape (sizes,); direction_deg, shape (directions,), evenly over the turn from 0; weight, shape (worlds,
+    sizes, directions), sums to 1; F_ior_arcsec, with the fixed wheel at rotation 0, and tooth_slope, its change by
+    a micrometre more of that wheel's own deviation (half its range) [arcsec/um], shape (torques, worlds, sizes,
+    directions); tooth_um, that deviation, shape (worlds,); model, which set of stiffnesses a world has, 0 for the
+    preset's, and scale, the drive's F'_ior over the model's, already in F_ior_arcsec, shape (worlds,);
+    standard_error_arcsec of F_ior_arcsec, of the tables and of the grid over sizes and directions, shape
+    (torques,); traced: trials whose traces were taken in.
+    """
+
+    drive: Drive
+    torques: tuple[float, ...]
+    size_um: Array
+    direction_deg: Array
+    weight: Array
+    F_ior_arcsec: Array
+    tooth_slope: Array
+    tooth_um: Array
+    model: NDArray[np.int64]
+    scale: Array
+    standard_error_arcsec: Array
+    certificate: Certificate
+    traced: tuple[Trial, ...] = ()
+
+    def at(self, rotation_deg: float) -> Array:
+        """F'_ior [arcsec] with the fixed wheel turned, shape (torques, worlds, sizes, directions).
+
+        Turning the wheel forward is turning the offset back: only their angle counts.
+        """
+        return _turned(self.F_ior_arcsec, rotation_deg)
+
+    def at_nodes(self, rotation_deg: float, nodes: NDArray[np.int64]) -> Array:
+        """The same for some flat places among worlds, sizes and directions alone, shape (torques, nodes)."""
+        count = len(self.direction_deg)
+        flat = self.F_ior_arcsec.reshape(len(self.torques), -1)
+        whole, part = divmod(rotation_deg * count / 360, 1)
+        direction = nodes % count
+        start = nodes - direction
+        first = flat[:, start + (direction - int(whole)) % count]
+        if part < 1e-9:
+            return np.asarray(first)
+        return np.asarray((1 - part) * first + part * flat[:, start + (direction - int(whole) - 1) % count])
+
+    def seat_error(self, rotation_deg: float, reseat_um: float) -> Array:
+        """Standard deviation of F'_ior [arcsec] by the wheel's centre coming to lie reseat_um off, as at."""
+        if not reseat_um:
+            return np.zeros(1)
+        along = _turned(self.tooth_slope, rotation_deg) * reseat_um
+        step = np.radians(360 / len(self.direction_deg))
+        slope = (np.roll(self.F_ior_arcsec, -1, -1) - np.roll(self.F_ior_arcsec, 1, -1)) / (2 * step)
+        aside = np.arctan2(reseat_um, self.tooth_um)[:, None, None] * _turned(slope, rotation_deg)
+        return np.asarray(np.hypot(along, aside))
+
+
+def _turned(values: Array, rotation_deg: float) -> Array:
+    """Values at directions less by the rotation; directions come last."""
+    count = values.shape[-1]
+    whole, part = divmod(rotation_deg * count / 360, 1)
+    first = np.roll(values, int(whole), axis=-1)
+    return first if part < 1e-9 else np.asarray((1 - part) * first + part * np.roll(first, 1, axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """The error of a drive over its deviations, for each set of stiffnesses and each torque."""
+
+    unknowns: Unknowns
+    torques: tuple[float, ...]
+    models: tuple[Drive, ...]
+    responses: tuple[tuple[Response, ...], ...]
+    seed: int
+
+    @property
+    def certificate(self) -> Certificate:
+        """Proof of all that was solved."""
+        return sum((response.certificate for row in self.responses for response in row), EMPTY)
+
+    @property
+    def standard_error_arcsec(self) -> Array:
+        """That of an F'_ior, shape (torques,)."""
+        return np.asarray(np.max([[r.standard_error for r in row] for row in self.responses], axis=0))
+
+
+def tabulated(
+    drive: Drive,
+    torques: Sequence[float],
+    *,
+    traced: bool = False,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Tables:
+    """Tables of a drive over all that trials leave open.
+
+    Arguments: torques [N*m]; traced, whether traces will be taken in; executor and progress as in mounting_curve.
+    Raises as offset_prior does.
+    """
+    if not searchable(drive):
+        raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
+    others = [path for path in drive.uncertainty if not path.startswith(DEVIATIONS)]
+    if others:
+        raise UsageError(
+            f"trials cannot take in an uncertainty of {', '.join(others)}",
+            "leave it out; sets of values that agree with a calibration belong to alternatives",
+        )
+    unknowns = Unknowns.of(drive)
+    models = [drive, *(drive.with_values(_not_overridden(drive, values)) for values in drive.alternatives)]
+    rest = unknowns.drawn(WORLDS, seed)
+    spans = [_span(model, rest, unknowns, seed, traced=traced) for model in models]
+    found = tables(list(zip(models, spans, strict=True)), torques, executor=executor, progress=progress)
+    return Tables(unknowns, tuple(torques), tuple(models), tuple(map(tuple, found)), seed)
+
+
+def offset_prior(
+    drive: Drive,
+    torques: Sequence[float],
+    *,
+    reseat: bool = False,
+    trials: Sequence[Trial] = (),
+    rig: Rig | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> OffsetPrior:
+    """What is known of the offset of a drive before any F'_ior was measured.
+
+    Its direction is open and its size anywhere up to WIDEST times the preset's, unless the preset gives an uncertainty
+    for them; the same holds for the offset that turns with the cam. Other deviations that have an uncertainty are
+    drawn; stiffnesses are the preset's and its alternatives'. Traces of trials are taken in; what else the trials
+    measured is for posterior.
+
+    Arguments: torques [N*m]; reseat, whether tooth_slope is wanted (zero without); trials and the rig that they were
+    measured on, needed where one of them has a trace; executor and progress as in mounting_curve. Raises UsageError for
+    a drive with rolling balls, without an offset, or with an uncertainty in a field that is no deviation;
+    UntrustedError where an answer cannot be trusted, or nothing explains the traces.
+    """
+    traced = [trial for trial in trials if trial.trace]
+    found = tabulated(drive, torques, traced=bool(traced), seed=seed, executor=executor, progress=progress)
+    return prior_of(found, reseat=reseat, trials=traced, rig=rig, executor=executor, progress=progress)
+
+
+def prior_of(
+    found: Tables,
+    *,
+    reseat: bool = False,
+    trials: Sequence[Trial] = (),
+    rig: Rig | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> OffsetPrior:
+    """The same from tables that were made before."""
+    unknowns, models, torques = found.unknowns, found.models, found.torques
+    run = executor.map if executor else map
+    rests, shares = [unknowns.drawn(WORLDS, found.seed)] * len(models), np.full(len(models), 1 / len(models))
+    evidence, place = None, -1
+    if traced := tuple(trial for trial in trials if trial.trace):
+        if rig is None:
+            raise UsageError("traces need the rig that they were measured on")
+        place = torques.index(rig.M_g)
+        error = float(found.standard_error_arcsec[place])
+        evidence = evidence_of(models[0], found.responses[0][place], traced, rig, error)
+        cases = [
+            Case(model, row[place], unknowns, evidence, SCALE, float(SCALES[-1]))
+            for model, row in zip(models, found.responses, strict=True)
+        ]
+        rests, shares = drawn_from_traces(cases, TRACED, found.seed, executor)
+    worlds = [(k, model.with_values(values)) for k, model in enumerate(models) for values in rests[k]]
+    tasks = [
+        (world, unknowns, found.responses[k][t], reseat, evidence if t == place else None)
+        for t in range(len(torques))
+        for k, world in worlds
+    ]
+    F_ior, slope, off, told = [], [], [], []
+    for values, slopes, missed, likely in run(_world, tasks):
+        off.append(missed)
+        F_ior.append(values)
+        slope.append(slopes)
+        if likely is not None:
+            told.append(likely)
+        if progress:
+            progress(STATES)
+    size, direction = unknowns.size_um, unknowns.direction_deg
+    shape = (len(torques), len(worlds), len(size), len(direction))
+    scale, likely = 1 + SCALE * SCALES, norm.pdf(SCALES) / norm.pdf(SCALES).sum()
+    count = np.array([len(rest) for rest in rests])
+    model = np.repeat(np.arange(len(models)), count)
+    weight = np.multiply.outer(
+        np.multiply.outer(likely, shares[model] / count[model]),
+        np.outer(unknowns.size_weight, unknowns.direction_weight),
+    )
+    if told:
+        weight = _taught(weight, np.array(told))
+    return OffsetPrior(
+        drive=unknowns.drive,
+        torques=torques,
+        size_um=size,
+        direction_deg=direction,
+        weight=weight.reshape(-1, *shape[2:]),
+        F_ior_arcsec=_scaled(np.array(F_ior).reshape(shape), scale),
+        tooth_slope=_scaled(np.array(slope).reshape(shape), scale),
+        tooth_um=np.tile([float(world.value(unknowns.names.tooth)) / 2 for _, world in worlds], len(scale)),
+        model=np.tile(model, len(scale)),
+        scale=np.repeat(scale, len(worlds)),
+        standard_error_arcsec=np.sqrt(found.standard_error_arcsec**2 + np.array(off).reshape(shape[:2]).mean(axis=1)),
+        certificate=found.certificate,
+        traced=traced,
+    )
+
+
+def _taught(weight: Array, log: Array) -> Array:
+    """Weights, shape (scales, worlds, sizes, directions), with what traces say inside of a world, which keeps its own.
+
+    Worlds were drawn as likely as the traces make them; log likelihoods, shape (worlds, scales, sizes, directions).
+    """
+    whole = weight.sum(axis=(0, 2, 3))
+    log = np.moveaxis(log, 0, 1)
+    taught = weight * np.exp(log - log.max(axis=(0, 2, 3), keepdims=True))
+    taught = np.where(taught > NEGLIGIBLE * taught.max(axis=(0, 2, 3), keepdims=True), taught, 0.0)
+    return np.asarray(taught * (whole / taught.sum(axis=(0, 2, 3)))[:, None, None])
+
+
+def _scaled(values: Array, scale: Array) -> Array:
+    """Values at each scale, the worlds of one scale after those of another."""
+    return np.concatenate([values * factor for factor in scale], axis=1)
+
+
+def _not_overridden(drive: Drive, values: dict[str, float]) -> dict[str, float]:
+    return {path: value for path, value in values.items() if not is_overridden(path, drive.origin.overrides)}
+
+
+def _span(model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: int, *, traced: bool) -> list[Drive]:
+    """Drives that a table is compared on, the widest offset of each world among them."""
+    names, widest = unknowns.names, unknowns.widest
+    shares = qmc.Sobol(2, seed=seed).random(WORLDS)
+    pairs = [(*share, values) for share, values in zip(shares, cycle(rest), strict=False)]
+    drives = [model.with_values({**v, names.size: widest * s, names.direction: 360 * d}) for s, d, v in pairs]
+    drives += [model.with_values({**values, names.size: widest}) for values in rest]
+    if traced:
+        drives.append(model.with_values({**unknowns.outermost(), names.size: widest}))
+    wider = {names.tooth: 1 + max(float(d.value(names.tooth)) for d in drives) + 2 * TOOTH_STEP}
+    return [*drives, drives[-1].with_values(wider)]
+
+
+TOOTH_STEP = 5.0  # um of the fixed wheel's deviation, over which the slope is taken
+
+_World = tuple[Drive, Unknowns, Response, bool, Evidence | None]
+
+
+def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
+    """F'_ior [arcsec] of one world and its slope by the wheel's own deviation, shape (sizes, directions) each.
+
+    And the mean square of what interpolation over sizes and directions misses; and the log likelihood of the traces,
+    shape (scales, sizes, directions), where there are any.
+    """
+    drive, unknowns, response, reseat, evidence = task
+    values, missed, told = _over_offsets(drive, unknowns, response, evidence)
+    if not reseat:
+        return values, np.zeros_like(values), missed, told
+    tooth = unknowns.names.tooth
+    more = drive.with_values({tooth: float(drive.value(tooth)) + 2 * TOOTH_STEP})
+    return values, (_over_offsets(more, unknowns, response, None)[0] - values) / TOOTH_STEP, missed, told
+
+
+def _over_offsets(
+    drive: Drive, unknowns: Unknowns, response: Response, evidence: Evidence | None
+) -> tuple[Array, float, Array | None]:
+    # the scalars are affine in the offset's two components
+    names = unknowns.names
+    nothing, x, y = (
+        deviation_scalars(drive.with_values({names.size: size, names.direction: phi}), *turns())
+        for size, phi in ((0.0, 0.0), (1.0, 0.0), (1.0, 90.0))
+    )
+    size = np.linspace(0, unknowns.widest, SIZES)
+    phi = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    kinematics = Kinematics.of(drive)
+    coarse, curves = [], []
+
+    def scalars(s: Array, p: Array) -> Array:
+        along, aside = ((s * part(p))[:, None, None] for part in (np.cos, np.sin))
+        return np.asarray(nothing + along * (x - nothing) + aside * (y - nothing))
+
+    for s in size:
+        rotation = response.rotation(scalars(np.full(DIRECTIONS, s), phi))
+        coarse.append(response.range_of(rotation))
+        if evidence:
+            curves.append(np.asarray(curves_of(rotation, kinematics), dtype=np.float32))
+    told = None
+    if evidence:
+        told = log_likelihood(np.array(curves), evidence, 1 + SCALE * SCALES, kinematics.u, FINE_SIZES, FINE_DIRECTIONS)
+    grid = np.array(coarse)
+    share = qmc.Sobol(2, seed=0).random(BETWEEN)
+    exact = response.F_ior(scalars(unknowns.widest * share[:, 0], 2 * np.pi * share[:, 1]))
+    around = np.append(grid, grid[:, :1], axis=1)
+    between = map_coordinates(around, share.T * [[SIZES - 1], [DIRECTIONS]], order=1)
+    return _finer(grid), float(np.mean(np.square(exact - between))), told
+
+
+def _finer(coarse: Array) -> Array:
+    """Interpolated from the computed sizes and directions to the fine ones."""
+    fine = np.linspace(0, SIZES - 1, FINE_SIZES)
+    rows = np.array([np.interp(fine, np.arange(SIZES), column) for column in coarse.T])
+    around = np.append(rows, rows[:1], axis=0)
+    places = np.arange(FINE_DIRECTIONS) * DIRECTIONS / FINE_DIRECTIONS
+    return np.array([np.interp(places, np.arange(DIRECTIONS + 1), column) for column in around.T])

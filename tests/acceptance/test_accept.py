@@ -1,0 +1,363 @@
+"""Decisions on limits: the rules, the predicted and the measured values, the words of limits."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from hdassist.acceptance.accept import Stated, accept
+from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, explained
+from hdassist.acceptance.decision import GUARD, Asked, Known, decide
+from hdassist.acceptance.limit_parser import limit_overrides, stated_values
+from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.page import number, render
+from hdassist.acceptance.predictions import amplitude, predict, range_in_a_turn
+from hdassist.acceptance.request import Request, exit_code, read_measurements, torque_and_file
+from hdassist.design.check import check
+from hdassist.error.orders import orders
+from hdassist.error.stiffness import stiffness
+from hdassist.error.trace import trace
+from hdassist.errors import DataError, UsageError
+from hdassist.measuring.measure import measure
+from hdassist.terminal.console import Look
+from hdassist.terminal.output import Output
+from tests.rigs import drive_error, recorded, turn_range, whole_range
+
+ROOT = Path(__file__).parents[2]
+SMALL = str(ROOT / "tests/data/small.yaml")
+UPPER = Asked(F_IOR, 30.0, 80.0)
+LOWER = Asked(K1, 30.0)
+
+
+def small(*limits: str, **request):
+    return Request(SMALL, limits=limits, **request).load()
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "extent", "rule", "verdict"),
+    [
+        (29.0, 0.5, "whole", "guard", "PASS"),  # 1 = 2 u below
+        (29.5, 0.5, "whole", "guard", "INCONCLUSIVE"),
+        (30.5, 0.5, "whole", "guard", "INCONCLUSIVE"),
+        (31.0, 0.5, "whole", "guard", "FAIL"),
+        (29.9, 0.5, "whole", "simple", "PASS"),
+        (30.0, 0.0, "whole", "guard", "PASS"),  # the limit itself is allowed
+        (30.1, 0.5, "whole", "simple", "FAIL"),
+        (20.0, 0.5, "at least", "guard", "INCONCLUSIVE"),  # a part of the cycle never passes
+        (20.0, 0.5, "at least", "simple", "INCONCLUSIVE"),
+        (31.0, 0.5, "at least", "guard", "FAIL"),  # but it can fail
+        (99.0, 0.1, "part", "guard", "INCONCLUSIVE"),
+    ],
+)
+def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict):
+    found = decide(UPPER, Known(value, u, "measured", extent), rule, 0.5)
+    assert found.verdict == verdict
+    assert found.margin == 30 - value
+    assert found.expanded == 2 * u
+    assert bool(found.reason) == (verdict == "INCONCLUSIVE")
+
+
+@given(
+    value=st.floats(1, 100), u=st.floats(0, 20), limit=st.floats(1, 100), rule=st.sampled_from(["guard", "simple"]),
+    basis=st.sampled_from(["measured", "predicted"]), margin=st.floats(0, 1),
+)  # fmt: skip
+def test_a_looser_limit_never_hurts_and_a_least_value_is_the_mirror_image(value, u, limit, rule, basis, margin):
+    better = ["FAIL", "INCONCLUSIVE", "PASS"]
+    known = Known(value, u, basis)
+    verdicts = [better.index(decide(Asked(F_IOR, x), known, rule, margin).verdict) for x in (limit, limit + 1)]
+    assert verdicts[0] <= verdicts[1]
+    upper, lower = (decide(Asked(item, limit), known, rule, margin) for item in (F_IOR, K1))
+    assert upper.margin == -lower.margin
+    if upper.margin:
+        swap = {"PASS": "FAIL", "FAIL": "PASS", "INCONCLUSIVE": "INCONCLUSIVE"}
+        if abs(upper.margin) != upper.guard:
+            assert lower.verdict == swap[upper.verdict]
+
+
+def test_the_guard_band_accepts_wrongly_once_in_twenty():
+    rng, u = np.random.default_rng(0), 0.5
+    true = 30.0  # at the limit: the worst that conforms
+    read = true + u * rng.standard_normal(20_000)
+    accepted = np.mean([decide(UPPER, Known(value, u, "measured"), "guard", 0).verdict == "PASS" for value in read])
+    assert accepted == pytest.approx(norm.sf(GUARD), abs=0.005)
+    assert norm.sf(GUARD) == pytest.approx(0.05, abs=1e-3)
+
+
+def test_predictions_have_their_margin_under_both_rules():
+    known = Known(28.0, 0.0, "predicted")
+    for rule in ("guard", "simple"):
+        assert [decide(UPPER, known, rule, m).verdict for m in (0.0, 0.05, 0.1)] == ["PASS", "PASS", "INCONCLUSIVE"]
+    assert decide(UPPER, Known(40.0, 0.0, "predicted"), "guard", 0.1).verdict == "FAIL"
+
+
+LIMITS = (
+    "F_ior=40",
+    "turn_range=40",
+    "self_error=40",
+    "order_2=40",
+    "lost_motion=400",
+    "K_1=1",
+    "K_2=1",
+    "K_3=1",
+)
+
+
+@pytest.fixture(scope="module")
+def predicted():
+    drive = small(*LIMITS)
+    return drive, predict(drive, limits_of(drive))
+
+
+def values(found):
+    drive, predictions = found
+    return {(a.check.code, a.M_g): predictions.known(a).value for a in limits_of(drive)}
+
+
+def test_predicted_values_are_those_of_the_other_commands(predicted):
+    drive, predictions = predicted
+    told, own = values(predicted), check(drive)
+    for point in own.points:
+        M_g, error = point.M_g, point.error
+        assert told["F_IOR", M_g] == pytest.approx(point.F_ior_upper_arcsec, abs=1e-9)
+        assert told["SELF_ERROR", M_g] == pytest.approx(point.self_error.range_arcsec, abs=1e-9)
+        table = orders(drive, error.error_arcsec, error.kinematics.cycle_cam_revolutions)
+        (second,) = [o.amplitude_arcsec for o in table if o.per_cam_rev == 2]
+        assert told["ORDER", M_g] == pytest.approx(second, abs=1e-9)
+        # a turn that begins later is a trace that begins where the moving wheel then stands
+        later = [trace(drive, M_g, start_deg=start, cross_check=None).error.range_arcsec for start in (0, -12, 12, 36)]
+        assert max(later) <= told["TURN_RANGE", M_g] + 1e-6
+        around = np.concatenate([error.error_arcsec] * 2)
+        turn = error.kinematics.teeth_fixed
+        brute = max(np.ptp(around[k : k + turn]) for k in range(len(error.error_arcsec)))
+        assert told["TURN_RANGE", M_g] == pytest.approx(brute, abs=1e-12)
+    twist = stiffness(drive)
+    assert told["LOST_MOTION", None] == twist.lost_motion_arcsec
+    for k in range(3):
+        weaker = min(twist.positive[k].stiffness, twist.negative[k].stiffness)
+        assert told[f"K_{k + 1}", None] == weaker
+    assert predictions.certificate.states > 2 * 1860
+    assert len(predictions.cross_checks) == 3
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_each_limit_decides(predicted, limit):
+    # just out of reach, and just within: the same value, other verdicts
+    name = limit.partition("=")[0]
+    value = max(
+        v for (code, _), v in values(predicted).items() if code in (name.upper(), name.partition("_")[0].upper())
+    )
+    upper = not name.startswith("K")
+    verdicts = []
+    for factor in (0.99, 1.01):
+        drive = small(f"{name}={value * factor!r}", overrides=("acceptance.margin=0",))
+        verdicts.append(accept(drive, predictions=predicted[1]).verdict)
+    assert verdicts == (["FAIL", "PASS"] if upper else ["PASS", "FAIL"])
+
+
+def test_margin_and_rule_of_the_preset_count(predicted):
+    value = max(v for (code, _), v in values(predicted).items() if code == "F_IOR")
+    limit = f"F_ior={1.02 * value!r}"
+    drives = [small(limit, overrides=(f"acceptance.margin={margin}",)) for margin in (1, 5)]
+    assert [accept(d, predictions=predicted[1]).verdict for d in drives] == ["PASS", "INCONCLUSIVE"]
+    found = []
+    for rule in ("simple", "guard"):
+        drive = small("lost_motion=60", overrides=(f"acceptance.rule={rule}",))
+        (asked,) = limits_of(drive)
+        found.append(accept(drive, stated={asked: Stated(59.0, 1.0)}).verdict)
+    assert found == ["PASS", "INCONCLUSIVE"]
+
+
+def test_only_what_is_asked_is_predicted():
+    drive = small("self_error@4=5")
+    found = predict(drive, limits_of(drive))
+    assert (list(found.errors), list(found.self_errors), found.stiffness) == ([], [4.0], None)
+
+
+def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
+    error = predicted[1].errors[1.0]
+    assert amplitude(error, 31 / 30) >= 0
+    for order in (0.01, 2.01, 40.0):
+        with pytest.raises(UsageError, match="none of the full cycle"):
+            amplitude(error, order)
+    assert range_in_a_turn(error) <= error.F_ior_arcsec
+
+
+RNG = np.random.default_rng(3)
+CURVE = drive_error(RNG, 30)
+
+
+def rig(turns: int, noise: float = 0.2):
+    x = np.arange(turns * 120) / 120
+    return recorded(x, CURVE(x) + noise * np.random.default_rng(turns).standard_normal(len(x)))
+
+
+def test_a_trace_of_the_full_cycle_decides():
+    drive = small("F_ior@4=50", "turn_range@4=50", "order_2=50")
+    found = accept(drive, {4.0: measure(rig(30), drive=drive)}, measured_only=True)
+    F_ior, within, second = (d.known for d in found.decisions)
+    assert F_ior.value == pytest.approx(whole_range(CURVE, 30), abs=3 * F_ior.uncertainty)
+    fine = np.arange(30 * 720) / 720
+    assert within.value == pytest.approx(turn_range(CURVE, 30), abs=3 * within.uncertainty)
+    spectrum = 2 * np.abs(np.fft.rfft(CURVE(fine))) / len(fine)
+    assert second.value == pytest.approx(spectrum[60], abs=4 * second.uncertainty)
+    assert {k.extent for k in (F_ior, within, second)} == {"whole"}
+    assert [a.M_g for a in found.left_out] == [1.0]
+    assert {said.remark.code for said in found.remarks} == {"BUDGET", "NOT_TESTED"}
+
+
+def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
+    measured = {4.0: measure(rig(5), drive=small())}
+    for limit, verdict in ((1.0, "FAIL"), (1000.0, "INCONCLUSIVE")):
+        drive = small(f"F_ior@4={limit}", f"turn_range@4={limit}")
+        found = accept(drive, measured)
+        assert [d.verdict for d in found.decisions] == [verdict] * 2
+        assert "COVERAGE" in [said.remark.code for said in found.remarks]
+    assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
+
+
+def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
+    measured = {4.0: measure(rig(30), drive=small())}
+    with pytest.raises(UsageError, match=r"2\.01 is none of the full cycle"):  # not that of order 2, its neighbour
+        accept(small("order_2.01=1"), measured, measured_only=True)
+
+
+def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
+    x = np.concatenate([np.arange(30 * 120), np.arange(30 * 120, 20 * 120, -1)]) / 120
+    both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
+    drive = small("F_ior@4=1000", "turn_range@4=1000", "order_2=1000")
+    found = accept(drive, {4.0: measure(both, drive=drive)}, measured_only=True)
+    assert [d.verdict for d in found.decisions] == ["PASS"] * 3
+    assert {d.known.extent for d in found.decisions} == {"whole"}
+
+
+def test_the_worse_verdict_of_two_directions_counts():
+    x = np.concatenate([np.arange(30 * 120), np.arange(30 * 120, 0, -1)]) / 120
+    grows = np.arange(len(x)) < 30 * 120
+    noise = np.where(grows, 6.0, 0.05) * np.random.default_rng(5).standard_normal(len(x))
+    both = recorded(x, noise + np.where(grows, 1.15, 1.0) * CURVE(x))
+    found = measure(both, drive=small())
+    clean, noisy = sorted(found.directions, key=lambda d: d.uncertainty_arcsec)
+    reach = GUARD * clean.uncertainty_arcsec, GUARD * noisy.uncertainty_arcsec
+    limit = clean.range.value - 2 * reach[0]
+    assert clean.range.value < noisy.range.value < limit + reach[1]  # the greater one by itself does not fail
+    assert accept(small(f"F_ior@4={limit}"), {4.0: found}, measured_only=True).verdict == "FAIL"
+
+
+def test_no_width_cuts_a_number():
+    drive = small("F_ior@4=50", "order_2=12.5", "K_1=1234.5")
+    told = {a: Stated(1876.54, 3.21) for a in limits_of(drive) if a.M_g != 1}
+    found = accept(drive, stated=told, measured_only=True)
+    for plain in (False, True):
+        for width in range(14, 90):
+            look = Look(plain, False, width)
+            words = Output(look).page(render(found, look)).replace("|", " ").replace(",", " ").split()
+            missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)
+            assert not missing, (plain, width, missing)
+            assert words.count("PASS") == 1
+            assert words.count("FAIL") == 3
+
+
+def test_remarks_that_count():
+    drive = small("F_ior@4=50", overrides=("operation.rated=3",))
+    noisy = accept(drive, {4.0: measure(rig(30, noise=20.0), drive=drive)})
+    codes = [said.remark.code for said in noisy.remarks]
+    assert "UNCERTAINTY" in codes
+    assert "RATED" in codes
+    assert [exit_code(noisy, how) for how in ("warn", "never")] == [3, 0]
+    assert exit_code(noisy, "fail") == noisy.verdict.exit_code
+    clean = accept(drive, stated={limits_of(drive)[0]: Stated(20.0, 0.1)})
+    assert exit_code(clean, "fail") == 0
+
+
+def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
+    with pytest.raises(UsageError, match=r"order 2\.01 is none"):
+        accept(small("order_2.01=3"))
+    preset = tmp_path / "own.yaml"
+    preset.write_text(Path(SMALL).read_text() + "acceptance: {order_amplitude: {2.01: 3}}\n")
+    with pytest.raises(DataError, match=r"acceptance\.order_amplitude: order 2\.01 is none"):
+        accept(Request(str(preset)).load())
+
+
+def test_small_limits_keep_their_digits():
+    asked = limits_of(small("order_2=0.004"))[0]
+    assert number(0.0041, asked) == "0.00410"
+    assert number(28.094, Asked(F_IOR, 30.0)) == "28.09"
+
+
+def test_what_has_no_limit_is_refused():
+    with pytest.raises(DataError, match="no limit to accept it by"):
+        accept(small())
+    with pytest.raises(DataError, match="measured at 1 N\\*m, where it has no limit"):
+        accept(small("F_ior@4=3"), {1.0: measure(rig(30), drive=small())})
+    with pytest.raises(DataError, match="nothing was measured"):
+        accept(small("F_ior@4=3"), measured_only=True)
+    with pytest.raises(DataError, match="which has no limit"):
+        accept(small("F_ior@4=3"), stated={Asked(K1, 3.0): Stated(1.0, 0.0)})
+
+
+def test_limits_name_torques_beyond_those_of_operation():
+    drive = small("F_ior=9", "F_ior@7=3", "order_2=1")
+    assert [(a.check.code, a.M_g, a.limit) for a in limits_of(drive)] == [
+        ("F_IOR", 1.0, 9.0), ("F_IOR", 4.0, 9.0), ("F_IOR", 7.0, 3.0), ("ORDER", 1.0, 1.0), ("ORDER", 4.0, 1.0),
+    ]  # fmt: skip
+
+
+def test_words_of_limits():
+    assert limit_overrides(["F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1"]) == [
+        "acceptance.F_ior.80=30", "acceptance.F_ior=0.5 arcmin", "acceptance.order_amplitude.2=5",
+        "acceptance.K_1=30 N*m/arcmin", "acceptance.order_amplitude.0.01=1",
+    ]  # fmt: skip
+    drive = small("order_0.1=1", "K_1=30 N*m/arcmin")
+    assert [a.order for a in limits_of(drive)] == [0.1, 0.1, None]
+    assert limits_of(drive)[-1].limit == pytest.approx(30 * 10800 / np.pi)
+    for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@80=3"):
+        with pytest.raises(UsageError):
+            limit_overrides([bad])
+
+
+def test_words_of_stated_values():
+    drive = small("F_ior=9", "lost_motion=60", "order_2=5")
+    first, second, *_, lost = limits_of(drive)
+    told = stated_values(["F_ior@4=8.1 ± 0.4", "lost_motion=1+-6 arcsec"], drive)
+    assert told == {second: Stated(8.1, 0.2), lost: Stated(1.0, 3.0)}
+    assert next(iter(stated_values(["order_2@1=3±1"], drive))).order == 2
+    for bad, why in (
+        ("F_ior=8±1", "at which torque"), ("lost_motion=3", "without its uncertainty"), ("K_1=3±1", "no such limit"),
+        ("F_ior@5=8±1", "no such limit"), ("lost_motion=x±1", "must be a number"),
+        ("F_ior@4=-8±1", "cannot be below zero"),
+    ):  # fmt: skip
+        with pytest.raises(UsageError, match=why):
+            stated_values([bad], drive)
+    with pytest.raises(UsageError, match="twice"):
+        stated_values(["F_ior@4=8±1"] * 2, drive)
+    assert first not in told
+
+
+def test_the_torque_of_a_trace():
+    drive = small("F_ior@4=9")
+    assert torque_and_file("run.csv", drive) == (4.0, "run.csv")
+    assert torque_and_file("4:a:b.csv", drive) == (4.0, "a:b.csv")
+    with pytest.raises(UsageError, match="at which torque"):
+        torque_and_file("run.csv", small("F_ior=9"))
+    request = Request(SMALL, limits=("F_ior@4=9",), measured=("run.csv", "4:again.csv"))
+    with pytest.raises(UsageError, match="two traces at 4"):
+        read_measurements(request, drive)
+
+
+def test_codes_are_explained_and_in_the_docs():
+    page = (ROOT / "docs/acceptance.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `([A-Z_0-9]+)` \|", page, flags=re.MULTILINE)) == set(CODES)
+    for item in CODES.values():
+        assert min(map(len, (item.words, item.tests, item.wrong, item.change))) > 5
+    assert explained("f-ior") == F_IOR
+    with pytest.raises(UsageError, match="no check has the code"):
+        explained("F")
+    fields = {c.field for c in CHECKS}
+    limits = set(type(small().acceptance).model_fields) - {"rule", "margin"}
+    assert fields == limits

@@ -1,0 +1,147 @@
+"""`hdassist accept` and `hdassist explain` as their users meet them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.process import SMALL, run
+from tests.rigs import drive_error, text, whole_range
+from tests.tutorial import told_by
+
+ROOT = Path(__file__).parents[2]
+TURNS = np.arange(30 * 60) / 60
+CURVE = drive_error(np.random.default_rng(3), 30)
+TRUE = whole_range(CURVE, 30)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory) -> Path:
+    """A folder with the full cycle of a rig, a part of it, and a file that is no trace."""
+    folder = tmp_path_factory.mktemp("rig")
+    error = CURVE(TURNS) + 0.3 * np.random.default_rng(0).standard_normal(len(TURNS))
+    (folder / "run.csv").write_text(text([360 * TURNS, error], "cam_deg,error_arcsec"))
+    (folder / "part.csv").write_text(text([360 * TURNS[:300], error[:300]], "cam_deg,error_arcsec"))
+    (folder / "bad.csv").write_text("cam_deg,error_arcsec\n1,x\n")
+    return folder
+
+
+def accepted(rig: Path, *args: str):
+    return run("accept", SMALL, "--measured-only", *args, cwd=rig)
+
+
+def test_json_has_all_that_it_takes_to_do_it_again(rig):
+    done = accepted(rig, "--measured", "4:run.csv", "--limit", f"F_ior@4={TRUE + 3}", "--json", "--serial", "17",
+                    "--budget", "encoder=0.1")  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    told = json.loads(done.stdout)
+    assert {k: told[k] for k in ("schema", "verdict", "exit_code", "serial", "seed", "certificate", "left_out")} == {
+        "schema": "hdassist.accept/1", "verdict": "PASS", "exit_code": 0, "serial": "17", "seed": 0,
+        "certificate": None, "left_out": [],
+    }  # fmt: skip
+    (found,) = told["checks"]
+    assert {k: found[k] for k in ("code", "M_g_Nm", "basis", "extent", "unit", "verdict", "limit", "limit_is")} == {
+        "code": "F_IOR", "M_g_Nm": 4.0, "basis": "measured", "extent": "whole", "unit": "arcsec", "verdict": "PASS",
+        "limit": TRUE + 3, "limit_is": "greatest",
+    }  # fmt: skip
+    assert abs(found["value"] - TRUE) <= 1.5 * found["expanded_uncertainty"]
+    assert found["margin"] == found["limit"] - found["value"]
+    (measured,) = told["measured"]
+    assert (measured["file"], measured["rows"], len(measured["sha256"])) == ("run.csv", 1800, 64)
+    assert told["rule"] == {"measured": "guard", "guard_standard_uncertainties": 1.65, "prediction_margin_percent": 10}
+    assert told["request"]["measured"] == ["4:run.csv"]
+    assert re.fullmatch(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", told["time"])
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["--measured", "4:run.csv", "--limit", f"F_ior@4={TRUE + 3}"], 0, "PASS"),
+        (["--measured", "4:run.csv", "--limit", f"F_ior@4={TRUE - 3}"], 3, "FAIL"),
+        (["--measured", "4:part.csv", "--limit", "F_ior@4=900"], 6, "INCONCLUSIVE"),
+        (["--measured", "4:part.csv", "--limit", "F_ior@4=900", "--fail-on", "warn"], 3, "INCONCLUSIVE"),
+        (["--measured", "4:run.csv", "--limit", "F_ior@4=1", "--fail-on", "never"], 0, "FAIL"),
+        (["--value", "F_ior@4=8±1", "--limit", "F_ior@4=8.5", "--rule", "simple"], 0, "PASS"),
+        (["--value", "F_ior@4=8±1", "--limit", "F_ior@4=8.5"], 6, "INCONCLUSIVE"),
+    ],
+)
+def test_verdicts_and_exit_codes(rig, args, code, words):
+    done = accepted(rig, "-q", *args)
+    assert (done.returncode, done.stdout) == (code, f"{words}\n")
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        ([], 4, "no limit to accept it by"),
+        (["--limit", "F_ior=3"], 4, "nothing was measured"),
+        (["--limit", "F_ior=3", "--measured", "4:bad.csv"], 4, "bad.csv:2"),
+        (["--limit", "F_ior=3", "--measured", "4:none.csv"], 4, "no such file: none.csv"),
+        (["--limit", "F_ior=3", "--measured", "run.csv"], 2, "at which torque"),
+        (["--limit", "F_iro=3"], 2, "--limit F_iro=3: not understood"),
+        (["--limit", "F_ior=-3"], 2, "acceptance.F_ior"),
+        (["--limit", "F_ior=3", "--margin", "-1"], 2, "acceptance.margin"),
+        (["--limit", "F_ior=3", "--value", "F_ior@4=3"], 2, "without its uncertainty"),
+        (["--limit", "F_ior@4=3", "--measured", "4:run.csv", "--orders", "1,40"], 5, "too long for order 40"),
+    ],
+)
+def test_what_cannot_be_decided_has_a_code_of_its_own(rig, args, code, words):
+    done = accepted(rig, *args)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert words in done.stderr
+
+
+def test_people_see_each_check_with_how_it_is_known(rig):
+    args = ("--measured", "4:run.csv", "--limit", "F_ior=400", "--limit", "order_2@4=1")
+    done = run("accept", SMALL, *args[:4], "--limit", "order_2=1", "--limit", "lost_motion=1", "--ascii", cwd=rig)
+    assert done.returncode == 3
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    assert done.stdout.isascii()
+    for words in ("small: FAIL", "measured: guard bands of 1.65 u", "predicted: margin 10 %", "<= 400",
+                  "F'_ior at 4 N*m", "remark BUDGET", "certificate: ", "explain ORDER LOST_MOTION"):  # fmt: skip
+        assert words in done.stdout
+
+
+def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
+    # a bad preset, a FAIL and a PASS: the bad preset's code is the worst
+    (tmp_path / "bad.yaml").write_text("schema: hdassist.preset/1\n")
+    args = ("--limit", "lost_motion=1", "--json", "--csv", str(tmp_path / "figures.csv"))
+    done = run("accept", SMALL, str(tmp_path / "bad.yaml"), SMALL, *args)
+    told = json.loads(done.stdout)
+    assert [r["exit_code"] for r in told["results"]] == [3, 4, 3]
+    assert done.returncode == told["exit_code"] == 4
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "figures.csv").read_text())))
+    found = ("LOST_MOTION", "predicted", "FAIL", "3")
+    told = [(r["code"], r["basis"], r["verdict"], r["exit_code"]) for r in rows]
+    assert told == [found, ("", "", "", "4"), found]
+    assert float(rows[0]["margin"]) == float(rows[0]["limit"]) - float(rows[0]["value"])
+    again = run("accept", SMALL, "--limit", "lost_motion=1", "--csv", str(tmp_path / "figures.csv"))
+    assert again.returncode == 2
+    both = run("accept", SMALL, SMALL, "--measured", "4:run.csv", "--limit", "F_ior=3", cwd=rig)
+    assert (both.returncode, "belongs to one drive" in both.stderr) == (2, True)
+
+
+def test_codes_are_explained():
+    done = run("explain", "k-1", "coverage")
+    assert done.returncode == 0
+    for words in ("K_1: torsional stiffness K_1", "acceptance.K_1, the least", "goes wrong", "COVERAGE: "):
+        assert words in done.stdout
+    every = json.loads(run("explain", "--json").stdout)
+    assert (every["schema"], len(every["codes"])) == ("hdassist.explain/1", 14)
+    assert "F_IOR" in run("explain").stdout
+    wrong = run("explain", "nothing")
+    assert (wrong.returncode, "no check has the code nothing" in wrong.stderr) == (2, True)
+
+
+def test_the_tutorial_runs(tmp_path):
+    told = told_by("acceptance.md", tmp_path)
+    assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"
+    assert len((tmp_path / "lot.jsonl").read_text().splitlines()) == 3
+    assert "ship it" in told
+    assert told.count("agrees") >= 2

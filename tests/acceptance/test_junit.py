@@ -1,0 +1,137 @@
+"""The JUnit report of a lot, read back by parsers that had no part in writing it."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+from xml.dom.minidom import Element, parseString
+from xml.parsers import expat
+
+import pytest
+from junitparser import JUnitXml
+
+from hdassist.acceptance.junit import junit
+from hdassist.acceptance.lot import read_lot
+from hdassist.acceptance.lot_figures import summary
+from hdassist.acceptance.lot_runner import answers
+from hdassist.acceptance.request import Request
+
+SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
+ROWS = """\
+serial,F_ior@1,limit F_ior@1,limit lost_motion,measured@1
+good,20±1,30,,
+bad <&"'>,40±1,30,,
+"open, \x07",30.1±1,30,,
+broken,20±1,30,,none.csv
+part,20±1,30,60,
+"""
+# what the strict schema of Jenkins allows: children and attributes of each element
+ALLOWED: dict[str, tuple[set[str], set[str]]] = {
+    "testsuites": ({"testsuite"}, {"name", "tests", "failures", "errors"}),
+    "testsuite": ({"properties", "testcase"}, {"name", "tests", "failures", "errors", "skipped"}),
+    "properties": ({"property"}, set()),
+    "property": (set(), {"name", "value"}),
+    "testcase": ({"skipped", "error", "failure", "system-out"}, {"name", "classname"}),
+    "skipped": (set(), {"type", "message"}),
+    "error": (set(), {"type", "message"}),
+    "failure": (set(), {"type", "message"}),
+    "system-out": (set(), set()),
+}
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """Answers of a lot with PASS, FAIL, INCONCLUSIVE, a broken row and a limit that is left out."""
+    table = tmp_path_factory.mktemp("lot") / "lot.csv"
+    table.write_text(ROWS, encoding="utf-8")
+    lot = read_lot(str(table), Request(SMALL, measured_only=True))
+    with ThreadPoolExecutor(1) as executor:
+        return list(answers(lot.rows, executor, "fail", ahead=2))
+
+
+def elements(parent: Element, name: str) -> list[Element]:
+    return [node for node in parent.childNodes if node.nodeName == name]
+
+
+def test_each_verdict_reads_right(told):
+    root = parseString(junit("lot", told, {"lot_sha256": "ab"})).documentElement
+    assert root is not None
+    suites = elements(root, "testsuite")
+    read = {}
+    for suite in suites:
+        for case in elements(suite, "testcase"):
+            (result,) = [node for node in case.childNodes if node.nodeType == node.ELEMENT_NODE]
+            body = result.firstChild.data if result.firstChild else ""
+            read[case.getAttribute("name")] = (
+                result.nodeName, result.getAttribute("type"), result.getAttribute("message"), body
+            )  # fmt: skip
+            assert case.getAttribute("classname") in ("small", SMALL)
+    names = [suite.getAttribute("name") for suite in suites]
+    assert names == ["good", "bad <&\"'>", "open, \\x07", "broken", "part"]
+    where = "F'_ior at 1 N·m"
+    assert read[f"good: {where}"][0] == "system-out"
+    assert read[f"good: {where}"][3].startswith(f"PASS: {where}: 20.00 ± 1.00 arcsec, limit ≤ 30, margin 10.00")
+    for name, verdict, value in (("bad <&\"'>", "FAIL", "40.00"), ("open, \\x07", "INCONCLUSIVE", "30.10")):
+        tag, kind, message, body = read[f"{name}: {where}"]
+        assert (tag, kind) == ("failure", verdict)
+        assert message.startswith(f"{verdict}: {where}: {value} ± 1.00 arcsec, limit ≤ 30")
+        assert body.startswith(message)
+        assert "hdassist explain F_IOR" in body
+    tag, kind, message, body = read["broken: no answer"]
+    assert (tag, kind) == ("error", "DATA")
+    assert message.startswith("BROKEN: ")
+    assert "none.csv" in body
+    assert read["part: lost motion"][:3] == ("skipped", "", "not tested: nothing was measured")
+    counts = [[int(suite.getAttribute(key)) for key in ("tests", "failures", "errors", "skipped")] for suite in suites]
+    assert counts == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0], [2, 0, 0, 1]]
+    assert [int(root.getAttribute(key)) for key in ("tests", "failures", "errors")] == [6, 2, 1]
+    assert summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1}
+
+
+def test_numbers_and_provenance_are_properties(told):
+    root = parseString(junit("lot", told, {"lot_sha256": "ab"})).documentElement
+    assert root is not None
+    for suite, answer in zip(elements(root, "testsuite"), told, strict=True):
+        (group,) = elements(suite, "properties")
+        found = {p.getAttribute("name"): p.getAttribute("value") for p in elements(group, "property")}
+        assert found["version"] == answer["version"]
+        assert found["lot_sha256"] == "ab"
+        assert found["time"] == answer["time"]
+        assert found["seed"] == "0"
+        for check in answer.get("checks", ()):
+            assert found["preset_sha256"] == answer["preset"]["sha256"]
+            for key in ("value", "expanded_uncertainty", "limit", "margin"):
+                assert float(found[f"F_IOR@1.{key}"]) == check[key]
+            assert found["F_IOR@1.verdict"] == check["verdict"]
+
+
+def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
+    path: list[str] = []
+
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        if path:
+            assert name in ALLOWED[path[-1]][0]
+        assert set(attributes) <= ALLOWED[name][1]
+        path.append(name)
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = lambda name: path.pop()
+    parser.Parse(junit("lot\ud800", told, {}).encode(), True)
+
+
+def test_remarks_that_fail_a_drive_do_not_look_green(told):
+    remarked = {**told[0], "remarks": [{"code": "BUDGET", "text": "nothing stated"}], "fail_on": "warn", "exit_code": 3}
+    root = parseString(junit("lot", [remarked], {})).documentElement
+    assert root is not None
+    (failure,) = root.getElementsByTagName("failure")
+    assert failure.getAttribute("type") == "REMARK"
+    assert "BUDGET" in failure.getAttribute("message")
+
+
+def test_junitparser_counts_the_same(told, tmp_path):
+    (tmp_path / "lot.xml").write_text(junit("lot", told, {}), encoding="utf-8")
+    suites = list(JUnitXml.fromfile(str(tmp_path / "lot.xml")))
+    kinds = [[type(result).__name__ for case in suite for result in case.result] for suite in suites]
+    assert kinds == [[], ["Failure"], ["Failure"], ["Error"], ["Skipped"]]

@@ -1,0 +1,244 @@
+"""Lots and replays of `hdassist accept` as their users meet them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+from xml.dom.minidom import parseString
+
+import numpy as np
+import pytest
+
+from hdassist.acceptance import lot_runner as lotwork
+from hdassist.acceptance.lot_command import Files, accept_lot
+from hdassist.acceptance.request import Request
+from hdassist.terminal.output import Output
+from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
+from tests.rigs import drive_error, text
+
+TURNS = np.arange(30 * 60) / 60
+LOT = """\
+serial;F_ior@1;limit F_ior@1;measured@4;limit F_ior@4;phases.xi_b
+17-1;28,5 ± 1;40;run.csv;60;
+17-2;55±1;40;;;
+17-3;39,8±1;40;;;
+17-4;;40;gone.csv;60;
+17-5;28±1;40;;;here
+"""
+MEASURED = ("accept", "lot.csv", "--preset", SMALL, "--measured-only")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A lot with PASS, FAIL, INCONCLUSIVE and two broken rows, and a trace."""
+    error = drive_error(np.random.default_rng(3), 30)(TURNS)
+    error += 0.3 * np.random.default_rng(0).standard_normal(len(TURNS))
+    (tmp_path / "run.csv").write_text(text([360 * TURNS, error], "cam_deg,error_arcsec"))
+    (tmp_path / "lot.csv").write_text(LOT)
+    return tmp_path
+
+
+def untimed(value):
+    if isinstance(value, dict):
+        # a hint names files that are near by
+        return {key: untimed(inner) for key, inner in value.items() if key not in ("time", "hint")}
+    if isinstance(value, float):
+        return float(f"{value:.9g}")  # a process of its own may have other kernels of linear algebra
+    return [untimed(inner) for inner in value] if isinstance(value, list) else value
+
+
+@pytest.fixture
+def here(folder, monkeypatch, capsys):
+    """Runs a command in the folder without a process of its own: exit code, stdout, stderr."""
+    from hdassist.cli.main import main
+
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have what is patched here
+
+    def run_here(*args):
+        monkeypatch.setattr("sys.argv", ["hdassist", *args])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, *capsys.readouterr()
+
+    return run_here
+
+
+def test_a_lot_on_paper_and_in_files(folder, here):
+    files = ("--jsonl", "a.jsonl", "--csv", "a.csv", "--junit", "a.xml")
+    result = run(*MEASURED, *files, "--jobs", "2", cwd=folder)
+    assert result.returncode == 4
+    lines = result.stdout.splitlines()
+    verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "BROKEN", "BROKEN"]
+    assert [line.split()[:2] for line in lines[:5]] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
+    assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin -15.00, stated" in lines[1]
+    assert "lot.csv:5: no such file: gone.csv" in lines[3]
+    assert "5 drives, 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 broken (40 %)" in result.stdout
+    assert "yield: 1 of 3 drives with a verdict, 33.3 %" in result.stdout
+    for words in ("error: 17-4: lot.csv:5: no such file: gone.csv", "error: 17-5: lot.csv:6: --set", "wrote a.jsonl"):
+        assert words in result.stderr
+    code, out, _ = here(*MEASURED, "--json", "--jobs", "1")
+    assert code == 4
+    told = json.loads(out)
+    assert told["schema"] == "hdassist.accept/1"
+    assert told["exit_code"] == 4
+    assert told["lot"]["rows"] == 5
+    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1}
+    written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    assert untimed(written) == untimed(told["results"])
+    rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text(encoding="utf-8"))))
+    assert [(row["serial"], row["verdict"]) for row in rows] == [
+        ("17-1", "PASS"), ("17-1", "PASS"), ("17-2", "FAIL"), ("17-3", "INCONCLUSIVE"), ("17-4", ""), ("17-5", ""),
+    ]  # fmt: skip
+    root = parseString((folder / "a.xml").read_bytes()).documentElement
+    assert root is not None
+    assert [root.getAttribute(key) for key in ("tests", "failures", "errors")] == ["6", "2", "2"]
+    code, out, said = here(*MEASURED, *files)
+    assert (code, out) == (2, "")
+    assert "a.csv exists" in said
+
+
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [
+        (["PASS"], 0),
+        (["PASS", "INCONCLUSIVE"], 6),
+        (["INCONCLUSIVE", "FAIL", "PASS"], 3),
+        (["FAIL", "BROKEN", "INCONCLUSIVE"], 4),
+        (["BROKEN", "UNTRUSTED", "FAIL"], 5),
+        (["UNTRUSTED", "BUG", "BROKEN", "PASS"], 1),
+    ],
+)
+def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, capsys):
+    noise = np.random.default_rng(2).standard_normal(len(TURNS))
+    (tmp_path / "noise.csv").write_text(text([360 * TURNS, noise], "cam_deg,error_arcsec"))
+    cells = {"PASS": "20±1;", "FAIL": "50±1;", "INCONCLUSIVE": "40±1;", "BROKEN": "20±1;none.csv", "BUG": "20±1;",
+             "UNTRUSTED": "20±1;noise.csv"}  # fmt: skip
+    lines = ["serial;F_ior@1;measured@4", *(f"{name};{cells[name]}" for name in rows)]
+    (tmp_path / "lot.csv").write_text("\n".join(lines) + "\n")
+    real = lotwork.carry_out
+
+    def broken(request, *rest, **options):
+        return 1 / 0 if request.serial == "BUG" else real(request, *rest, **options)
+
+    monkeypatch.setattr(lotwork, "carry_out", broken)
+    monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have the patch
+    base = Request(SMALL, limits=("F_ior=40",), measured_only=True)
+    found = accept_lot(
+        str(tmp_path / "lot.csv"), base, Output.open(), Files(), fail_on="fail", jobs=2, json=False, quiet=True,
+        verbose=False, debug=False,
+    )  # fmt: skip
+    assert found == code
+    words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
+    assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]
+
+
+def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here, monkeypatch):
+    phases = [10 * n for n in range(9)]
+    lot = "serial,phases.xi_b\n" + "".join(f"d{n},{xi}\n" for n, xi in enumerate(phases))
+    (tmp_path / "lot.csv").write_text(lot)
+    args = ("accept", "lot.csv", "--preset", SMALL, "--limit", "F_ior@4=30", "--jobs", "1", "--jsonl", "a.jsonl")
+    with subprocess.Popen(
+        [*COMMAND, *args, "--csv", "a.csv"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        begun = time.monotonic()
+        while not ((tmp_path / "a.jsonl").exists() and (tmp_path / "a.jsonl").stat().st_size):
+            assert time.monotonic() - begun < 120
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=120)
+    kept = (tmp_path / "a.jsonl").read_text().splitlines()
+    assert process.returncode == 130
+    assert 0 < len(kept) < 9
+    assert f"{len(kept)} of 9 rows are kept in a.jsonl: the same command with --resume goes on" in said.decode()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.jsonl", "lot.csv", "run.csv"]
+    with (tmp_path / "a.jsonl").open("a") as stream:
+        stream.write(kept[0][:200])  # a crash in the middle of a line
+    result = run(*args, "--resume", "-q", cwd=tmp_path)
+    assert f"a.jsonl: {len(kept)} of 9 rows are known" in result.stderr
+    assert [line.split()[0] for line in result.stdout.splitlines()] == [f"d{n}" for n in range(9)]
+    lines = (tmp_path / "a.jsonl").read_text().splitlines()
+    assert lines[: len(kept)] == kept
+    assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(9)]
+    monkeypatch.chdir(tmp_path)
+    code, _, told = here(*args, "--resume", "--seed", "1")
+    assert code == 2
+    assert "not one of its answers" in told
+    assert (tmp_path / "a.jsonl").read_text().splitlines() == lines
+
+
+def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
+    one = ("accept", SMALL, "--limit", "F_ior@4=60", "--measured", "4:run.csv", "--measured-only", "--serial", "17-1")
+    assert here(*one, "--json", "-o", "one.json")[0] == 0
+    assert here(*MEASURED, "--jsonl", "lot.jsonl", "-q")[0] == 4
+    code, out, _ = here("accept", "--replay", "one.json", "--json")
+    told = json.loads(out)
+    assert (code, told["schema"], told["agrees"]) == (0, "hdassist.accept-replay/1", True)
+    assert [one["recorded_sha256"] == one["sha256"] for one in told["inputs"]] == [True, True]
+    answer = json.loads((folder / "one.json").read_text())
+    answer["checks"][0]["value"] *= 1 + 1e-4
+    answer["verdict"] = "FAIL"
+    (folder / "two.json").write_text(json.dumps(answer))
+    code, out, _ = here("accept", "--replay", "two.json")
+    assert code == 3
+    for words in ("17-1: differs", "verdict: FAIL then, PASS now", "F_IOR 4.0, value: "):
+        assert words in out
+    code, out, _ = here("accept", "--replay", "lot.jsonl")
+    assert code == 0
+    assert [line.split(":")[0] for line in out.splitlines()] == [f"17-{n}" for n in range(1, 6)]
+    assert out.count(": agrees (") == 5
+    assert here("accept", "--replay", "lot.jsonl", "-q")[1] == "agrees\n"
+    with (folder / "run.csv").open("a") as stream:
+        stream.write("10801,1\n")
+    code, out, said = here("accept", "--replay", "one.json")
+    assert code == 4
+    assert "run.csv has changed: sha256" in said
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        ([], 2, "nothing to accept"),
+        (["lot.csv", "vzp160"], 2, "one lot at a time"),
+        (["lot.csv", "--serial", "1"], 2, "belongs to one drive"),
+        (["lot.csv", "--preset", SMALL, "--budget", "luck=1"], 2, "--budget luck=1"),
+        (["lot.csv", "--preset", SMALL, "--set", "gears.zz=1"], 2, "gears.zz: unknown key"),
+        (["lot.csv", "--jsonl", "-", "--junit", "-"], 2, "standard output can take one of"),
+        (["lot.csv", "--resume"], 2, "--jsonl FILE --resume"),
+        (["vzp160", "--resume", "--jsonl", "x"], 2, "--resume is for lots"),
+        (["none.csv"], 4, "no such file: none.csv"),
+        (["--replay", "lot.csv"], 4, "no JSON"),
+        (["--replay", "none.json"], 4, "no such file: none.json"),
+        (["--replay", "x.json", "--limit", "F_ior=3"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--rule", "simple"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--seed", "1"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--orders", "1-4"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--fail-on", "never"], 2, "--replay does what its answer says"),
+    ],
+)
+def test_faults_end_clearly(folder, here, args, code, words):
+    before = set(folder.iterdir())
+    ended, out, said = here("accept", *args)
+    assert (ended, out) == (code, "")
+    assert words in said
+    assert set(folder.iterdir()) == before
+
+
+def test_lines_fit_a_terminal_or_are_objects(folder, here):
+    code, sent = on_terminal(
+        "accept", str(folder / "lot.csv"), "--preset", SMALL, "--measured-only", "--no-color", columns=60
+    )
+    assert code == 4
+    assert "\x1b" not in sent
+    summary = sent[sent.index("yield") :]
+    assert max(map(len, summary.splitlines())) <= 60
+    joined = " ".join(summary.split())
+    assert "F'_ior at 1 N·m, arcsec, stated: values 3, least 28.50, 5 % 29.63, 50 % 39.80" in joined
+    assert "95 % 53.48, greatest 55.00, limit ≤ 40" in joined
+    _, out, _ = here(*MEASURED, "--jsonl", "-")
+    assert [json.loads(line)["serial"] for line in io.StringIO(out)] == [f"17-{n}" for n in range(1, 6)]

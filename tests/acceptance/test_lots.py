@@ -1,0 +1,309 @@
+"""Lots: tables and folders read, rows worked on, answers kept, summed up and done again."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import statistics
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdassist.acceptance import accept as acceptance
+from hdassist.acceptance import lot_figures as figures
+from hdassist.acceptance import lot_page as report
+from hdassist.acceptance import lot_runner as lotwork
+from hdassist.acceptance.lot import LotRow, is_lot, read_lot
+from hdassist.acceptance.lot_runner import answers
+from hdassist.acceptance.replaying import RELATIVE, differences, request_of, still_stands
+from hdassist.acceptance.request import Reading, Request
+from hdassist.acceptance.shares import Z, quantiles, wilson
+from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.terminal.jsonlines import read_answers, to_lines
+from hdassist.version import __version__
+
+SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
+HEAD = ["serial", "preset", "measured", "measured@4", "phases.xi_b", "F_ior@1", "limit F_ior@1", "Note"]
+CELLS = ["17-1", "vzp160", "1:a.csv", "b.csv", "250.5", "28.1±1.2", "30", "tight, but good"]
+BASE = Request("small.yaml", overrides=("cam.W_0=0.6",), limits=("order_2=9",))
+
+
+def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("separator", "mark", "end", "encoding"),
+    [
+        (",", ".", "\n", "utf-8"),
+        (";", ",", "\r\n", "utf-8-sig"),
+        ("\t", ",", "\r", "utf-16"),
+        (";", ".", "\n", "latin-1"),
+    ],
+)  # fmt: skip
+def test_dialects_say_the_same(tmp_path, separator, mark, end, encoding):
+    cells = [cell.replace(".", mark) if cell[:2] in ("25", "28") else cell for cell in CELLS]
+    text = io.StringIO()
+    text.write(f"# a remark{end}")
+    csv.writer(text, delimiter=separator, lineterminator=end).writerows([HEAD, cells])
+    (row,) = read_lot(table(tmp_path, text.getvalue().encode(encoding)), BASE).rows
+    beside = str(tmp_path)
+    assert row == LotRow(
+        "17-1",
+        Request(
+            "vzp160", "17-1", ("cam.W_0=0.6", "phases.xi_b=250.5"), ("order_2=9", "F_ior@1=30"),
+            (f"1:{beside}/a.csv", f"4:{beside}/b.csv"), ("F_ior@1=28.1±1.2",),
+        ),
+        f"{beside}/lot.csv:3",
+    )  # fmt: skip
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1), min_size=1, unique=True)
+)
+def test_serials_come_through_as_they_are(tmp_path_factory, serials):
+    folder = tmp_path_factory.mktemp("lot")
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL).writerows(
+        [["note", "serial"], *(["x", s] for s in serials)]
+    )
+    rows = read_lot(table(folder, text.getvalue()), BASE).rows
+    assert [row.serial for row in rows] == serials
+    assert not any(row.fault for row in rows)
+
+
+def test_a_serial_cannot_talk_to_the_terminal():
+    answer = {"serial": "a\x1b[31m\t\N{CYRILLIC SMALL LETTER PE}", "preset": {"name": "small"}}
+    assert report.title(answer) == "a\\x1b[31m\\t\N{CYRILLIC SMALL LETTER PE}"
+    assert report.title(answer | {"serial": ""}) == "small"
+
+
+def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
+    text = "serial,preset,F_ior@1\nA,x,1\nA,x,1\n,x,1\nB,,1\nC,x,1,2\nD,-,1\n"
+    lot = read_lot(table(tmp_path, text), Request(""))
+    faults = [str(row.fault or "") for row in lot.rows]
+    assert [row.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
+    expected = (
+        "", "3:1: serial: stands in line 2", "4:1: serial: missing", "5:1: preset: missing", "6:7: a cell beyond",
+        "7:1: a row cannot read standard",
+    )  # fmt: skip
+    for said, words in zip(faults, expected, strict=True):
+        assert words in said
+        assert bool(said) == bool(words)
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("serial,tolerances.F_i3", "did you mean tolerances.F_i"),
+        ("seriel,preset", "did you mean serial?"),
+        ("serial,measured@x", "like measured@80"),
+        ("serial,F_ior@x", "x is no number|NAME one of"),
+        ("serial,limit K_1@80", "NAME"),
+        ("serial,F_ior@80,F_ior@80", "column 2 is the same"),
+        ("note,# own", "no column that is used"),
+    ],
+)
+def test_names_that_cannot_be_meant_are_refused(tmp_path, head, words):
+    with pytest.raises(PresetError, match=words) as caught:
+        read_lot(table(tmp_path, f"{head}\n1,2,3\n"), BASE)
+    assert "lot.csv:1:" in caught.value.message
+
+
+@pytest.mark.parametrize("text", ["serial,preset\n", "# serial\n", "", b"\x00\x01\x02\n1\n"])
+def test_tables_without_rows_are_refused(tmp_path, text):
+    with pytest.raises(DataError):
+        read_lot(table(tmp_path, text), BASE)
+
+
+def test_a_folder_pairs_presets_with_their_traces(tmp_path):
+    for name in ("b.yaml", "a.yml", "b@80.csv", "b@-4.csv.gz", "a.csv", "c.csv", "note.md", ".hidden.yaml"):
+        table(tmp_path, "x", name)
+    lot = read_lot(str(tmp_path), replace(BASE, preset=""))
+    assert [row.serial for row in lot.rows] == ["a", "b"]
+    assert lot.rows[0].request.measured == (f"{tmp_path}/a.csv",)
+    assert lot.rows[1].request.measured == (f"-4:{tmp_path}/b@-4.csv.gz", f"80:{tmp_path}/b@80.csv")
+    assert lot.notes == ("2 presets, 2 of them with traces", "traces without a preset: c.csv")
+    table(tmp_path, "x", "a.yaml")
+    assert [bool(row.fault) for row in read_lot(str(tmp_path), BASE).rows] == [True, True, False]
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(DataError, match="no preset in the folder"):
+        read_lot(str(empty), BASE)
+
+
+def test_what_a_lot_is(tmp_path):
+    assert is_lot("x.CSV")
+    assert is_lot(str(tmp_path))
+    assert not any(map(is_lot, ("vzp160", "a.yaml", "-")))
+
+
+LOT = """\
+serial,phases.xi_b,limit self_error@1,limit self_error@4,F_ior@4,limit F_ior@4
+one,,30,30,20±1,30
+two,,30,30,21±1,30
+other,80,30,30,,
+broken,nowhere,30,30,,
+three,,30,30,22±1,30
+loose,,30,5,,
+"""
+
+
+def worked(rows, jobs=1, ahead=2):
+    with ThreadPoolExecutor(jobs) as executor:
+        return list(answers(rows, executor, "fail", ahead=ahead))
+
+
+def plain(answer):
+    return {key: value for key, value in answer.items() if key not in ("time", "place")}
+
+
+@pytest.fixture(scope="module")
+def lot(tmp_path_factory):
+    return read_lot(table(tmp_path_factory.mktemp("lot"), LOT), Request(SMALL))
+
+
+@pytest.fixture(scope="module")
+def told(lot):
+    return worked(lot.rows)
+
+
+def test_rows_answer_in_order_as_if_they_were_alone(lot, told, monkeypatch):
+    assert [figures.status(a) for a in told] == ["PASS", "PASS", "PASS", "BROKEN", "PASS", "FAIL"]
+    assert [a["serial"] for a in told] == [row.serial for row in lot.rows]
+    asked = []
+    real = acceptance.predict
+    monkeypatch.setattr(acceptance, "predict", lambda drive, *a, **k: asked.append(drive) or real(drive, *a, **k))
+    together = worked(lot.rows, jobs=2, ahead=5)
+    assert len(asked) == 3  # the three of a kind, the one with another phase, the one with another limit
+    assert list(map(plain, together)) == list(map(plain, told))
+    assert plain(worked(lot.rows[4:5])[0]) == plain(told[4])
+    assert len(asked) == 4
+
+
+def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
+    real = lotwork.carry_out
+
+    def broken(request, *rest, **options):
+        return 1 / 0 if request.serial == "two" else real(request, *rest, **options)
+
+    monkeypatch.setattr(lotwork, "carry_out", broken)
+    found = worked(lot.rows[:3])
+    assert [a["exit_code"] for a in found] == [0, 1, 0]
+    assert "internal error: ZeroDivisionError" in found[1]["error"]["message"]
+
+
+def test_summary_counts_and_spreads(told):
+    found = figures.summary(told)
+    assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 0}
+    assert (found["drives"], found["broken"], found["broken_share"]) == (6, 1, 1 / 6)
+    assert found["yield"]["share"] == 4 / 5
+    (stated,) = (row for row in found["checks"] if row["basis"] == "stated")
+    assert [stated[key] for key in ("values", "least", "median", "greatest")] == [3, 20, 21, 22]
+    assert stated["quantile_05"] == pytest.approx(20.1)
+    bound = {**told[0], "checks": [{**told[0]["checks"][0], "extent": "at least"}]}
+    (row,) = figures.summary([bound])["checks"]
+    assert (row["values"], row["of_part_only"], row["median"]) == (0, 1, None)
+
+
+def test_csv_has_a_row_for_each_check_and_its_provenance(told):
+    rows = list(csv.DictReader(io.StringIO(figures.csv(told))))
+    assert len(rows) == sum(len(a.get("checks") or [0]) for a in told)
+    assert {row["version"] for row in rows} == {__version__}
+    (broken,) = (row for row in rows if row["error"])
+    assert (broken["serial"], broken["verdict"], broken["exit_code"]) == ("broken", "", "4")
+    assert float(rows[0]["value"]) == told[0]["checks"][0]["value"]
+
+
+@given(of=st.integers(1, 400), share=st.floats(0, 1))
+def test_wilson_ends_lie_z_standard_deviations_off(of, share):
+    passed = round(share * of)
+    low, high = wilson(passed, of)
+    assert 0 <= low <= passed / of + 1e-12
+    assert passed / of - 1e-12 <= high <= 1
+    for end in (low, high):
+        assert (passed / of - end) ** 2 == pytest.approx(Z**2 * end * (1 - end) / of, abs=1e-12)
+
+
+def test_quantiles_are_those_of_the_statistics_module():
+    values = [3.0, -1.0, 4.0, 1.5, 9.0, 2.6]
+    cuts = statistics.quantiles(values, n=20, method="inclusive")
+    assert quantiles(values) == pytest.approx([-1, cuts[0], statistics.median(values), cuts[-1], 9])
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+TEXTS = st.lists(st.text(), max_size=2).map(tuple)
+REQUESTS = st.builds(
+    Request, st.text(), st.text(), TEXTS, TEXTS, TEXTS, TEXTS,
+    st.builds(Reading, st.none() | st.text(), wrap=st.none() | st.floats(1, 360), budget=TEXTS),
+    st.booleans(), st.text(), st.integers(0),
+)  # fmt: skip
+
+
+@given(REQUESTS)
+def test_requests_come_back_out_of_json(request):
+    assert request_of({"request": json.loads(json.dumps(asdict(request)))}) == request
+
+
+@pytest.mark.parametrize(
+    "change", [{"preset": None}, {"seed": "x"}, {"limits": "F_ior=3"}, {"measured": [1]}, {"more": 1}, {"reading": 3}]
+)
+def test_requests_that_cannot_be_are_refused(change):
+    with pytest.raises(DataError, match="does not say what was asked"):
+        request_of({"request": {**asdict(Request("a")), **change}})
+    with pytest.raises(DataError, match="does not say what was asked"):
+        request_of({"serial": "x"})
+
+
+def test_an_answer_stands_as_long_as_nothing_has_changed(tmp_path, told):
+    preset = table(tmp_path, Path(SMALL).read_bytes(), "d.yaml")
+    text = "serial,F_ior@1,limit F_ior@1\nA,3±1,30\n"
+    (row,) = read_lot(table(tmp_path, text), Request(preset, measured_only=True)).rows
+    answer = json.loads(to_lines(worked([row])))
+    assert still_stands(answer, row.request, __version__, "fail")
+    for request in (replace(row.request, seed=1), replace(row.request, limits=("F_ior@1=31",))):
+        assert not still_stands(answer, request, __version__, "fail")
+    assert not still_stands(answer, row.request, "0.0.0", "fail")
+    assert not still_stands(answer, row.request, __version__, "warn")
+    assert not still_stands(told[3], request_of(told[3]), __version__, "fail")
+    Path(preset).write_text(Path(SMALL).read_text() + "# turned\n")
+    assert not still_stands(answer, row.request, __version__, "fail")
+
+
+def test_differences_are_those_beyond_the_tolerance(told):
+    def with_value(factor):
+        first, *rest = told[0]["checks"]
+        return {**told[0], "checks": [{**first, "value": first["value"] * factor}, *rest]}
+
+    assert not differences(told[0], told[0])
+    limit, value = told[0]["checks"][0]["limit"], told[0]["checks"][0]["value"]
+    scale = max(limit, value) / value
+    assert not differences(told[0], with_value(1 + 0.5 * RELATIVE * scale))
+    (found,) = differences(told[0], with_value(1 + 2 * RELATIVE * scale))
+    assert (found.check, found.key) == ("F_IOR 4.0", "value")
+    keys = [(one.check, one.key) for one in differences(told[0], told[3])]
+    assert keys[:2] == [("", "verdict"), ("", "error")]
+    assert (("F_IOR 4.0", "check")) in keys
+
+
+def test_a_line_that_breaks_off_is_left_out(tmp_path, told):
+    whole = to_lines(told)
+    assert read_answers(table(tmp_path, whole, "a.jsonl")) == json.loads(json.dumps(told))
+    assert len(read_answers(table(tmp_path, whole[:-40], "b.jsonl"))) == len(told) - 1
+    for text in ("[1]", "{}\n{}\n", "no", whole[:99] + "\n" + whole, '{"schema":"hdassist.accept/1"}'):
+        with pytest.raises(DataError):
+            read_answers(table(tmp_path, text, "c.jsonl"))
+
+
+def test_usage_error_in_a_row_counts_as_wrong_data(lot):
+    row = replace(lot.rows[0], request=replace(lot.rows[0].request, values=("F_ior@4=20",)))
+    assert UsageError.exit_code == 2
+    assert worked([row])[0]["exit_code"] == 4

@@ -1,0 +1,105 @@
+"""Cards to test with: advices of every kind, without solving anything."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import date
+
+import numpy as np
+
+from hdassist import load_preset
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.mounting.advice import Advice
+from hdassist.mounting.card import Card, card_of
+from hdassist.mounting.curve import Alternative
+from hdassist.mounting.positions import MountingCurve
+from hdassist.mounting.robust import Criterion, Robust
+from hdassist.readers.pitch import PitchFile
+from hdassist.solve.answers import EMPTY
+from hdassist.terminal.texts import texts
+from hdassist.trials.trial import Trial
+from hdassist.trials.trial_traces import TrialTrace
+from tests.process import SMALL
+
+MADE = date(2026, 3, 9)
+LIGHT = [28.09, 29.5, 30.8, 31.44, 30.0, 27.0, 24.0, 17.0, 14.94, 18.16, 21.0, 25.0]
+HEAVY = [8.09, 9.0, 11.0, 12.62, 11.0, 9.0, 7.0, 5.0, 4.52, 2.9, 4.0, 6.0]
+TEETH = MeasuredTeeth(b=MeasuredWheel(PitchFile(np.zeros(62), 17, None, "wheel.csv", "0123456789abcdef", ()), 33.0))
+
+
+def advice_of(*values: list[float], rotations: list[float] | None = None, overrides: tuple[str, ...] = (), **options):
+    """An advice on the small drive, with F'_ior given."""
+    values = values or (LIGHT, HEAVY)
+    torques = options.pop("torques", tuple(float(10**k) for k in range(len(values))))
+    drive = load_preset(SMALL, [*overrides, f"operation.M_g={list(torques)}"])
+    found = np.array(values)
+    turns = np.array(rotations or [360.0 * k / found.shape[1] for k in range(found.shape[1])])
+    holes, allowed = drive.mounting.holes, drive.mounting.allowed
+    curve = MountingCurve(
+        torques, turns, turns, found, EMPTY, (), np.ones(found.shape, dtype=bool), holes=holes,
+        allowed=None if allowed == "all" else allowed, weights=options.pop("weights", None),
+    )  # fmt: skip
+    return Advice(drive, curve, options.pop("sampled", None), options.pop("others", ()), (), ())
+
+
+def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
+    """The advice with 50 samples of its curve."""
+    curve = advice.curve
+    places = tuple(int(p) for p in np.flatnonzero(curve.usable))
+    noise = 1 + spread * np.random.default_rng(seed).standard_normal((50, len(places)))
+    merits = curve.relative[list(places)] * noise
+    values = np.repeat(merits[:, None, :], len(curve.torques), axis=1)
+    robust = Robust(Criterion.of("expected"), places, values, merits, np.ones(50), seed, EMPTY)
+    return replace(advice, robust=robust)
+
+
+def disagreeing(advice: Advice) -> Advice:
+    """The advice with an alternative that has its best position elsewhere."""
+    return replace(advice, others=(Alternative({}, advice.curve.worst),))
+
+
+def cards() -> dict[str, Advice]:
+    """Advices whose cards use every text of the catalogue."""
+    free = [float(k) for k in range(0, 360, 30)]
+    fixed = "mounting.fixed=flexspline"
+    many = [[v * (1 + k) for v in LIGHT] for k in range(14)]
+    return {
+        "plain": advice_of(),
+        "sampled": disagreeing(sampled(advice_of(weights=(2.0, 1.0)))),
+        "leave": advice_of([10.0, 11.0, 12.0], overrides=("mounting.holes=3",)),
+        "not sure": sampled(advice_of([10.0, 9.8, 12.0], overrides=("mounting.holes=3",)), spread=0.3),
+        "allowed": advice_of(
+            [28.0, 9.0, 20.0, 30.0], rotations=[0.0, 60.0, 90.0, 270.0], overrides=("mounting.allowed=[2,3,9]",)
+        ),
+        "free": advice_of(
+            [*LIGHT, 14.5], rotations=[*free, 245.3], overrides=("mounting.holes=0", "mounting.mark_kind=pitch")
+        ),
+        "flexspline": advice_of(overrides=(fixed, "tolerances.e_hg=20", "mounting.mark_kind=runout")),
+        "many": disagreeing(sampled(advice_of(*many, torques=tuple(range(1, 15)), overrides=("phases.xi_b=10",)))),
+        "measured": replace(
+            disagreeing(advice_of(overrides=("mounting.holes=0", "alternatives=[{gears.j_n: 7}]"))), measured=TEETH
+        ),
+        "fine": advice_of(
+            [20.0 + 10 * float(np.cos(k / 57.3)) for k in range(360)], overrides=("mounting.holes=360",)
+        ),
+    }  # fmt: skip
+
+
+def crowded(advice: Advice) -> Advice:
+    """The advice of a drive that says as much as one can."""
+    drive = advice.drive.model_copy(update={"name": "Long name of a drive " * 9})
+    drive._origin = replace(
+        advice.drive.origin, warnings=("a limit for a torque that is not in operation.M_g; " * 9,) * 6,
+        overrides=("tolerances.F_i1=60", "phases.xi_b=10") * 20,
+    )  # fmt: skip
+    return replace(advice, drive=drive)
+
+
+TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more than a card has room for
+NONE = np.zeros((1, 1))
+TRACED = Trial(120.0, 14.26, TrialTrace("run.csv", "0" * 64, NONE[0], NONE[0], NONE, NONE, 1.0, 14.26, 2.0, True))
+
+
+def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:
+    return card_of(advice, texts(language), serial=serial, made=MADE, trials=trials, at=1.0)

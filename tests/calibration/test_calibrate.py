@@ -1,0 +1,183 @@
+"""Values found from targets: hidden ones are recovered, and what the targets cannot know is said."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.calibration import calibrate as calibration
+from hdassist.calibration.calibrate import calibrate
+from hdassist.calibration.evaluations import Evaluations
+from hdassist.calibration.quantities import FINE, MEDIUM, ROUGH, Quantities
+from hdassist.calibration.targets import read_targets
+from hdassist.design.trace_page import csv as trace_csv
+from hdassist.error.search import QUICK
+from hdassist.error.stiffness import stiffness
+from hdassist.error.trace import trace
+from hdassist.errors import DataError, UntrustedError
+from tests.process import SMALL
+
+HIDDEN = {"gears.j_n": 9.3, "contact.c_t": 4.4e-5}
+UNKNOWNS = """\
+schema: hdassist.targets/1
+unknowns:
+  gears.j_n: {low: 0, high: 15}
+  contact.c_t: {low: 1e-5, high: 2e-4, scale: log}
+targets:
+"""
+
+
+def drive_of(*sets: str):
+    return load_preset(SMALL, ["operation.M_g=[4]", *sets])
+
+
+def targets_of(drive, lines: list[str], head: str = UNKNOWNS, folder: str = "."):
+    text = head + "".join(f"  - {{{line}}}\n" for line in lines)
+    return read_targets(text.encode(), f"{folder}/targets.yaml", drive)
+
+
+@pytest.fixture(scope="module")
+def cheap():
+    """Targets that the hidden drive meets exactly."""
+    curve = stiffness(drive_of().with_values(HIDDEN), T_1=2.0, T_2=6.0, T_max=7.0, cross_check=None)
+    lines = [
+        f"quantity: lost_motion, M_g: 7, value: {curve.twist_at(7.0) - curve.twist_at(-7.0)}, tolerance: 0.5",
+        f"quantity: torsional_stiffness, from: 2, to: 6, value: {curve.positive[1].stiffness}, tolerance: 0.1 %",
+    ]
+    return targets_of(drive_of(), lines)
+
+
+@pytest.fixture
+def one_start(monkeypatch):
+    """Least squares from the best point alone, where sets that lie far from it are not the point."""
+    monkeypatch.setattr(calibration, "STARTS", 1)
+
+
+@pytest.fixture(scope="module")
+def recovered(cheap):
+    return calibrate(drive_of(), cheap, Evaluations(drive_of(), cheap), budget=64, seed=3)
+
+
+def test_hidden_values_are_recovered(recovered):
+    for value, half, hidden in zip(recovered.best.values, recovered.half_width, HIDDEN.values(), strict=True):
+        assert abs(value - hidden) <= 2 * half
+        assert half < 0.03 * hidden
+    assert recovered.best.all_met
+    assert min(recovered.determined) > 0.9
+    assert recovered.alternatives == ()
+    assert recovered.start == (6, 6e-5)
+    assert len(recovered.best.best_deg) == 1
+
+
+def test_intervals_are_those_of_linear_propagation(recovered):
+    # two targets, two unknowns: the intervals are what the inverse Jacobian makes of one tolerance each
+    targets, paths = recovered.targets, list(HIDDEN)
+    best = dict(zip(paths, recovered.best.values, strict=True))
+    columns = []
+    for path in paths:
+        step = best[path] * 0.02
+        there, here = (Quantities(drive_of().with_values({**best, path: best[path] + by}), FINE) for by in (step, 0.0))
+        columns.append([float(there.off(t)[0] - here.off(t)[0]) / step for t in targets.targets])
+    inverse = np.linalg.inv(np.array(columns).T)
+    assert recovered.half_width == pytest.approx(np.sqrt((inverse**2).sum(axis=1)), rel=0.15)
+
+
+def test_one_target_cannot_tell_two_unknowns_apart(cheap):
+    one = targets_of(drive_of(), [f"quantity: lost_motion, M_g: 7, value: {cheap.targets[0].value}, tolerance: 0.5"])
+    found = calibrate(drive_of(), one, Evaluations(drive_of(), one), budget=64, seed=1)
+    assert found.best.all_met
+    ((a, b, correlation),) = found.indistinct
+    assert {a, b} == set(HIDDEN)
+    # more clearance with stiffer teeth is the same twist
+    assert correlation < -0.95
+    assert found.alternatives
+    for other in found.alternatives:
+        assert other.all_met
+        apart = np.log(other.values[1] / found.best.values[1])
+        assert abs(other.values[0] - found.best.values[0]) > 0.2 * 15 or abs(apart) > np.log(2)
+
+
+def test_targets_that_cannot_be_met_get_the_nearest(cheap, one_start):
+    impossible = targets_of(
+        drive_of(), [f"quantity: lost_motion, M_g: 7, value: {10 * cheap.targets[0].value}, tolerance: 1 %"]
+    )
+    found = calibrate(drive_of(), impossible, Evaluations(drive_of(), impossible), budget=32)
+    assert not found.best.all_met
+    # both unknowns at the bound that gives the most twist
+    assert found.best.values == pytest.approx((15, 2e-4), rel=0.1)
+
+
+def test_a_state_file_is_gone_on_with(cheap, tmp_path, one_start):
+    file = tmp_path / "state.jsonl"
+    first = Evaluations(drive_of(), cheap, file=file)
+    one = calibrate(drive_of(), cheap, first, budget=32, seed=5)
+    text = file.read_text()
+    # stopped in the middle of a line
+    file.write_text(text[: len(text) // 2])
+    second = Evaluations(drive_of(), cheap, file=file)
+    assert 0 < second.remembered < first.computed
+    two = calibrate(drive_of(), cheap, second, budget=32, seed=5)
+    assert second.computed < first.computed
+    assert two.fits == one.fits
+    third = Evaluations(drive_of(), cheap, file=file)
+    assert calibrate(drive_of(), cheap, third, budget=32, seed=5).fits == one.fits
+    assert third.computed == 0
+
+
+def test_a_state_of_something_else_is_refused(cheap, tmp_path):
+    file = tmp_path / "state.jsonl"
+    Evaluations(drive_of(), cheap, file=file)
+    with pytest.raises(DataError, match="another preset"):
+        Evaluations(drive_of("gears.j_n=5"), cheap, file=file)
+    file.write_text("{}\n[]\n")
+    with pytest.raises(DataError, match="not the state"):
+        Evaluations(drive_of(), cheap, file=file)
+    assert json.loads(file.read_text().splitlines()[0]) == {}
+
+
+def test_nothing_computable_is_an_error(cheap):
+    # a torque beyond the model at every point
+    wild = targets_of(drive_of(), ["quantity: lost_motion, M_g: 5000, value: 10, tolerance: 1"])
+    with pytest.raises(UntrustedError, match="could be computed") as error:
+        calibrate(drive_of(), wild, Evaluations(drive_of(), wild), budget=8)
+    assert error.value.exit_code == 5
+
+
+def test_a_trace_names_the_drive_it_was_made_of(tmp_path, one_start):
+    hidden = drive_of().with_values(HIDDEN)
+    (tmp_path / "trace.csv").write_text(trace_csv(trace(hidden, 4.0, revolutions=2, cross_check=None)))
+    targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))
+    quantities = Quantities(hidden, FINE)
+    assert quantities.value(targets.targets[0]) == pytest.approx(0, abs=1e-6)
+    assert len(quantities.off(targets.targets[0])) == 124
+    found = calibrate(drive_of(), targets, Evaluations(drive_of(), targets), budget=48, seed=2)
+    for value, half, right in zip(found.best.values, found.half_width, HIDDEN.values(), strict=True):
+        assert abs(value - right) <= 2 * half
+
+
+def test_quantities_are_those_of_the_commands(reference):
+    quantities = Quantities(reference, MEDIUM)
+    head = UNKNOWNS.replace("contact.c_t: {low: 1e-5,", "contact.c_t: {low: 1e-6,")
+    asked = [
+        "quantity: F_ior, M_g: 80, phase: 180, value: 20.07, tolerance: 0.1",
+        "quantity: F_ior, M_g: 800, phase: 0, value: 12.29, tolerance: 0.1",
+        "quantity: revolution_range, M_g: 80, phi_g0: 20, value: 20.02, tolerance: 0.01",
+        "quantity: torsional_stiffness, from: 80, to: 800, value: 0.76e6, tolerance: 1 %",
+        "quantity: self_error, M_g: 800, value: 1.9, tolerance: 0.2",
+    ]
+    for target in targets_of(reference, asked, head).targets:
+        assert np.abs(quantities.off(target)).max() <= 1, target.words
+
+
+def test_extremes_over_the_phase_are_those_of_the_curve():
+    drive, accuracy = drive_of(), replace(FINE, effort=QUICK, phases=12)
+    values = [Quantities(drive, accuracy).F_ior(4.0, phase) for phase in range(0, 360, 12)]
+    fine = Quantities(drive, accuracy).scan(4.0)
+    assert fine.least <= min(values) + 1e-6
+    assert fine.greatest >= max(values) - 1e-6
+    assert abs((fine.worst_deg - 12 * np.argmax(values) + 180) % 360 - 180) < 12
+    rough = Quantities(drive, ROUGH).scan(4.0)
+    assert rough.least == pytest.approx(fine.least, rel=0.1)
+    assert rough.greatest == pytest.approx(fine.greatest, rel=0.1)

@@ -1,0 +1,79 @@
+"""`hdassist calibrate` as its users meet it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hdassist import load_preset
+from tests.process import SMALL, run
+
+TARGETS = """\
+schema: hdassist.targets/1
+name: rig 3
+unknowns:
+  gears.j_n: {low: 0, high: 15}
+targets:
+  - {quantity: lost_motion, M_g: 4, value: 500, tolerance: 5}
+"""
+QUICK = ("--evaluations", "16", "--set", "operation.M_g=4")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("calibrate")
+    (folder / "rig.yaml").write_text(TARGETS)
+    (folder / "small.yaml").write_text(Path(SMALL).read_text().replace("M_g: [1, 4]", "M_g: 4"))
+    return folder
+
+
+def test_values_are_found_written_and_used(folder):
+    args = ("calibrate", "small.yaml", "--targets", "rig.yaml", "--evaluations", "16")
+    first = run(*args, "--state", "state.jsonl", "--write", "found.yaml", "--json", cwd=folder)
+    assert first.returncode == 0, first.stderr
+    told = json.loads(first.stdout)
+    assert told["schema"] == "hdassist.calibrate/1"
+    assert told["best"]["met"]
+    assert told["best"]["found"][0] == pytest.approx(500, abs=5)
+    assert "wrote found.yaml" in first.stderr
+    found = load_preset(str(folder / "found.yaml"))
+    assert found.gears.j_n == told["best"]["values"]["gears.j_n"]
+    assert found.source["gears.j_n"].kind == "identified"
+    assert "rig 3" in found.source["gears.j_n"].ref
+    # never over another file; the state is gone on with; people read a page
+    assert run(*args, "--write", "found.yaml", cwd=folder).returncode == 2
+    again = run(*args, "--state", "state.jsonl", cwd=folder)
+    assert "going on from state.jsonl" in again.stderr
+    assert max(map(len, again.stdout.splitlines())) <= 80
+    for words in ("targets", "lost_motion, M_g 4 N·m".replace("·", "*"), "met", "gears.j_n", "best phase"):
+        assert words in again.stdout
+    quiet = run(*args, "--state", "state.jsonl", "-q", cwd=folder)
+    assert quiet.stdout == f"gears.j_n={found.gears.j_n!r}\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        (("gears.j_n", "gears.jn"), 4, "rig.yaml:4:3: unknowns.gears.jn"),
+        (("M_g: 4", "M_g: 4000"), 5, "could be computed"),
+        (("{low: 0, high: 15}", "{low: 8, high: 15}"), 4, "outside the bounds"),
+    ],
+)
+def test_wrong_targets(tmp_path, change, code, words):
+    (tmp_path / "rig.yaml").write_text(TARGETS.replace(*change))
+    result = run("calibrate", SMALL, "--targets", "rig.yaml", "--state", "state.jsonl", *QUICK, cwd=tmp_path)
+    assert result.returncode == code
+    assert words in result.stderr
+    assert result.stdout == ""
+    # what was computed is kept
+    assert (tmp_path / "state.jsonl").exists() == (code == 5)
+
+
+def test_wrong_usage(folder):
+    assert run("calibrate", SMALL, cwd=folder).returncode == 2
+    assert run("calibrate", SMALL, "--targets", "none.yaml", cwd=folder).returncode == 4
+    both = run("calibrate", SMALL, "--targets", "rig.yaml", "--write", "x.yaml", *QUICK, cwd=folder)
+    assert both.returncode == 2
+    assert "--set" in both.stderr

@@ -1,0 +1,108 @@
+"""Targets of a calibration: what is read, and what is refused with its place."""
+
+import pytest
+
+from hdassist import load_preset
+from hdassist.calibration.targets import KINDS, read_targets
+from hdassist.errors import PresetError
+from tests.process import SMALL
+
+GOOD = """\
+schema: hdassist.targets/1
+name: rig 3
+unknowns:
+  gears.j_n: {low: 0, high: 15 um}
+  contact.c_t: {low: 1e-5, high: 2e-4, scale: log}
+targets:
+  - {quantity: F_ior_max, M_g: 80, value: 31, tolerance: 7 %}
+  - {quantity: self_error, M_g: 4, low: 0.25, high: 2.0}
+  - {quantity: torsional_stiffness, from: 1, to: 4, low: 5e3}
+  - {quantity: lost_motion, M_g: 0.2, value: 4 arcmin, tolerance: 6 arcsec}
+"""
+
+
+def read(text: str, file: str = "rig.yaml"):
+    return read_targets(text.encode(), file, load_preset(SMALL))
+
+
+def test_what_is_written_is_what_is_meant():
+    targets = read(GOOD)
+    assert targets.name == "rig 3"
+    assert [(u.path, u.low, u.high, u.log) for u in targets.unknowns] == [
+        ("gears.j_n", 0, 15, False),
+        ("contact.c_t", 1e-5, 2e-4, True),
+    ]
+    first, second, third, fourth = targets.targets
+    assert (first.value, first.tolerance) == (31, pytest.approx(2.17))
+    assert (first.low, first.high) == (pytest.approx(28.83), pytest.approx(33.17))
+    assert (second.value, second.low, second.high) == (None, 0.25, 2.0)
+    assert (third.low, third.high) == (5e3, float("inf"))
+    assert (fourth.value, fourth.tolerance) == (pytest.approx(240), pytest.approx(6))
+    assert fourth.words == "lost_motion, M_g 0.2 N*m"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "words"),
+    [
+        ("gears.j_n:", "gears.jn:", "4:3", "did you mean gears.j_n"),
+        ("gears.j_n:", "gears.alpha:", "4:3", "gives it no value to start from"),
+        ("gears.j_n:", "gears.z_g:", "4:3", "names no measure"),
+        ("low: 0,", "low: 8,", "4:14", "outside the bounds"),
+        ("high: 15 um", "high: 500", "4:14", "beyond what a preset allows"),
+        ("high: 15 um", "high: 15 kg", "4:29", "unit"),
+        ("low: 1e-5,", "low: 0,", "5:16", "low must be above 0, below high"),
+        ("scale: log", "scale: cubic", "5:47", "linear or log"),
+        ("low: 1e-5, ", "", "5:3", "missing key"),
+        ("F_ior_max", "F_ior_most", "7:16", "did you mean F_ior"),
+        ("M_g: 80, ", "", "7:5", "asked with it"),
+        ("M_g: 80", "M_g: 0", "7:32", "undetermined"),
+        ("7 %", "-7 %", "7:58", "above 0"),
+        (", tolerance: 7 %", "", "7:5", "missing key"),
+        ("low: 0.25, high: 2.0", "low: 3, high: 2.0", "8:5", "low must be below high"),
+        (", low: 5e3", "", "9:5", "needs either a value"),
+        ("low: 5e3", "weight: 5", "9:", "unknown key"),
+        ("schema: hdassist.targets/1", "schema: other", "1:9", "must be hdassist.targets/1"),
+        ("name: rig 3", "name: rig 3\nname: rig 4", "3:1", "duplicate key"),
+    ],
+)
+def test_every_fault_has_its_place(old, new, place, words):
+    assert old in GOOD
+    with pytest.raises(PresetError) as error:
+        read(GOOD.replace(old, new, 1))
+    assert error.value.exit_code == 4
+    assert [f for f in error.value.findings if str(f).startswith(f"rig.yaml:{place}") and words in str(f)], error.value
+
+
+@pytest.mark.parametrize("text", ["", "- 1", "schema: hdassist.targets/1", "schema: [", GOOD.split("targets:\n")[0]])
+def test_incomplete_texts(text):
+    with pytest.raises(PresetError):
+        read(text)
+
+
+def test_all_faults_at_once():
+    with pytest.raises(PresetError) as error:
+        read(GOOD.replace("gears.j_n", "gears.jn").replace("7 %", "no").replace("self_error", "self"))
+    assert len(error.value.findings) == 3
+
+
+def test_a_trace_is_read_beside_the_targets(tmp_path):
+    rows = "phi_h_deg,error_arcsec\n" + "".join(f"{3 * k},{k % 5}\n" for k in range(40))
+    (tmp_path / "trace.csv").write_text(rows)
+    line = "  - {quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.5}\n"
+    target = read(GOOD + line, str(tmp_path / "rig.yaml")).targets[-1]
+    assert target.trace[0][:2] == (0, 3)
+    assert target.trace[1][:6] == (0, 1, 2, 3, 4, 0)
+    for spoiled, words in (
+        (rows.replace("6,2", "6,two"), "line 4"),
+        (rows.replace("6,2", "1,2"), "growing"),
+        ("x\n", "needs"),
+    ):
+        (tmp_path / "trace.csv").write_text(spoiled)
+        with pytest.raises(PresetError, match=words):
+            read(GOOD + line, str(tmp_path / "rig.yaml"))
+    with pytest.raises(PresetError, match="cannot be read"):
+        read(GOOD + line.replace("trace.csv", "none.csv"), str(tmp_path / "rig.yaml"))
+
+
+def test_every_kind_says_what_it_is():
+    assert all(kind.unit and kind.meaning and kind.needs for kind in KINDS.values())

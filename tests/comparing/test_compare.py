@@ -1,0 +1,208 @@
+"""Measured over predicted: sign, place, hidden deviations, and what is not told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error, load_preset, trace
+from hdassist.comparing.compare import Reading, compare, place_of, torque_of, zero_of
+from hdassist.comparing.record import Place
+from hdassist.comparing.solvedrecord import solved_curve
+from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.error.waves import Torus
+from hdassist.errors import UsageError
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.fields import Drive
+from hdassist.readers.trace import MeasuredTrace
+from hdassist.terminal.options import degrees_or_fit
+from tests.process import SMALL
+from tests.rigs import recorded
+
+M_G = 4.0
+START = 20.0
+KNOWN = Reading(start_deg=START)
+
+
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    return load_preset(SMALL)
+
+
+def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float = 1.0) -> MeasuredTrace:
+    """A record of a drive as `hdassist trace` writes it, with noise, times way."""
+    result = trace(hidden, M_G, start_deg=START, revolutions=turns, cross_check=None)
+    error = result.error.error_arcsec + noise * np.random.default_rng(seed).standard_normal(len(result.error.states))
+    return recorded(result.error.states.phi_h / (2 * np.pi), way * error)
+
+
+def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
+    torus = Torus(drive, M_G)
+    (waves,) = torus.waves([drive])
+    error = kinematic_error(drive, M_G, cross_check=None)
+    states = error.states
+    angle = np.multiply.outer(states.alpha_g, torus.k_g) + np.multiply.outer(states.alpha_b, torus.k_b)
+    apart = error.error_arcsec - (np.exp(1j * angle) @ waves).real
+    assert np.std(apart) < 0.005 * error.F_ior_arcsec
+
+
+def test_a_drive_agrees_with_itself(drive):
+    result = compare(rig(drive, 4), drive, M_G, reading=KNOWN)
+    assert result.finding.kind == "agrees"
+    assert np.abs(result.residual_arcsec).max() < 1e-6
+    assert result.place == Place(start=np.radians(START))
+    assert result.mirror is None
+    assert result.joint is None
+    assert result.certificate.max_residual < 1e-9
+
+
+def test_its_mirror_image_does_not_and_is_reported(drive):
+    result = compare(rig(drive, 4, way=-1.0), drive, M_G, reading=KNOWN)
+    assert result.finding.kind == "mirrored"
+    assert result.mirror is not None
+    assert result.mirror.option == "error_is"
+    assert result.difference_rms_arcsec > 20 * result.mirror.rms_arcsec
+    again = compare(rig(drive, 4, way=-1.0), drive, M_G, reading=Reading(start_deg=START, error_is="output-cam"))
+    assert np.abs(again.residual_arcsec).max() < 1e-6
+
+
+def test_a_cam_angle_that_counts_clockwise(drive):
+    turned = rig(drive, 4)
+    clockwise = recorded(-turned.cam_deg / 360, turned.error_arcsec)
+    result = compare(clockwise, drive, M_G, reading=Reading(start_deg=START, cam_sense="cw"))
+    assert np.abs(result.residual_arcsec).max() < 1e-6
+
+
+@pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
+def test_two_encoders_tell_the_sign(drive, fixed):
+    there = load_preset(SMALL, [f"mounting.fixed={fixed}"])
+    u = Kinematics.of(there).u
+    column = recorded(np.arange(100) / 40, np.zeros(100))
+    counts_alike = replace(column, sense=np.sign(u))  # both encoders counter-clockwise
+    assert place_of(counts_alike, there, Reading()).sign == -1  # output - cam/ratio = -F_kpp
+    assert place_of(replace(column, sense=-np.sign(u)), there, Reading()).sign == 1
+    assert place_of(replace(counts_alike, angle_of="output"), there, Reading()).sense == np.sign(u)
+    with pytest.raises(UsageError, match="two encoders"):
+        place_of(counts_alike, there, Reading(error_is="output-cam"))
+
+
+def test_where_the_record_begins_is_found(drive):
+    result = compare(rig(drive, 30, noise=0.5), drive, M_G)
+    assert result.start_uncertainty_deg is not None
+    assert result.start_uncertainty_deg < 0.5
+    assert np.degrees(result.place.start) == pytest.approx(START, abs=4 * result.start_uncertainty_deg)
+    assert result.finding.kind == "agrees"
+
+
+@pytest.mark.parametrize(
+    ("values", "vector"),
+    [
+        pytest.param({"tolerances.e_hb": 42.0, "phases.phi_hb": 15.0}, 2, marks=pytest.mark.slow),
+        ({"phases.xi_b": 210.0}, 1),
+    ],
+)
+def test_a_hidden_deviation_is_recovered(drive, values, vector):
+    hidden = drive.with_values(values)
+    result = compare(rig(hidden, 10, noise=0.5), drive, M_G, reading=KNOWN)
+    assert result.finding.kind == "one"
+    best = result.finding.best
+    assert best is not None
+    assert best.vectors == (vector,)
+    (change,) = best.changes
+    true = vectors_of(hidden)[vector]
+    assert change.size_um == pytest.approx(abs(true), abs=4 * change.size_uncertainty_um)
+    assert change.size_uncertainty_um < 2
+    assert change.direction_deg is not None
+    assert change.direction_uncertainty_deg is not None
+    apart = (change.direction_deg - np.degrees(np.angle(true)) + 180) % 360 - 180
+    assert abs(apart) < 4 * change.direction_uncertainty_deg < 12
+    # said again in terms of the preset, it solves to nearly the hidden drive's F'_ior
+    there = load_preset(SMALL, best.overrides)
+    solved = kinematic_error(there, M_G, cross_check=None).F_ior_arcsec
+    assert best.F_ior_arcsec == pytest.approx(solved, abs=0.01)
+    assert solved == pytest.approx(kinematic_error(hidden, M_G, cross_check=None).F_ior_arcsec, rel=0.05)
+    assert best.left_arcsec is not None
+    assert best.left_arcsec < 0.5 * result.difference_rms_arcsec
+
+
+@pytest.mark.slow
+def test_what_a_short_record_does_not_tell_has_no_number(drive):
+    hidden = drive.with_values({"phases.xi_b": 150.0})
+    result = compare(rig(hidden, 3, noise=1.0), drive, M_G)
+    assert result.joint is not None
+    assert result.joint.untold
+    assert result.joint.overrides == ()
+    assert result.joint.F_ior_arcsec is None
+
+
+@pytest.mark.slow
+def test_direction_against_an_unknown_start_is_no_number(drive):
+    result = compare(rig(drive.with_values({"tolerances.F_i1": 60.0, "phases.xi_g": 70.0}), 10, noise=0.5), drive, M_G)
+    (change,) = result.singles[0].changes
+    assert change.direction_deg is None
+    assert change.size_um == pytest.approx(60, abs=4 * change.size_uncertainty_um)
+
+
+@pytest.mark.slow
+def test_what_no_deviation_explains_is_said(drive):
+    turns = np.arange(10 * 62) / 62
+    error = rig(drive, 10).error_arcsec + 6 * np.cos(2 * np.pi * 5 * turns)
+    noisy = recorded(turns, error + 0.3 * np.random.default_rng(1).standard_normal(len(turns)))
+    result = compare(noisy, drive, M_G, reading=KNOWN)
+    assert result.finding.kind == "unexplained"
+    five = next(order for order in result.orders if order.per_cam_rev == 5)
+    assert five.difference_arcsec == pytest.approx(6, abs=0.2)
+
+
+def test_solved_states_between_pitches(drive):
+    turns = np.array([0.0, 0.37, 1.5, 29.9])
+    place = Place(start=0.3, zero=0.1)
+    values, proof = solved_curve(drive, M_G, turns, place)
+    finer, _ = solved_curve(drive, M_G, np.linspace(0, 0.37, 400), place)
+    assert values[1] - values[0] == pytest.approx(finer[-1] - finer[0], abs=1e-9)
+    assert proof.states <= 16
+
+
+def test_directions_stay_in_the_turn_of_the_preset(drive):
+    vectors = vectors_of(drive)
+    for near, expected in ((90.0, 80.0), (-300.0, -280.0), (460.0, 440.0)):
+        there = drive.with_values({"phases.xi_b": near})
+        turned = vectors.copy()
+        turned[1] = 40 * np.exp(1j * np.radians(80))
+        assert with_vectors(there, turned, [1]).phases.xi_b == pytest.approx(expected)
+
+
+def test_vectors_go_there_and_back(drive):
+    vectors = vectors_of(drive) + np.array([1, 2j, -3, 4 - 1j, 5])
+    assert vectors_of(with_vectors(drive, vectors, range(5))) == pytest.approx(vectors)
+    kept = with_vectors(drive, vectors, [2])
+    assert kept.value(VECTORS[0].size) == drive.value(VECTORS[0].size)
+
+
+def test_an_angle_or_fit():
+    assert degrees_or_fit("--phi-g0", "fit") is None
+    assert degrees_or_fit("--phi-g0", "-12.5") == -12.5
+    for wrong in ("north", "nan", "inf"):
+        with pytest.raises(UsageError, match="--phi-g0 must be an angle in deg, or fit"):
+            degrees_or_fit("--phi-g0", wrong)
+
+
+def test_torque_and_balls_are_asked_for(drive):
+    with pytest.raises(UsageError, match="several torques: 1, 4"):
+        torque_of(drive)
+    rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"])
+    with pytest.raises(UsageError, match="locked balls"):
+        compare(rig(drive, 2), rolling, M_G)
+
+
+def test_an_angle_of_the_output_says_where_the_cam_is(drive):
+    result = trace(drive, M_G, start_deg=START, revolutions=4, cross_check=None).error
+    ratio = abs(Kinematics.of(drive).u)
+    by_output = replace(recorded(ratio * result.states.phi_g / (2 * np.pi), result.error_arcsec), angle_of="output")
+    assert zero_of(by_output, drive, None) is None
+    reading = Reading(start_deg=START, zero_deg=zero_of(by_output, drive, START))
+    found = compare(by_output, drive, M_G, reading=reading)
+    assert np.abs(found.residual_arcsec).max() < 1e-6
+    assert zero_of(rig(drive, 2), drive, None) == 0

@@ -1,0 +1,343 @@
+"""`hdassist check` as its users meet it: streams, files, exit codes, terminals."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import re
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from hdassist import kinematic_error, load_preset, self_error
+from hdassist.version import __version__
+from tests.process import CLEAN, COMMAND, SMALL, interrupted, on_terminal, run, run_cold
+
+
+@pytest.fixture(scope="module")
+def human():
+    return run("check", SMALL)
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return run("check", SMALL, "--json")
+
+
+def test_json_has_what_others_build_on(answer):
+    assert answer.returncode == 0
+    assert answer.stderr == ""
+    result = json.loads(answer.stdout)
+    assert result["schema"] == "hdassist.check/1"
+    assert result["version"] == __version__
+    assert result["preset"]["name"] == "small"
+    assert result["preset"]["sha256"] == hashlib.sha256(Path(SMALL).read_bytes()).hexdigest()
+    assert (result["exit_code"], result["warnings"], result["verdict"]) == (0, [], "NO_LIMIT")
+    assert result["kinematics"]["u_hg"] == -30
+    assert result["kinematics"]["cycle_states"] == 1860
+    certificate = result["certificate"]
+    # every state of both cycles, both self errors, and the searches for what a micrometre does
+    assert certificate["states"] > 2 * (1860 + 16) + 2 * 6 * 250
+    assert 0 <= certificate["max_residual"] <= 1e-8
+    assert set(certificate["cross_check"]) == {"solver", "states", "max_difference_arcsec"}
+    assert certificate["cross_check"]["max_difference_arcsec"] <= 0.01
+    keys = {
+        "M_g_Nm", "F_ior_arcsec", "F_ior_upper_arcsec", "at_max", "at_min", "self_error_arcsec", "one_wave_share",
+        "max_tooth_force_N", "limit_arcsec", "verdict",
+    }  # fmt: skip
+    for point in result["operating_points"]:
+        assert keys <= set(point)
+        slopes = point["sensitivity"]
+        assert set(slopes) == {"j_n_arcsec_per_um", "W_0_arcsec_per_um", "g_b_arcsec_per_um"}
+        assert {"phi_h_deg", "phi_g_deg"} <= set(point["at_max"]) & set(point["at_min"])
+
+
+def test_json_says_what_the_python_interface_says(answer):
+    drive = load_preset(SMALL)
+    points = json.loads(answer.stdout)["operating_points"]
+    for point, M_g, own in zip(points, (1, 4), self_error(drive, (1.0, 4.0)), strict=True):
+        error = kinematic_error(drive, M_g)
+        assert point["F_ior_arcsec"] == pytest.approx(error.F_ior_arcsec, abs=1e-9)
+        assert point["self_error_arcsec"] == pytest.approx(own.range_arcsec, abs=1e-9)
+        assert point["F_ior_upper_arcsec"] == pytest.approx(error.F_ior_arcsec + own.range_arcsec, abs=1e-9)
+        at = error.states
+        assert point["at_max"]["phi_h_deg"] == pytest.approx(at.phi_h[error.at_max] * 57.29577951308232)
+
+
+def test_same_input_same_output(answer):
+    # in a process of its own from the start: with another hash seed
+    assert run_cold("check", SMALL, "--json").stdout == answer.stdout
+
+
+def test_people_read_it_in_80_columns(human):
+    assert human.returncode == 0
+    assert human.stderr == ""
+    assert "\x1b" not in human.stdout
+    assert max(map(len, human.stdout.splitlines())) <= 80
+    for words in (
+        "F'_ior, full cycle",
+        "self error",
+        "NO_LIMIT",
+        "certificate",
+        "one-wave",
+        "cam angle phi_h",
+    ):
+        assert words in human.stdout
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return run("check", SMALL, "--ascii")
+
+
+def test_ascii_option(plain, human):
+    assert plain.returncode == 0
+    assert plain.stdout.isascii()
+    assert "N*m" in plain.stdout
+    numbers = [line.split()[-2:] for line in human.stdout.splitlines() if "F'_ior, full" in line]
+    assert [
+        line.replace("|", " ").split()[-2:] for line in plain.stdout.splitlines() if "F'_ior, full" in line
+    ] == numbers
+
+
+def test_seven_bits_in_the_c_locale(plain):
+    cold = run("check", SMALL, env={"LC_ALL": "C"})
+    assert (cold.returncode, cold.stdout) == (0, plain.stdout)
+
+
+@pytest.mark.parametrize("env", [{"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])
+def test_seven_bits_where_there_are_no_more(env):
+    told = run("self-error", SMALL, env=env)
+    assert (told.returncode, told.stdout) == (0, run("self-error", SMALL, "--ascii").stdout)
+    assert told.stdout.isascii()
+    assert "N*m" in told.stdout
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_on_a_terminal_nothing_is_cut(columns, human):
+    code, page = on_terminal("check", SMALL, columns=columns, env={"NO_COLOR": "1"})
+    assert code == 0
+    assert "\x1b" not in page
+    assert max(map(len, page.splitlines())) <= columns
+    assert "…" not in page
+    wanted = next(line for line in human.stdout.splitlines() if "F'_ior, full" in line).split()[-2:]
+    assert wanted == next(line for line in page.splitlines() if "F'_ior, full" in line).split()[-2:]
+
+
+@pytest.mark.parametrize(
+    ("env", "codes"),
+    [({}, True), ({"TERM": "dumb"}, False), ({"NO_COLOR": ""}, True)],  # NO_COLOR=1: the test before
+)
+def test_control_codes_only_where_they_belong(env, codes):
+    code, page = on_terminal("self-error", SMALL, columns=80, env=env)
+    assert code == 0
+    assert ("\x1b" in page) == codes
+
+
+def test_no_color_option_on_a_terminal():
+    code, page = on_terminal("self-error", SMALL, "--no-color", columns=80)
+    assert code == 0
+    assert "\x1b" not in page
+
+
+def test_many_torques_stay_within_the_width():
+    page = run("check", SMALL, "--set", "operation.M_g=[1, 1.5, 2, 2.5, 3, 3.5, 4]", "--no-plot").stdout
+    assert max(map(len, page.splitlines())) <= 80
+    heads = [line.split("N·m")[1].split() for line in page.splitlines() if "torque M_g" in line]
+    # the error, then what a micrometre does
+    assert [float(n) for row in heads for n in row] == 2 * [1, 1.5, 2, 2.5, 3, 3.5, 4]
+
+
+def test_torques_from_the_command_line_take_the_presets_place():
+    asked = run("check", SMALL, "-q", "--torque", "2", "--torque=-3").stdout.splitlines()
+    assert [line.split(" N*m")[0] for line in asked] == ["2", "-3"]
+    assert run("check", SMALL, "--torque", "0").returncode == 2
+
+
+def test_quiet_prints_the_answer_alone(human):
+    quiet = run("check", SMALL, "-q")
+    lines = quiet.stdout.splitlines()
+    assert len(lines) == 2
+    number = next(line for line in human.stdout.splitlines() if "F'_ior, full" in line).split()[-2]
+    assert lines[0] == f"1 N*m: F'_ior {number} arcsec, NO_LIMIT"
+
+
+def test_verbose_tells_timings_on_stderr():
+    told = run("check", SMALL, "-q", "-v", "--torque", "4").stderr
+    assert re.search(r"\d{4,} states", told)
+    assert "equilibrium" in told
+    assert " s, " in told
+
+
+@pytest.mark.parametrize(
+    ("limit", "torques", "verdict", "code"),
+    [("1000", ["1"], "PASS", 0), ("100", ["1"], "FAIL", 3), ("{1: 1000, 4: 5}", ["1", "4"], "FAIL", 3)],
+)
+def test_verdict_and_exit_code(limit, torques, verdict, code):
+    asked = (f"--torque={torque}" for torque in torques)
+    result = run("check", SMALL, "--json", *asked, "--set", f"acceptance.F_ior={limit}")
+    assert result.returncode == code
+    assert json.loads(result.stdout)["verdict"] == verdict
+    assert json.loads(result.stdout)["exit_code"] == code
+
+
+def test_verdict_holds_the_upper_value(answer):
+    point = json.loads(answer.stdout)["operating_points"][0]
+    between = (point["F_ior_arcsec"] + point["F_ior_upper_arcsec"]) / 2
+    assert run("check", SMALL, "-q", "--torque", "1", "--set", f"acceptance.F_ior={between}").returncode == 3
+
+
+def test_impossible_torque_gives_no_number():
+    result = run("check", SMALL, "--set", "operation.M_g=1e6")
+    assert result.returncode == 5
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: outside the limits of the linear model at phi_h = ")
+    assert "M_g = 1e+06 N*m" in result.stderr
+    assert "hint:" in result.stderr
+
+
+def test_impossible_torque_in_json():
+    result = run("check", SMALL, "--json", "--set", "operation.M_g=1e6")
+    assert result.returncode == 5
+    told = json.loads(result.stdout)
+    assert told["exit_code"] == 5
+    assert "linear model" in told["error"]["message"]
+    assert "operating_points" not in told
+
+
+def test_several_drives_the_worst_exit_code(tmp_path):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text(Path(SMALL).read_text().replace("z_b: 62", "z_b: 63"))
+    result = run("check", SMALL, str(bad), SMALL, "--json", "--torque", "1", "--set", "acceptance.F_ior=100")
+    assert result.returncode == 4  # 4 before 3
+    told = json.loads(result.stdout)
+    assert told["exit_code"] == 4
+    assert [r["exit_code"] for r in told["results"]] == [3, 4, 3]
+    assert f"{bad}:" in result.stderr
+    people = run("check", SMALL, str(bad), "--torque", "1", "--no-plot")
+    assert people.returncode == 4
+    assert people.stdout.count("F'_ior, full cycle") == 1
+
+
+def test_files_appear_whole_and_never_over_another(tmp_path):
+    figures, page = tmp_path / "figures.csv", tmp_path / "answer.json"
+    first = run("check", SMALL, "--json", "-o", str(page), "--csv", str(figures))
+    assert first.returncode == 0
+    assert first.stdout == ""
+    assert first.stderr == f"wrote {page}\nwrote {figures}\n"
+    points = json.loads(page.read_text())["operating_points"]
+    rows = list(csv.DictReader(io.StringIO(figures.read_text())))
+    assert [float(r["F_ior_arcsec"]) for r in rows] == [p["F_ior_arcsec"] for p in points]
+    assert [r["limit_arcsec"] for r in rows] == ["", ""]
+    before = figures.stat().st_mtime_ns
+    began = time.monotonic()
+    again = run("check", SMALL, "--csv", str(figures))
+    assert again.returncode == 2
+    assert "exists" in again.stderr
+    assert "--force" in again.stderr
+    assert figures.stat().st_mtime_ns == before
+    assert time.monotonic() - began < 60
+    assert run("check", SMALL, "-q", "--csv", str(figures), "--force").returncode == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["answer.json", "figures.csv"]
+
+
+def test_human_page_in_a_file_is_plain(tmp_path, human):
+    page = tmp_path / "page.txt"
+    code, sent = on_terminal("check", SMALL, "-o", str(page), columns=70)
+    assert code == 0
+    assert page.read_text() == human.stdout
+    assert "F'_ior" not in sent
+
+
+def test_figures_on_stdout():
+    result = run("check", SMALL, "--csv", "-")
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert [r["M_g_Nm"] for r in rows] == ["1.0", "4.0"]
+
+
+def test_nothing_is_written_when_there_is_no_answer(tmp_path):
+    page = tmp_path / "figures.csv"
+    assert run("check", SMALL, "--csv", str(page), "--set", "operation.M_g=1e6").returncode == 5
+    assert not page.exists()
+
+
+def test_preset_from_stdin():
+    text = Path(SMALL).read_text()
+    good = run("check", "-", "-q", "--torque", "4", stdin=text)
+    assert good.returncode == 0
+    assert good.stdout == run("check", SMALL, "-q", "--torque", "4").stdout
+    bad = run("check", "-", stdin=text.replace("m: 0.5", "m: -0.5"))
+    assert bad.returncode == 4
+    assert "<stdin>:5:" in bad.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "code"),
+    [
+        (["check"], 2),
+        (["check", SMALL, "--nonsense"], 2),
+        (["check", SMALL, "--set", "gears.m"], 2),
+        (["check", SMALL, "--set", "gears.mm=1"], 2),
+        (["check", SMALL, "--set", "gears.m=-1"], 2),
+        (["check", "nosuchpreset"], 4),
+        (["check", "/"], 4),
+        (["check", SMALL, "-o", "/nosuchdirectory/x"], 4),
+        (["nosuchcommand"], 2),
+    ],
+)
+def test_wrong_input(args, code):
+    result = run(*args)
+    assert result.returncode == code
+    assert result.stdout == ""
+    assert result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("option", ["--solver", "--cross-check"])
+def test_unknown_solver(option):
+    result = run("check", SMALL, option, "nosuch")
+    assert result.returncode == 2
+    assert "nosuch" in result.stderr.lower()
+    assert "clarabel" in result.stderr.lower()
+
+
+@pytest.mark.slow
+def test_another_solver_gives_the_same_numbers(answer):
+    points = json.loads(answer.stdout)["operating_points"]
+    other = json.loads(run("check", SMALL, "--json", "--solver", "daqp", "--cross-check", "osqp").stdout)
+    assert other["certificate"]["cross_check"]["solver"] == "OSQP"
+    for one, two in zip(points, other["operating_points"], strict=True):
+        assert two["F_ior_arcsec"] == pytest.approx(one["F_ior_arcsec"], abs=1e-6)
+
+
+def test_reader_that_leaves_early_gets_silence():
+    process = subprocess.Popen(
+        [*COMMAND, "check", SMALL], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    process.stderr.close()
+    assert process.wait(timeout=60) == 0
+
+
+def test_interrupt_ends_with_130_and_leaves_nothing(tmp_path):
+    many = ("check", SMALL, "--json", *(f"--torque={1 + k / 10}" for k in range(31)))
+    done = interrupted(*many, "-o", str(tmp_path / "answer.json"), after=0.3)
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_shows_on_a_terminal_only():
+    work = ("check", "vzp160", "--torque", "80", "-q")
+    _, page = on_terminal(*work, columns=80)
+    assert "vzp160" in page
+    assert "%" in page
+    assert run(*work).stderr == ""

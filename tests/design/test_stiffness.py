@@ -1,0 +1,51 @@
+"""`hdassist stiffness` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+from tests.process import SMALL, run
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return run("stiffness", SMALL, "--json")
+
+
+def test_json_has_what_others_build_on(answer):
+    assert answer.returncode == 0
+    told = json.loads(answer.stdout)
+    assert told["schema"] == "hdassist.stiffness/1"
+    assert set(told["curve"]) == {"torque_Nm", "twist_arcsec", "contact_arcsec", "tube_arcsec"}
+    for side in ("positive", "negative"):
+        assert [set(s) for s in told[side]] == 3 * [{"from_Nm", "to_Nm", "stiffness_Nm_per_rad"}]
+    assert told["lost_motion_arcsec"] >= told["play_arcsec"] > 0
+    assert told["certificate"]["cross_check"]["max_difference_arcsec"] <= 0.01
+    # no rated torque in the preset: said, on stderr and in the answer
+    assert "operation.rated" in told["warnings"][0]
+    assert "operation.rated" in answer.stderr
+
+
+def test_people_figures_and_the_answer_alone(answer):
+    told = json.loads(answer.stdout)
+    page = run("stiffness", SMALL, "--csv", "-", "--set", "operation.rated=4")
+    rows = list(csv.DictReader(io.StringIO(page.stdout)))
+    assert [float(r["twist_arcsec"]) for r in rows] == told["curve"]["twist_arcsec"]
+    assert page.stderr == ""
+    page = run("stiffness", SMALL, "--set", "operation.rated=4")
+    assert max(map(len, page.stdout.splitlines())) <= 80
+    for words in ("twist, arcsec", "K1", "K3", "lost motion", "certificate"):
+        assert words in page.stdout
+    quiet = run("stiffness", SMALL, "-q").stdout.splitlines()
+    assert quiet[-1] == f"lost motion: {told['lost_motion_arcsec']:.2f} arcsec"
+
+
+@pytest.mark.parametrize(("args", "code"), [(["--t1", "5", "--t2", "2"], 2), (["--to", "1e4"], 5), (["--to", "x"], 2)])
+def test_wrong_input(args, code):
+    result = run("stiffness", SMALL, *args)
+    assert result.returncode == code
+    assert result.stdout == ""

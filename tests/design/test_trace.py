@@ -1,0 +1,83 @@
+"""`hdassist trace` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+from tests.process import SMALL, run
+
+
+def test_one_turn_in_json():
+    result = run("trace", SMALL, "--torque", "4", "--phi-g0", "20", "--json")
+    assert result.returncode == 0
+    told = json.loads(result.stdout)
+    assert told["schema"] == "hdassist.trace/1"
+    assert (told["M_g_Nm"], told["phi_g0_deg"]) == (4, 20)
+    assert len(told["phi_h_deg"]) == len(told["error_arcsec"]) == 62
+    assert told["phi_h_deg"][1] == pytest.approx(360 / 62)
+    assert told["error_arcsec"][0] == 0
+    assert told["range_arcsec"] == pytest.approx(max(told["error_arcsec"]) - min(told["error_arcsec"]))
+    assert told["certificate"]["states"] == 62
+    assert {"per_cam_rev", "amplitude_arcsec", "phase_deg", "cause"} == set(told["orders"][0])
+
+
+def test_whole_cycle_as_csv():
+    rows = list(csv.DictReader(io.StringIO(run("trace", SMALL, "-n", "30", "--csv", "-").stdout)))
+    assert len(rows) == 1860
+    assert float(rows[-1]["phi_h_deg"]) == pytest.approx(30 * 360 - 360 / 62)
+    # the flexspline has gone one turn back
+    assert float(rows[-1]["phi_g_deg"]) == pytest.approx(-360 + 360 / 62 / 30)
+
+
+def test_people_see_curve_range_and_orders():
+    page = run("trace", SMALL)
+    assert page.returncode == 0
+    assert max(map(len, page.stdout.splitlines())) <= 80
+    for words in (
+        "1 N·m, phi_g0 = 0 deg",
+        "cam angle phi_h, deg",
+        "range",
+        "orders",
+        "2 rigid wheel",
+        "certificate",
+    ):
+        assert words in page.stdout
+    assert "turns" in run("trace", SMALL, "-n", "3").stdout
+
+
+def test_quiet_prints_the_range():
+    told = json.loads(run("trace", SMALL, "--json").stdout)
+    assert run("trace", SMALL, "-q").stdout == f"{told['range_arcsec']:.2f} arcsec\n"
+
+
+@pytest.mark.parametrize(
+    ("args", "code"),
+    [
+        (["-n", "0"], 2),
+        (["-n", "31"], 2),
+        (["--torque", "0"], 2),
+        (["--torque", "1e6"], 5),
+        (["--phi-g0", "nan"], 2),
+    ],
+)
+def test_wrong_input(args, code):
+    result = run("trace", SMALL, *args)
+    assert result.returncode == code
+    assert result.stdout == ""
+    assert result.stderr
+
+
+def test_a_start_angle_moves_the_trace():
+    ranges = {run("trace", SMALL, "-q", "--phi-g0", angle).stdout for angle in ("0", "90", "180")}
+    assert len(ranges) == 3
+
+
+def test_a_solver_that_doubts_itself_says_nothing_on_stderr():
+    # so stiff a seat makes the cross-check's solver warn of its own accuracy; the comparison is what counts
+    result = run("trace", "vzp160", "-q", "--set", "contact.c_bore=1e-9")
+    assert result.returncode == 0
+    assert result.stderr == ""

@@ -1,0 +1,87 @@
+"""Orders of the error: amplitudes, phases and causes."""
+
+import numpy as np
+import pytest
+
+from hdassist import trace
+from hdassist.error.orders import UNKNOWN, known_causes, orders
+from hdassist.errors import UsageError
+from tests.support import changed
+
+
+@pytest.fixture(scope="module")
+def cycle(reference):
+    """The full cycle of the reference drive at 80 N*m."""
+    return trace(reference, 80, revolutions=100, cross_check=None)
+
+
+def test_a_known_wave_is_found(reference):
+    turns, per_turn = 100, 202
+    phi = 2 * np.pi * np.arange(turns * per_turn) / per_turn
+    error = 3.0 * np.cos(2.01 * phi + np.radians(40)) + 1.0 * np.cos(0.01 * phi - np.radians(90)) + 5.0
+    found = {o.per_cam_rev: o for o in orders(reference, error, turns) if o.amplitude_arcsec > 1e-6}
+    assert set(found) == {2.01, 0.01}
+    assert found[2.01].amplitude_arcsec == pytest.approx(3)
+    assert found[2.01].phase_deg == pytest.approx(40)
+    assert found[2.01].cause == "flexspline + rigid wheel"
+    assert found[0.01].amplitude_arcsec == pytest.approx(1)
+    assert found[0.01].phase_deg == pytest.approx(-90)
+    assert found[0.01].cause == "flexspline - rigid wheel"
+
+
+def test_orders_add_up_to_the_error(reference):
+    result = trace(reference, 80, revolutions=1, cross_check=None)
+    phi = result.error.states.phi_h
+    every = orders(reference, result.error.error_arcsec, 1)
+    assert every == list(result.orders)
+    spectrum = np.fft.rfft(result.error.error_arcsec)
+    largest = max(result.orders, key=lambda o: o.amplitude_arcsec)
+    k = round(largest.per_cam_rev)
+    assert largest.amplitude_arcsec == pytest.approx(2 * abs(spectrum[k]) / 202)
+    wave = largest.amplitude_arcsec * np.cos(k * phi + np.radians(largest.phase_deg))
+    rest = result.error.error_arcsec - wave
+    assert abs(np.fft.rfft(rest)[k]) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("quiet", "order"),
+    [
+        ({"tolerances__e_hh": 0.0}, 1.00),  # odd orders need the offset that turns with the cam
+        ({"tolerances__F_i1": 0.0}, 2.01),  # no flexspline, no beat with it
+        ({"tolerances__F_i1": 0.0}, 2.02),
+        ({"tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0}, 2.00),
+    ],
+)
+def test_a_cause_taken_away_takes_its_order_along(reference, cycle, quiet, order):
+    def amplitude(result) -> float:
+        return next((o.amplitude_arcsec for o in result.orders if abs(o.per_cam_rev - order) < 1e-9), 0.0)
+
+    assert amplitude(cycle) > 0.5
+    assert amplitude(trace(changed(reference, **quiet), 80, revolutions=100, cross_check=None)) < 1e-6
+
+
+def test_most_of_the_error_has_a_known_cause(cycle):
+    power = {True: 0.0, False: 0.0}
+    for order in cycle.orders:
+        power[order.cause == UNKNOWN] += order.amplitude_arcsec**2
+    assert power[False] > 0.98 * np.var(cycle.error.error_arcsec) * 2
+
+
+def test_causes_follow_what_is_there(reference):
+    assert (0, 1) in known_causes(reference)
+    assert (0, 1) not in known_causes(changed(reference, tolerances__e_hh=0.0))
+    quiet = changed(reference, tolerances__F_i1=0.0)
+    assert all(k_g == 0 for k_g, _ in known_causes(quiet))
+    assert (1, 0) in known_causes(changed(quiet, tolerances__e_hg=1.0))
+
+
+def test_orders_of_the_other_mounting(reference):
+    order, words = known_causes(changed(reference, mounting__fixed="flexspline"))[1, 1]
+    assert order == pytest.approx(1 + 200 / 202)
+    assert words == "flexspline + rigid wheel"
+
+
+@pytest.mark.parametrize("revolutions", [0, 101])
+def test_a_trace_is_one_turn_to_a_cycle(reference, revolutions):
+    with pytest.raises(UsageError, match="1 to 100"):
+        trace(reference, 80, revolutions=revolutions)

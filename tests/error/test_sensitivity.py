@@ -1,0 +1,28 @@
+"""What a micrometre does to F'_ior."""
+
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.error.sensitivity import sensitivity
+from tests.process import SMALL
+from tests.support import changed
+
+
+def F_ior(**fields) -> float:
+    return kinematic_error(changed(load_preset(SMALL), **fields), 1.0, cross_check=None).F_ior_arcsec
+
+
+def test_slopes_are_those_of_the_full_cycle():
+    found = sensitivity(load_preset(SMALL), 1.0)
+    assert found.j_n == pytest.approx((F_ior(gears__j_n=7.0) - F_ior(gears__j_n=5.0)) / 2, abs=0.02)
+    assert pytest.approx((F_ior(cam__W_0=0.581) - F_ior(cam__W_0=0.579)) / 2, abs=0.02) == found.W_0
+    # no clearance cannot become less
+    assert found.g_b == pytest.approx(F_ior(bearing__g_b=1.0) - F_ior(), abs=0.02)
+    # wider flanks and a smaller wave free the wheels, so that more of the deviations shows at a light load
+    assert found.j_n > 1
+    assert found.W_0 < -1
+    assert found.certificate.states > 3000
+
+
+def test_rolling_balls_have_none():
+    assert sensitivity(changed(load_preset(SMALL), bearing__ball_motion="rolling", bearing__d_ball=3.0), 1.0) is None

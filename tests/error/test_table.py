@@ -1,0 +1,107 @@
+"""The error as a table over the deviations, against searches of drives it has not seen."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.error.search import CycleSearch
+from hdassist.error.table import KNOWN, Response, responses, turns
+from hdassist.errors import UntrustedError
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import deviation_scalars
+from hdassist.mounting.curve import mounting_curve
+from hdassist.mounting.positions import MountingCurve
+from hdassist.mounting.robust import interpolates, robust
+from hdassist.preset.fields import Drive
+from tests.process import SMALL
+from tests.support import rotation
+
+
+@pytest.fixture(scope="module")
+def small() -> Drive:
+    return load_preset(SMALL)
+
+
+def drawn(drive: Drive, count: int, seed: int) -> list[Drive]:
+    rng = np.random.default_rng(seed)
+    return [
+        drive.with_values(
+            {
+                "tolerances.e_hb": float(rng.uniform(0, 60)),
+                "tolerances.e_hh": float(rng.uniform(0, 10)),
+                "tolerances.F_i2": float(rng.uniform(20, 40)),
+                "phases.phi_hb": float(rng.uniform(0, 360)),
+                "phases.phi_hh": float(rng.uniform(0, 360)),
+            }
+        )
+        for _ in range(count)
+    ]
+
+
+@pytest.fixture(scope="module")
+def table(small: Drive) -> Response:
+    # the outermost drive, so that none of the others leaves the table
+    outermost = small.with_values({"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0})
+    return responses(small, (4.0,), [*drawn(small, KNOWN - 1, 1), outermost])[0]
+
+
+def test_finds_what_a_search_finds_on_drives_it_has_not_seen(small: Drive, table: Response) -> None:
+    drives = drawn(small, 40, 2)
+    found = table.F_ior(np.array([deviation_scalars(d, *turns()) for d in drives]))
+    search = CycleSearch(small, 4.0)
+    missed = found - [search.extremes(d).F_ior_arcsec for d in drives]
+    assert table.standard_error < 0.03 * np.mean(found)
+    assert np.sqrt(np.mean(missed**2)) < 1.5 * table.standard_error
+    assert np.abs(missed).max() < 5 * table.standard_error
+
+
+def test_its_points_are_states_solved(small: Drive, table: Response) -> None:
+    system = contact_system(small)
+    middle = np.array(table.error.shape) // 2
+    for place in (middle + np.array(step) for step in ((0, 0, 0, 0), (3, -1, 2, -4), (-5, 2, 6, 1))):
+        scalars = (place - middle) / middle * table.reach
+        assert table.error[tuple(place)] == pytest.approx(rotation(system, 4e3, scalars), abs=1e-7)
+
+
+def test_all_deviations_reversed_are_half_a_turn(table: Response) -> None:
+    error = table.error.ravel()
+    assert np.array_equal(error, error[::-1], equal_nan=True)
+
+
+def test_the_same_digits_from_any_number_of_workers(small: Drive, table: Response) -> None:
+    outermost = small.with_values({"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0})
+    with ThreadPoolExecutor(2) as executor:
+        again = responses(small, (4.0,), [*drawn(small, KNOWN - 1, 1), outermost], executor=executor)[0]
+    assert np.array_equal(again.error, table.error, equal_nan=True)
+    assert again.standard_error == table.standard_error
+
+
+def test_outside_its_reach_it_knows_nothing(small: Drive, table: Response) -> None:
+    far = small.with_values({"tolerances.e_hb": 120.0})
+    with pytest.raises(UntrustedError, match="beyond"):
+        table.F_ior(deviation_scalars(far, *turns()))
+
+
+@pytest.fixture(scope="module")
+def uncertain(small: Drive) -> tuple[Drive, MountingCurve]:
+    drive = small.with_values({"mounting.holes": 6})
+    drive = drive.model_copy(update={"uncertainty": {"phases.xi_b": 30.0, "tolerances.e_hb": 8.0}})
+    return drive, mounting_curve(drive, (4.0,), [60.0 * k for k in range(6)])
+
+
+def test_samples_by_table_agree_with_samples_by_search(uncertain: tuple[Drive, MountingCurve]) -> None:
+    drive, curve = uncertain
+    assert interpolates(drive, 60, 7)
+    assert not interpolates(drive, 20, 7)
+    many, few = robust(drive, curve, samples=60), robust(drive, curve, samples=20)
+    assert many.standard_error_arcsec[0] > 0 == few.standard_error_arcsec[0]
+    missed = many.F_ior_arcsec[:20] - few.F_ior_arcsec  # the same seed, so the same drives come first
+    assert np.sqrt(np.mean(missed**2)) < 2 * many.standard_error_arcsec[0]
+    assert many.recommended == few.recommended
+
+
+def test_fields_other_than_deviations_are_searched(uncertain: tuple[Drive, MountingCurve]) -> None:
+    drive = uncertain[0].model_copy(update={"uncertainty": {"phases.xi_b": 30.0, "gears.j_n": 1.0}})
+    assert not interpolates(drive, 1000, 13)

@@ -1,0 +1,181 @@
+"""`hdassist measure` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.process import CLEAN, COMMAND, SMALL, run
+from tests.rigs import drive_error, text, whole_range
+from tests.tutorial import told_by
+
+ROOT = Path(__file__).parents[2]
+REAL = ROOT.parent / "shared/data/dhem_csf17_100_digitized.csv"
+TURNS = np.arange(30 * 120) / 120
+CURVE = drive_error(np.random.default_rng(3), 30)
+ERROR = CURVE(TURNS) + np.random.default_rng(0).standard_normal(len(TURNS))
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """A folder with the full cycle of a rig with a drive of ratio 30."""
+    (tmp_path / "run.csv").write_text(text([360 * TURNS, ERROR], "cam_deg,error_arcsec"))
+    return tmp_path
+
+
+def test_json(rig):
+    result = run("measure", "run.csv", "--drive", SMALL, "--budget", "encoder=0.1", "--json", cwd=rig)
+    assert (result.returncode, result.stderr) == (0, "")
+    told = json.loads(result.stdout)
+    assert told["schema"] == "hdassist.measure/1"
+    assert told["preset"]["name"] == "small"
+    assert told["file"] == {"name": "run.csv", "sha256": told["file"]["sha256"], "rows": 3600}
+    assert told["cycle"] == {"ratio": 30, "cam_revolutions": 30, "output_revolutions": 1}
+    (found,) = told["directions"]
+    low, high = found["interval_arcsec"]
+    assert low < whole_range(CURVE, 30) < high
+    assert found["F_ior_arcsec"] == told["F_ior_arcsec"]
+    assert found["F_ior_is_lower_bound"] is False
+    assert found["raw_range_arcsec"] > high
+    assert found["coverage"]["share"] == 1
+    assert set(found["orders"][0]) == {
+        "per_cam_rev", "amplitude_arcsec", "amplitude_uncertainty_arcsec", "phase_deg", "cause",
+    }  # fmt: skip
+    assert {"source": "encoder", "standard_uncertainty_arcsec": 0.1, "origin": "stated"} in found["budget"]
+    assert told["seed"] == 0
+
+
+def test_people_see_what_was_found_and_assumed(rig):
+    page = run("measure", "run.csv", "--ratio", "30", cwd=rig)
+    assert page.returncode == 0
+    assert max(map(len, page.stdout.splitlines())) <= 80
+    for words in ('note: "cam_deg": cam angle', "F'_ior", "raw range", "100.0 % of the cycle", "orders", "not stated"):
+        assert words in page.stdout
+    plain = run("measure", "run.csv", "--ascii", cwd=rig).stdout
+    assert plain.isascii()
+    assert "at least" in plain
+
+
+@pytest.mark.slow
+def test_gzip_stdin_and_a_file_say_the_same(rig):
+    (rig / "run.csv.gz").write_bytes(gzip.compress((rig / "run.csv").read_bytes()))
+    quiet = [run("measure", name, "--ratio", "30", "-q", cwd=rig).stdout for name in ("run.csv", "run.csv.gz")]
+    quiet.append(run("measure", "-", "--ratio", "30", "-q", stdin=(rig / "run.csv").read_text()).stdout)
+    assert len(set(quiet)) == 1
+    assert re.fullmatch(r"\d+\.\d\d \+- \d\.\d\d arcsec\n", quiet[0])
+    packed = subprocess.run(
+        [*COMMAND, "measure", "-", "--ratio", "30", "-q"], input=(rig / "run.csv.gz").read_bytes(), env=CLEAN,
+        capture_output=True, check=True,
+    )  # fmt: skip
+    assert packed.stdout.decode() == quiet[0]
+
+
+@pytest.mark.slow
+def test_several_files(rig):
+    again = CURVE(TURNS) + np.random.default_rng(1).standard_normal(len(TURNS))
+    (rig / "again.csv").write_text(text([360 * TURNS, again], "cam_deg,error_arcsec"))
+    (rig / "bad.csv").write_text("cam,err\n1,x\n")
+    told = json.loads(run("measure", "run.csv", "again.csv", "--ratio", "30", "--json", cwd=rig).stdout)
+    assert [r["file"]["name"] for r in told["results"]] == ["run.csv", "again.csv"]
+    assert told["repeat_runs"]["files"] == 2
+    mixed = run("measure", "run.csv", "bad.csv", "--ratio", "30", "--json", cwd=rig)
+    assert mixed.returncode == 4
+    assert "error" in json.loads(mixed.stdout)["results"][1]
+    assert "bad.csv" in mixed.stderr
+
+
+def test_csv_of_the_curve(rig):
+    result = run("measure", "run.csv", "--ratio", "30", "--csv", "-", cwd=rig)
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert len(rows) == 3600
+    fitted = np.array([float(row["fitted_arcsec"]) for row in rows])
+    assert np.std(fitted - CURVE(TURNS) + CURVE(TURNS).mean()) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["none.csv"], 4, "no such file: none.csv"),
+        (["."], 4, "is a directory"),
+        (["run.csv", "--ratio", "99.7"], 2, "multiple of 0.5"),
+        (["run.csv", "--ratio", "30", "--drive", SMALL], 2, "knows the ratio"),
+        (["run.csv", "--drive", "nothing"], 4, "no such preset"),
+        (["run.csv", "--orders", "a"], 2, "no orders: a"),
+        (["run.csv", "--orders", "1-100"], 5, "too long for order 100"),
+        (["run.csv", "--drift", "cubic"], 2, "--drift must be"),
+        (["run.csv", "--angle-of", "motor"], 2, "cam or output"),
+        (["run.csv", "--angle-unit", "mm"], 2, "no unit of angle"),
+        (["run.csv", "--wrap", "-1"], 2, "--wrap must be"),
+        (["run.csv", "--budget", "luck=1"], 2, "not understood"),
+        (["run.csv", "--error", "nope"], 4, "no column nope"),
+        (["-", "-"], 2, "read once only"),
+        (["nan.csv"], 4, "nan.csv:3:3: err: must be a finite number"),
+        (["empty.csv"], 4, "the file is empty"),
+        (["binary.csv"], 4, "a binary file"),
+        (["noise.csv"], 5, "not clear of its noise"),
+        (["short.csv"], 4, "less than one cam turn"),
+    ],
+)
+def test_faults_end_clearly_and_write_nothing(rig, args, code, words):
+    (rig / "nan.csv").write_text("cam,err\n1,2\n2,nan\n3,4\n")
+    (rig / "empty.csv").write_text("")
+    (rig / "binary.csv").write_bytes(b"\x00\x01" * 99)
+    noise = np.random.default_rng(2).standard_normal(800)
+    (rig / "noise.csv").write_text(text([360 * TURNS[:800], noise], "cam_deg,error_arcsec"))
+    (rig / "short.csv").write_text(text([360 * TURNS[:80], ERROR[:80]], "cam_deg,error_arcsec"))
+    before = set(rig.iterdir())
+    result = run("measure", *args, "-o", "page.txt", "--csv", "figures.csv", cwd=rig)
+    assert result.returncode == code
+    assert result.stdout == ""
+    assert words in result.stderr
+    assert set(rig.iterdir()) == before
+
+
+@pytest.mark.slow
+def test_a_million_rows(tmp_path):
+    turns = np.linspace(0, 100, 1_000_000)
+    error = 10 * np.cos(4 * np.pi * turns) + np.random.default_rng(0).standard_normal(len(turns))
+    np.savetxt(tmp_path / "long.csv", np.column_stack([360 * turns, error]), "%.4f", ",", header="cam_deg,error_arcsec")
+    code = (
+        "import resource, subprocess, sys, time\nbegun = time.monotonic()\n"
+        f"done = subprocess.run({[*COMMAND, 'measure', 'long.csv', '--ratio', '100', '-q']!r}, capture_output=True)\n"
+        "print(done.stdout.decode(), time.monotonic() - begun, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=CLEAN,
+        capture_output=True, text=True, check=True,
+    ).stdout.split()  # fmt: skip
+    assert float(told[0]) == pytest.approx(20, abs=0.1)
+    assert float(told[-2]) < 10
+    assert float(told[-1]) < 500_000  # kB
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the digitised trace is not there")
+def test_the_real_trace():
+    # the amplitudes its README gives are those of these orders alone, fitted together
+    result = run("measure", str(REAL), "--error", "error_arcsec_star1", "--ratio", "100", "--orders", "1-4,6", "--json")
+    told = json.loads(result.stdout)
+    (found,) = told["directions"]
+    orders = {o["per_cam_rev"]: o["amplitude_arcsec"] for o in found["orders"]}
+    for order, amplitude in {2: 21.6, 4: 3.9, 1: 3.5, 3: 1.8, 6: 1.0}.items():
+        assert round(orders[order], 1) == amplitude
+    assert found["raw_range_arcsec"] == pytest.approx(55, abs=0.5)
+    assert found["F_ior_is_lower_bound"] is True
+    assert found["coverage"]["share"] < 0.03
+    assert "2 columns of errors" in run("measure", str(REAL)).stderr
+
+
+def test_the_tutorial_runs(tmp_path):
+    told = told_by("measure.md", tmp_path)
+    assert "at least" in told
+    assert "full cycle: 100 cam turns, 1 output turn" in re.sub(r"\s+", " ", told)
+    assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"

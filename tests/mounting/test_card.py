@@ -1,0 +1,306 @@
+"""The assembly card: its facts, both languages, every kind of drive."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, replace
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from hdassist.errors import UsageError
+from hdassist.mounting import card_html, card_markdown, card_text
+from hdassist.mounting.card_svg import CENTRE, HOLES, seat_svg
+from hdassist.mounting.seat import circle, instruction
+from hdassist.terminal.console import Look
+from hdassist.terminal.texts import Texts, languages, texts
+from hdassist.version import __version__
+from tests.advices import MADE, TRACED, TRIALS, advice_of, card, cards, crowded, sampled
+
+CARDS = cards()
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def strings(value: object) -> list[str]:
+    if isinstance(value, str):
+        return [value]
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    return [text for part in parts for text in strings(part)]
+
+
+def everything(advice, language: str = "en", serial: str = "17") -> str:
+    return "\n".join(strings(asdict(card(advice, language, serial))))
+
+
+def test_the_facts():
+    made = card(CARDS["plain"], serial="17-042")
+    assert dict(made.subject)["drive"] == "small"
+    assert dict(made.subject)["serial number"] == "17-042"
+    assert dict(made.subject)["teeth"] == "flexspline 60, rigid wheel 62; module 0.5 mm"
+    assert made.instruction == instruction(CARDS["plain"])
+    assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
+    # hole 8 is the best; 7 lies clockwise of it and is the second best, 3 the worst
+    assert made.others.rows == (
+        ("1 hole counter-clockwise", "9", "18.16 / 2.90", "-35 %", "+22 %"),
+        ("1 hole clockwise; second best", "7", "17.00 / 5.00", "-38 %", "+14 %"),
+        ("worst", "3", "31.44 / 12.62", "+56 %", "+179 %"),
+    )
+    assert "the wheel stands at hole 8: 4 holes (120 deg) clockwise" in made.checks.lines
+    assert made.chance.lines == made.warnings.lines == ()
+    digest = CARDS["plain"].drive.origin.sha256[:12]
+    assert made.foot[1] == f"hdassist {__version__}; preset small, sha256 {digest}; card made 2026-03-09"
+    assert "one measurement" in made.foot[0]
+
+
+def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
+    made = card(CARDS["plain"])  # xi_b 90, phi_hb 0, turned by 240
+    assert made.directions == ("a: mark now, 90 deg", "b: mark afterwards, 330 deg", "c: cam offset e_hb, 0 deg")
+    assert dict(made.subject)["mark"] == "the phase xi_b itself, of the deviation F'_i2 of the rigid wheel"
+    other = card(CARDS["flexspline"])  # xi_g 0, phi_hg 0
+    assert other.directions == ("a: mark now, 0 deg", "b: mark afterwards, 240 deg", "c: cam offset e_hg, 0 deg")
+    assert dict(other.subject)["mark"] == "high spot of the radial run-out of the flexspline"
+    assert other.instruction.startswith("Turn the flexspline by 4 holes (120 deg) clockwise")
+    without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: it has no direction
+    assert len(without.directions) == 2
+    assert dict(card(CARDS["free"]).subject)["mark"] == "greatest cumulative pitch deviation of the rigid wheel"
+
+
+def test_a_measured_wheel_is_marked_at_its_tooth():
+    made = card(CARDS["measured"])  # turned by 240
+    assert dict(made.subject)["mark"] == "tooth 17 of the measured rigid wheel"
+    assert made.directions[:2] == ("a: mark now, 33 deg", "b: mark afterwards, 273 deg")
+    assert made.foot[2] == "measured teeth: rigid wheel, wheel.csv, sha256 0123456789ab"
+    assert len(made.warnings.lines) == 3
+
+
+def test_a_wheel_that_is_left_stays_on_its_hole():
+    made = card(CARDS["leave"])
+    assert made.instruction == "Leave the rigid wheel as it is."
+    assert made.torques.head == ("torque, N·m", "now, arcsec", "measured, arcsec")
+    assert made.torques.rows == (("1", "10.00", ""),)
+    assert made.directions[0] == "b: mark, now and afterwards, 90 deg"
+    assert [p.kind for p in made.seat.places] == ["worst", "now"]
+    assert not [text for text in made.checks.lines if "hole" in text]
+    unsure = card(CARDS["not sure"])
+    assert unsure.instruction == "Leave the rigid wheel as it is."
+    assert unsure.others.rows[0][0] == "1 hole counter-clockwise; best, but not worth the turn"
+    assert len(unsure.chance.lines) == 2
+
+
+def test_a_free_angle_has_degrees_and_no_holes():
+    made = card(CARDS["free"])
+    assert made.instruction.startswith("Turn the rigid wheel by 114.7 deg clockwise, seen")
+    assert "the wheel is turned by 114.7 deg clockwise" in made.checks.lines
+    assert made.seat.holes == ()
+    assert made.others.head[1] == "turn, deg"
+    assert [row[:2] for row in made.others.rows] == [
+        ("24.7 deg counter-clockwise", "270"), ("5.3 deg clockwise", "240"), ("worst", "90"),
+    ]  # fmt: skip
+    assert "hole" not in re.sub("whole", "", everything(CARDS["free"])).replace("mounting.holes", "")
+
+
+def test_holes_that_are_not_allowed():
+    made = card(CARDS["allowed"])
+    assert [h.number for h in made.seat.holes if h.usable] == [2, 3, 9]
+    assert ("1 hole clockwise; not allowed", "1", "-", "-", "-") in made.others.rows
+    assert made.seat.legend.endswith("; x not allowed")
+    assert card_text.render(made).count("x") >= 8
+    drawn = ElementTree.fromstring(seat_svg(made.seat))
+    crossed = [g.get("data-hole") for g in drawn.iter(f"{SVG}g") if g.find(f"{SVG}path") is not None]
+    assert crossed[1:] == ["0", "1", "4", "5", "6", "7", "8", "10", "11"]  # the first is the drawing
+
+
+def test_chances_are_those_of_the_samples():
+    advice = sampled(advice_of(), spread=0.2)
+    found = advice.robust
+    assert found is not None
+    (said,) = card(advice).chance.lines
+    if advice.worth_turning:
+        assert f"a probability of {found.probability_best[found.best]:.0%}".replace("%", " %") in said
+        assert f"a gain with {found.probability_gain:.0%}".replace("%", " %") in said
+    certain = card(CARDS["sampled"])
+    assert "with a probability of 100 %, and the turn is a gain with 100 %" in certain.chance.lines[0]
+    assert certain.chance.lines[1] == "Weights of the torques: 2 / 1."
+    assert "measure before relying on" in certain.warnings.lines[0]
+
+
+@pytest.mark.parametrize("first", [0.0, 75.0])
+def test_the_drawing_is_right(first):
+    advice = advice_of(overrides=(f"mounting.first_hole={first:g}", "phases.xi_b=260", "phases.phi_hb=40"))
+    drawn = ElementTree.fromstring(seat_svg(card(advice).seat))
+
+    def direction(x: object, y: object) -> tuple[float, float]:
+        right, up = float(str(x)) - CENTRE[0], CENTRE[1] - float(str(y))
+        return float(np.degrees(np.arctan2(up, right)) % 360), float(np.hypot(right, up))
+
+    holes = {g.get("data-hole"): g[0] for g in drawn.iter(f"{SVG}g") if g.get("class") == "hole"}
+    assert len(holes) == 12
+    for number, hole in holes.items():
+        angle, radius = direction(hole.get("cx"), hole.get("cy"))
+        assert abs((angle - first - 30 * int(str(number)) + 180) % 360 - 180) < 0.1  # counter-clockwise from hole 0
+        assert radius == pytest.approx(HOLES, abs=0.01)
+        assert hole.get("fill") == ("#000" if number == "8" else "#fff")
+    tips = {}
+    for pointer in drawn.iter(f"{SVG}g"):
+        if "pointer" in str(pointer.get("class")):
+            tip = str(pointer.find(f"{SVG}polygon").get("points")).split(" ")[0].split(",")
+            tips[str(pointer.get("class")).split()[1]] = direction(*tip)[0]
+    # the mark's directions do not depend on where hole 0 lies
+    assert tips == {
+        "now": pytest.approx(260, abs=0.1),
+        "after": pytest.approx(140, abs=0.1),
+        "cam": pytest.approx(40, abs=0.1),
+    }
+    words = {t.get("class"): direction(t.get("x"), t.get("y")) for t in drawn.iter(f"{SVG}text") if t.get("class")}
+    for kind, hole in (("now", 0), ("best", 8), ("worst", 3)):
+        angle, radius = words[f"place {kind}"]
+        assert abs((angle - first - 30 * hole + 180) % 360 - 180) < 8
+        assert radius > HOLES + 13
+    (turn,) = [p.get("d") for p in drawn.iter(f"{SVG}path") if p.get("class") == "turn"]
+    ends = re.fullmatch(r"M([\d.]+) ([\d.]+)A\S+ \S+ 0 0 1 ([\d.]+) ([\d.]+)", str(turn))  # 1: clockwise
+    assert ends
+    assert abs((direction(ends[1], ends[2])[0] - first + 180) % 360 - 180) < 0.1
+    assert abs((direction(ends[3], ends[4])[0] - first - 240 + 180) % 360 - 180) < 5
+
+
+class Checked(HTMLParser):
+    """Tags that are open, and all text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open, self.tags, self.text = [], [], ""
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        assert not {"src", "href", "onload"} & {name for name, _ in attrs}
+        if tag not in ("meta", "path", "circle", "line", "polygon"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert tag in ("path", "circle", "line", "polygon") or self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.mark.parametrize("language", languages())
+@pytest.mark.parametrize("name", CARDS)
+def test_html_is_one_sound_file_without_scripts(name, language):
+    page = card_html.render(card(CARDS[name], language))
+    checked = Checked()
+    checked.feed(page)
+    assert checked.open == []
+    assert "script" not in checked.tags
+    assert "http" not in page.replace('xmlns="http://www.w3.org/2000/svg"', "")
+    assert "@page { size: A4" in page
+    assert f'<html lang="{language}">' in page
+
+
+def test_names_are_escaped():
+    evil = "<b>&\"'|*_`\\"
+    advice = CARDS["plain"]
+    drive = advice.drive.model_copy(update={"name": evil})
+    drive._origin = advice.drive.origin
+    made = card(replace(advice, drive=drive), serial=evil)
+    page = card_html.render(made)
+    checked = Checked()
+    checked.feed(page)
+    assert "b" not in checked.tags
+    assert checked.text.count(evil) == 4  # title, name, serial number, foot
+    assert "\\<b\\>\\&" in card_markdown.render(made)
+    assert f"serial number:             {evil}" in card_text.render(made)
+
+
+@pytest.mark.parametrize("language", languages())
+@pytest.mark.parametrize("name", [*CARDS, "crowded"])
+def test_text_is_78_columns_wide_and_plain_if_asked(name, language):
+    advice = crowded(CARDS["many"]) if name == "crowded" else CARDS[name]
+    page = card_text.render(card(advice, language))
+    assert max(map(len, page.splitlines())) <= 78
+    assert "…" not in page
+    plain = card_text.render(card(advice, language), ascii=True)
+    assert max(map(len, plain.splitlines())) <= 78
+    odd = {c for c in plain if not c.isascii()}
+    assert not odd if language == "en" else all("а" <= c.lower() <= "ё" for c in odd)
+    assert "?" not in plain
+
+
+def test_an_empty_serial_number_is_a_line_to_write_on():
+    assert "serial number:             ______" in card_text.render(card(CARDS["plain"]))
+    assert "| serial number | &nbsp;" in card_markdown.render(card(CARDS["plain"]))
+    assert "<th>serial number</th><td></td>" in card_html.render(card(CARDS["plain"]))
+
+
+def test_catalogues_have_the_same_keys_and_fields():
+    def fields(text: str) -> set[str]:
+        return set(re.findall(r"\{(\w+)\}", text))
+
+    home = texts("en").entries
+    for language in languages():
+        entries = texts(language).entries
+        assert entries.keys() == home.keys()
+        assert all(isinstance(text, str) and text for text in entries.values())
+        for key in home:
+            if not key.startswith("plural."):
+                assert fields(entries[key]) == fields(home[key]), (language, key)
+
+
+def test_no_text_of_the_catalogue_is_unused(monkeypatch):
+    used, look_up = set(), Texts.__call__
+
+    def recorded(self, key, **fields):
+        used.add(key)
+        return look_up(self, key, **fields)
+
+    monkeypatch.setattr(Texts, "__call__", recorded)
+    for advice in [*CARDS.values(), crowded(CARDS["many"])]:
+        card(advice, "ru")
+        circle(advice, Look(ascii=True, codes=False, width=80))
+    card(CARDS["plain"], "ru", trials=TRIALS)
+    card(CARDS["leave"], "ru", trials=TRIALS)
+    card(CARDS["leave"], "ru", trials=[TRACED])
+    used.add("warning.unsettled")  # of the trials' report
+    entries = set(texts("ru").entries)
+    for_trials = {key for key in entries if key.startswith("trials.")}
+    assert {key.removeprefix("trials.") for key in for_trials} <= used
+    assert used == entries - for_trials
+
+
+@pytest.mark.parametrize("name", CARDS)
+def test_nothing_on_a_russian_card_is_english(name):
+    advice = CARDS[name]
+    said = strings(asdict(card(advice, "ru", serial="17", trials=TRIALS)))
+    said = [text for text in said if text not in ("ru", "now", "after", "cam", "best", "worst")]  # kinds
+    text = "\n".join(said)
+    for known in (*advice.drive.origin.overrides, advice.drive.name, "hdassist", "sha256", "F'_ior", "wheel.csv"):
+        text = text.replace(known, "")
+    text = re.sub(
+        r"\bxi_[bg]\b|\be_h[bg]\b|F'_i[12]\b|\b[0-9a-f]{12}\b|^[abcx]$|^[abc]: |\bx (?=нельзя)", "", text, flags=re.M
+    )
+    assert re.findall("[A-Za-z]+", text) == []
+    assert "." not in re.sub(r"\.(\s|$)|\d\d\.\d\d\.\d{4}|0\.1\.0|угл\.", "", text)  # decimal commas
+
+
+def test_russian_plurals():
+    say = texts("ru")
+    ends = {1: "ие", 2: "ия", 4: "ия", 5: "ий", 11: "ий", 12: "ий", 21: "ие", 23: "ия", 111: "ий", 0: "ий"}
+    assert {count: say.holes(count)[-2:] for count in ends} == ends
+    assert [texts("en").holes(k) for k in (1, 2, 11, 21)] == ["1 hole", "2 holes", "11 holes", "21 holes"]
+
+
+def test_an_instruction_in_russian():
+    made = card(CARDS["plain"], "ru")
+    assert made.instruction == (
+        "Поверните жёсткое колесо на 4 отверстия (120 град) по часовой стрелке, если смотреть со стороны генератора: "
+        "F'_ior 28,09 -> 14,94 угл. с при 1 Н·м; F'_ior 8,09 -> 4,52 угл. с при 10 Н·м."
+    )
+    assert made.foot[1].endswith(f"{MADE:%d.%m.%Y}")
+
+
+@pytest.mark.parametrize("language", ["xx", "", "../en", "EN"])
+def test_an_unknown_language_names_those_there_are(language):
+    with pytest.raises(UsageError, match="no language") as refused:
+        texts(language)
+    assert refused.value.hint == "available: en, ru"

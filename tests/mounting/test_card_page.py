@@ -1,0 +1,43 @@
+"""The card on paper: exactly one A4 page, as a browser prints it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from hdassist.mounting import card_html
+from hdassist.mounting.card_size import scale
+from hdassist.terminal.texts import languages
+from tests.advices import card, cards, crowded
+
+CHROMIUM = shutil.which("chromium")
+CARDS = cards()
+PAGES = {"sampled": CARDS["sampled"], "leave": CARDS["leave"], "crowded": crowded(CARDS["many"])}
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+@pytest.mark.parametrize("language", languages())
+@pytest.mark.parametrize("name", PAGES)
+def test_it_prints_on_one_page(tmp_path, name, language):
+    page, paper = tmp_path / "card.html", tmp_path / "card.pdf"
+    page.write_text(card_html.render(card(PAGES[name], language, serial="17-042")), encoding="utf-8")
+    subprocess.run(
+        [
+            str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            f"--user-data-dir={tmp_path / 'profile'}", f"--print-to-pdf={paper}", page.as_uri(),
+        ],
+        check=True, capture_output=True, timeout=120,
+    )  # fmt: skip
+    assert re.findall(rb"/Count (\d+)", paper.read_bytes()) == [b"1"]
+    (box,) = set(re.findall(rb"/MediaBox ?\[([^]]*)\]", paper.read_bytes()))
+    assert [round(float(x)) for x in box.split()] == [0, 0, 595, 842]  # A4, in points
+
+
+def test_letters_shrink_only_where_they_must():
+    assert scale(card(CARDS["leave"])) == 1
+    assert 0.8 < scale(card(CARDS["sampled"])) < 0.95
+    assert 0.5 < scale(card(PAGES["crowded"], "ru")) < scale(card(CARDS["sampled"], "ru"))

@@ -1,0 +1,105 @@
+"""`hdassist mount` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from tests.process import SMALL, interrupted, run, run_cold
+
+QUICK = ("mount", SMALL, "--set", "mounting.holes=6")
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return run(*QUICK, "--json", "--jobs", "2")
+
+
+def test_json_has_what_others_build_on(answer):
+    assert answer.returncode == 0
+    assert answer.stderr == ""
+    told = json.loads(answer.stdout)
+    assert told["schema"] == "hdassist.mount/1"
+    assert [c["M_g_Nm"] for c in told["curves"]] == [1, 4]
+    for curve in told["curves"]:
+        assert curve["phase_deg"] == [90, 150, 210, 270, 330, 30]
+        assert len(curve["F_ior_arcsec"]) == 6
+    for name in ("current", "recommended", "worst"):
+        assert {"rotation_deg", "phase_deg", "hole", "F_ior_arcsec"} <= set(told[name])
+    for name in ("current", "recommended"):
+        assert all(len(slopes) == 2 for slopes in told[name]["sensitivity"].values())
+        assert "F_ior_j_n_arcsec_per_um" in told[name]["sensitivity"]
+    assert (told["current"]["rotation_deg"], told["current"]["hole"]) == (0, 0)
+    best = told["recommended"]
+    assert best["hole"] == best["rotation_deg"] / 60
+    now = told["current"]["F_ior_arcsec"]
+    worst_served = max(b / n for b, n in zip(best["F_ior_arcsec"], now, strict=True))
+    assert told["gain"] == pytest.approx(1 - worst_served)
+    assert told["gain"] > 0.1
+    assert told["certificate"]["states"] == 12 * 1860
+
+
+def test_the_recommended_position_holds_when_checked_alone(answer):
+    best = json.loads(answer.stdout)["recommended"]
+    drive = load_preset(SMALL, [f"phases.xi_b={90 + best['rotation_deg']}"])
+    for M_g, value in zip((1.0, 4.0), best["F_ior_arcsec"], strict=True):
+        assert kinematic_error(drive, M_g).F_ior_arcsec == pytest.approx(value, abs=1e-9)
+
+
+def test_the_same_digits_for_any_number_of_jobs(answer):
+    # and for any hash seed
+    assert run_cold(*QUICK, "--json", "--jobs", "1").stdout == answer.stdout
+
+
+def test_people_see_curve_and_tables(answer):
+    page = run(*QUICK)
+    assert page.returncode == 0
+    assert max(map(len, page.stdout.splitlines())) <= 80
+    for words in ("F'_ior at 1 N·m", "phase xi_b - phi_hb", "each torque alone", "counter-clockwise", "certificate"):
+        assert words in page.stdout
+    told = json.loads(answer.stdout)
+    assert f"{told['recommended']['F_ior_arcsec'][0]:.2f} / {told['recommended']['F_ior_arcsec'][1]:.2f}" in page.stdout
+    assert run(*QUICK, "-q").stdout == f"{told['recommended']['hole']}\n"
+
+
+def test_figures_and_torques():
+    result = run(*QUICK, "--torque", "2", "--torque", "3", "--csv", "-")
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert len(rows) == 12
+    assert {float(r["M_g_Nm"]) for r in rows} == {2, 3}
+
+
+@pytest.mark.parametrize(
+    ("args", "code"),
+    [
+        (["--step", "7"], 2),
+        (["--criterion", "best"], 2),
+        (["--weights", "1"], 2),
+        (["--weights", "1,x"], 2),
+        (["--step", "0"], 2),
+        (["--step", "nan"], 2),
+        (["--torque", "0"], 2),
+        (["--torque", "1e6"], 5),
+    ],
+)
+def test_wrong_input(args, code):
+    result = run("mount", SMALL, *args)
+    assert result.returncode == code
+    assert result.stdout == ""
+    assert result.stderr.startswith("error:")
+    assert "Traceback" not in result.stderr
+
+
+def test_an_interrupt_ends_with_130_and_what_is_done():
+    done = interrupted("mount", SMALL, "--torque", "4", "--step", "0.1", "--json", after=2)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert "interrupted" in done.stderr
+    told = json.loads(done.stdout)
+    assert (told["exit_code"], told["complete"]) == (130, False)
+    assert 0 < len(told["curves"][0]["phase_deg"]) < 3600
+    assert "positions were done" in told["warnings"][0]

@@ -1,0 +1,228 @@
+"""Measured teeth on the command line: files as gear checkers write them, faults, and what the answers say."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import MeasuredTeeth, MeasuredWheel, check, load_preset, read_pitch
+from tests.process import SMALL, run
+
+TEETH = np.arange(1, 63)
+VALUES = np.round(18 * np.sin(2 * np.pi * TEETH / 62 + 1) + 6 * np.sin(4 * np.pi * TEETH / 62), 1)
+QUICK = ("--set", "mounting.holes=2", "--set", "operation.M_g=4")
+HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
+
+
+def rows(values=VALUES, first: int = 1, separator: str = ";") -> str:
+    return "".join(f"{k}{separator}{value}\n" for k, value in enumerate(values, first))
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    """A folder with a file for each wheel; that of the rigid wheel is European."""
+    folder = tmp_path_factory.mktemp("pitch")
+    text = (
+        HEAD.replace(": um", ": µm").replace("mark: 1", "mark: 17") + "Zahn;Fp links [µm]\n" + rows().replace(".", ",")
+    )
+    (folder / "wheel.csv").write_bytes(text.replace("\n", "\r\n").encode("utf-8-sig"))
+    (folder / "flexspline.csv").write_text(HEAD + rows(VALUES[:60]))
+    return folder
+
+
+def pitch(*args: str, files: Path, stdin: str | None = None):
+    """Run in a folder, so that files have short names."""
+    return run(*args, cwd=files, stdin=stdin)
+
+
+@pytest.fixture(scope="module")
+def answer(files):
+    return pitch(
+        "mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--pitch-g", "flexspline.csv", "--mark-b", "-240", "--json",
+        files=files,
+    )  # fmt: skip
+
+
+def test_json_says_what_was_measured(answer, files):
+    assert answer.returncode == 0
+    told = json.loads(answer.stdout)["pitch"]
+    assert set(told) == {"b", "g"}
+    assert told["b"] == {
+        "file": "wheel.csv",
+        "sha256": hashlib.sha256((files / "wheel.csv").read_bytes()).hexdigest(),
+        "mark_tooth": 17,
+        "mark_deg": 120.0,
+        "flank": "left",
+        "range_um": pytest.approx(float(np.ptp(VALUES))),
+        "notes": [],
+    }
+    assert (told["g"]["mark_tooth"], told["g"]["mark_deg"], told["g"]["flank"]) == (1, 0, None)
+    (assumed,) = told["g"]["notes"]
+    assert answer.stderr == f"note: flexspline, flexspline.csv: {assumed}\n"
+    assert assumed == "the mark stands at 0 deg, as phases.xi_g of the preset; --mark-g says otherwise"
+
+
+def test_json_has_the_curve_and_nothing_that_needs_a_search(answer):
+    told = json.loads(answer.stdout)
+    assert (told["complete"], told["alternatives"], told["uncertainty"]) == (True, [], None)
+    assert "sensitivity" not in told["current"]
+    (curve,) = told["curves"]
+    assert curve["phase_deg"] == [120, 300]
+    assert curve["every_state"] == [True, True]
+    assert told["certificate"]["states"] == 2 * 1860
+
+
+def test_numbers_are_those_of_the_python_interface(answer, files):
+    drive = load_preset(SMALL, ["operation.M_g=4"])
+    b = MeasuredWheel(read_pitch(files / "wheel.csv", 62), 120.0)
+    g = MeasuredWheel(read_pitch(files / "flexspline.csv", 60), 0.0)
+    now, turned = json.loads(answer.stdout)["curves"][0]["F_ior_arcsec"]
+    there = MeasuredTeeth(g, b)
+    assert check(drive, measured=there).points[0].error.F_ior_arcsec == pytest.approx(now, abs=1e-9)
+    alone = check(drive, measured=there.rotated(drive, 180.0))
+    assert alone.points[0].error.F_ior_arcsec == pytest.approx(turned, abs=1e-9)
+    assert now != pytest.approx(turned, abs=1)
+
+
+@pytest.mark.parametrize("command", ["mount", "check", "trace"])
+def test_people_see_whose_teeth_were_measured(command, files):
+    args = QUICK if command == "mount" else ("--torque", "4")
+    page = pitch(command, SMALL, *args, "--pitch-b", "wheel.csv", "--mark-b", "120", files=files)
+    assert (page.returncode, page.stderr) == (0, "")
+    assert "measured teeth: rigid wheel (wheel.csv)" in " ".join(page.stdout.split())
+    assert max(map(len, page.stdout.splitlines())) <= 80
+    assert "what a micrometre" not in page.stdout
+    assert ("mark - phi_hb" in page.stdout) == (command == "mount")
+
+
+def test_without_files_the_key_is_there_and_empty():
+    for command in ("check", "trace"):
+        assert json.loads(run(command, SMALL, "--torque", "4", "--json").stdout)["pitch"] == {"b": None, "g": None}
+
+
+def test_check_and_mount_agree_where_the_wheel_stands(answer, files):
+    both = ("--pitch-b", "wheel.csv", "--pitch-g", "flexspline.csv", "--mark-b", "120", "--json")
+    alone = json.loads(pitch("check", SMALL, "--torque", "4", *both, files=files).stdout)
+    now = json.loads(answer.stdout)["current"]["F_ior_arcsec"][0]
+    assert alone["operating_points"][0]["F_ior_arcsec"] == pytest.approx(now, abs=1e-9)
+    assert alone["operating_points"][0]["sensitivity"]["j_n_arcsec_per_um"] is None
+    assert alone["pitch"]["b"]["mark_deg"] == 120
+
+
+def test_options_say_what_a_file_does_not(files):
+    single = np.round(VALUES - np.roll(VALUES, 1), 2)
+    text = "tooth;left;right\n" + "".join(f"{k};{v};0\n" for k, v in zip(TEETH, -single[::-1], strict=True))
+    options = ("--pitch-form", "single", "--pitch-sense", "cw", "--pitch-flank", "left")
+    told = pitch("trace", SMALL, "--pitch-b", "-", *options, "--json", files=files, stdin=text)
+    assert told.returncode == 0
+    wheel = json.loads(told.stdout)["pitch"]["b"]
+    assert (wheel["file"], wheel["flank"]) == ("<stdin>", "left")
+    assert wheel["range_um"] == pytest.approx(float(np.ptp(VALUES)), abs=1e-6)
+    assert "numbers turned round" in wheel["notes"]
+    assert "note: rigid wheel, <stdin>: single pitch deviations summed up" in told.stderr
+
+
+def test_an_override_without_effect_is_noted(files):
+    told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.F_i2=60", files=files)
+    assert "note: rigid wheel, wheel.csv: tolerances.F_i2 has no effect, the teeth are measured\n" in told.stderr
+
+
+def test_the_card_has_the_tooth(files):
+    told = pitch(
+        "mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--mark-b", "120", "--card", "-", files=files
+    )  # fmt: skip
+    assert told.returncode == 0
+    assert "tooth 17 of the measured rigid wheel" in told.stdout
+    assert "measured teeth: rigid wheel, wheel.csv, sha256" in told.stdout
+
+
+def test_what_was_left_out_is_said(files):
+    free = pitch(
+        "mount", SMALL, "--torque", "4", "--step", "120", "--set", "mounting.holes=0", "--pitch-b", "wheel.csv",
+        "--set", "alternatives=[{gears.j_n: 5}]", "-q", files=files,
+    )  # fmt: skip
+    assert free.returncode == 0
+    assert float(free.stdout) in (0, 120, 240)
+    warned = [line for line in free.stderr.splitlines() if line.startswith("warning:")]
+    assert len(warned) == 2
+    assert "alternatives were left out" in warned[0]
+    assert "free angle" in warned[1]
+
+
+FAULTS = {
+    "wrong count": (rows(VALUES[:61]), "1:1: column 1: the wheel has 62 teeth, the file 61"),
+    "other wheel": (rows([*VALUES, 0, 1]), "63:1: column 1: the wheel has 62 teeth, the file 64"),
+    "gap": (rows().replace("30;", "# 30;"), "1:1: column 1: no row for tooth 30"),
+    "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: a tooth for the second time"),
+    "no number": (rows().replace(f"30;{VALUES[29]}", "30;n/a"), "30:4: column 2: "),
+    "unit": ("# unit: in\n" + rows(), "1:9: unit: not a metric unit"),
+    "size": ("# unit: mm\n" + rows(), "2:3: column 2: 3.91e+04 um over the whole wheel"),
+    "decimal comma": (rows(separator=",").replace(".", ","), "1:1: commas between columns, or decimal commas?"),
+    "empty": ("", "1:1: the file is empty"),
+    "BOM": ("\ufeff" + rows().replace("7;", "7.5;", 1), "7:1: column 1: must be the whole number of a tooth"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
+    text, expected = FAULTS[name]
+    (tmp_path / "wheel.csv").write_text(text)
+    result = pitch("check", SMALL, "--pitch-b", "wheel.csv", files=tmp_path)
+    assert (result.returncode, result.stdout) == (4, "")
+    assert result.stderr.startswith("error: wheel.csv:")
+    assert f"wheel.csv:{expected}" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_faults_of_both_files_come_at_once(tmp_path):
+    (tmp_path / "b.csv").write_text(rows().replace("30;", "29;") + "x;y\n")
+    (tmp_path / "g.csv").write_text("# unit: in\n" + rows(VALUES[:60]))
+    result = pitch("mount", SMALL, "--pitch-b", "b.csv", "--pitch-g", "g.csv", files=tmp_path)
+    assert result.returncode == 4
+    places = [line.removeprefix("error: ").split(": ")[0] for line in result.stderr.splitlines()]
+    assert places == ["b.csv:63:1", "g.csv:1:9"]
+    result = pitch("trace", SMALL, "--pitch-b", "b.csv", "--pitch-g", "gone.csv", files=tmp_path)
+    assert result.returncode == 4
+    assert "b.csv:63:1: " in result.stderr
+    assert "no such file: gone.csv" in result.stderr
+    told = json.loads(pitch("check", SMALL, "--pitch-g", "g.csv", "--json", files=tmp_path).stdout)
+    assert told["exit_code"] == 4
+    assert "g.csv:1:9" in told["error"]["message"]
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["mount", "-", "--pitch-b", "-"], "standard input has one file"),
+        (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input has one file"),
+        (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "those of one drive"),
+        (["mount", SMALL, "--mark-b", "20"], "--mark-b is the mark of a measured wheel"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "must be an angle"),
+        (["trace", SMALL, "--pitch-sense", "cw"], "say how to read"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--trial", "h0:20"], "trials cannot be combined"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9"], "--samples 0"),
+    ],
+)
+def test_what_cannot_be_meant(args, words, files):
+    result = pitch(*args, files=files)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert words in result.stderr
+    assert "error: " in result.stderr
+
+
+def test_an_unknown_choice_is_refused(files):
+    assert pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--pitch-sense", "up", files=files).returncode == 2
+
+
+def test_uncertainties_may_stand_in_the_preset_without_samples(files):
+    told = pitch(
+        "mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9",
+        "--samples", "0", "-q", files=files,
+    )  # fmt: skip
+    assert told.returncode == 0
+    assert told.stdout in ("0\n", "1\n")

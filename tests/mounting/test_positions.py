@@ -1,0 +1,139 @@
+"""Turning the fixed wheel on its seat."""
+
+from concurrent.futures import Executor
+
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.error import search as extremes
+from hdassist.errors import UsageError
+from hdassist.mounting import curve as making
+from hdassist.mounting.curve import mounting_curve
+from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
+from hdassist.solve.answers import EMPTY
+from tests.process import SMALL
+from tests.support import changed
+
+
+def test_turning_the_wheel_is_turning_its_deviation():
+    drive = load_preset(SMALL)
+    curve = mounting_curve(drive, [1.0], [0.0, 30.0, 60.0])
+    for k, xi_b in enumerate((90, 120, 150)):
+        alone = kinematic_error(load_preset(SMALL, [f"phases.xi_b={xi_b}"]), 1.0)
+        assert curve.F_ior_arcsec[0, k] == pytest.approx(alone.F_ior_arcsec, abs=1e-9)
+        assert curve.phase_deg[k] == xi_b
+    assert curve.certificate.states == 3 * 1860
+    assert len(curve.cross_checks) == 3
+
+
+def test_with_the_flexspline_fixed_it_is_the_flexspline_that_turns():
+    drive = load_preset(SMALL, ["mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0"])
+    curve = mounting_curve(drive, [1.0], [0.0, 90.0], cross_check=None)
+    alone = kinematic_error(changed(drive, phases__xi_g=90.0), 1.0)
+    assert curve.F_ior_arcsec[0, 1] == pytest.approx(alone.F_ior_arcsec, abs=1e-9)
+    assert curve.phase_deg.tolist() == [0, 90]
+    assert abs(np.diff(curve.F_ior_arcsec[0])[0]) > 1
+
+
+def test_a_full_turn_comes_home():
+    drive = load_preset(SMALL)
+    curve = mounting_curve(drive, [1.0], [0.0, 360.0], cross_check=None)
+    assert curve.F_ior_arcsec[0, 1] == pytest.approx(curve.F_ior_arcsec[0, 0], abs=1e-7)
+
+
+def test_phase_counts_from_the_offset_and_knows_marks(reference):
+    assert phase_deg(reference) == 260
+    assert phase_deg(changed(reference, phases__phi_hb=30.0)) == 230
+    assert phase_deg(changed(reference, mounting__mark_kind="runout")) == 80
+    assert phase_deg(rotated(reference, 130.0)) == 30
+    fixed = changed(reference, mounting__fixed="flexspline", phases__xi_g=10.0, phases__phi_hg=40.0)
+    assert phase_deg(fixed) == 330
+
+
+def curve_of(*values: list[float]) -> MountingCurve:
+    rotations = np.arange(len(values[0])) * 30.0
+    torques = tuple(float(k + 1) for k in range(len(values)))
+    every = np.ones(np.shape(values), dtype=bool)
+    return MountingCurve(torques, rotations, rotations, np.array(values), EMPTY, (), every, holes=12)
+
+
+def test_the_recommendation_serves_the_torque_served_worst():
+    curve = curve_of([20.0, 10.0, 14.0], [10.0, 12.0, 7.0])
+    assert curve.recommended.rotation_deg == 60
+    assert curve.worst.rotation_deg == 30
+    assert curve.extremes(0)[0].rotation_deg == 30
+    assert curve.extremes(1)[0].rotation_deg == 60
+
+
+def test_nothing_better_means_stay():
+    curve = curve_of([10.0, 9.0], [10.0, 11.0])
+    assert curve.recommended == curve.current
+
+
+def test_of_equals_the_least_turn():
+    assert curve_of([10.0, 8.0, 8.0]).recommended.rotation_deg == 30
+
+
+@pytest.mark.parametrize("rotations", [[], [30.0, 60.0]])
+def test_the_present_position_comes_first(reference, rotations):
+    with pytest.raises(UsageError, match="first rotation"):
+        mounting_curve(reference, [80.0], rotations)
+
+
+ROTATIONS = [30.0 * k for k in range(12)]
+
+
+@pytest.fixture(scope="module")
+def every_state():
+    return mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+
+
+def test_searched_curves_are_those_of_every_state(every_state, monkeypatch):
+    monkeypatch.setattr(extremes, "WORTH", 0)
+    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+    assert searched.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=0.01)
+    # what the advice rests on is proven: the present and the recommended position
+    for torque in range(2):
+        assert set(np.flatnonzero(searched.every_state[torque])) == searched.decisive
+    assert searched.every_state.sum() == 4
+    assert every_state.every_state.all()
+    assert searched.recommended.rotation_deg == every_state.recommended.rotation_deg
+
+
+def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
+    monkeypatch.setattr(extremes, "WORTH", 0)
+    real = making._searched
+    monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+    assert curve.every_state.all()
+    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=1e-9)
+
+
+class Impatient(Executor):
+    """Someone presses Ctrl-C after so many tasks."""
+
+    def __init__(self, patience):
+        self.patience = patience
+
+    def map(self, function, tasks):
+        for task in tasks:
+            if self.patience == 0:
+                raise KeyboardInterrupt
+            self.patience -= 1
+            yield function(task)
+
+
+def test_an_interrupt_keeps_what_is_done_for_all_torques(every_state):
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None, executor=Impatient(7))
+    assert curve.interrupted
+    assert (len(curve.rotation_deg), curve.missing) == (3, 9)
+    # spread over the turn, not its first part
+    assert curve.rotation_deg.tolist() == [0, 120, 240]
+    kept = [ROTATIONS.index(r) for r in curve.rotation_deg]
+    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, kept], abs=1e-9)
+
+
+def test_an_interrupt_with_nothing_done_is_just_that():
+    with pytest.raises(KeyboardInterrupt):
+        mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None, executor=Impatient(1))

@@ -1,0 +1,129 @@
+"""Finding presets: by name, by path, from standard input, and what is said when there is none."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hdassist.calibration.targets import read_targets
+from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.preset.library import load_preset, preset_names, read_preset
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_library_holds_the_presets_of_the_repository() -> None:
+    assert preset_names() == sorted(file.stem for file in (ROOT / "presets").glob("*.yaml"))
+    assert "vzp160" in preset_names()
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_loads_without_a_warning_and_sources_every_value_it_gives(name: str) -> None:
+    drive = load_preset(name)
+    assert drive.name == name
+    assert drive.origin.file == name
+    assert drive.origin.warnings == ()
+    given = {
+        f"{section}.{field}"
+        for section in type(drive).model_fields
+        if hasattr(getattr(drive, section), "model_fields_set")
+        for field in getattr(drive, section).model_fields_set
+    }
+    explained_by_the_comments = {"phases.xi_g"} if name.startswith("synthetic") else set()
+    assert given - explained_by_the_comments == set(drive.source)
+
+
+def test_the_synthetic_drive_says_what_it_is() -> None:
+    drive = load_preset("synthetic-160-162")
+    assert drive.description.startswith("Synthetic")
+    assert {source.kind for source in drive.source.values()} == {"assumed"}
+
+
+def test_vzp160_differs_from_the_frozen_reference_where_it_was_identified_and_nowhere_else() -> None:
+    reference = load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
+    drive = load_preset("vzp160")
+    identified = {path for path, entry in drive.source.items() if entry.kind == "identified"}
+    back = drive.with_values({path: reference.value(path) for path in identified})
+    told = {"name", "description", "source", "alternatives"}
+    assert back.model_dump(exclude=told) == reference.model_dump(exclude=told)
+
+
+def test_identified_values_of_vzp160_are_the_unknowns_of_its_targets_and_within_their_bounds() -> None:
+    drive = load_preset("vzp160")
+    text = (ROOT / "docs/vzp160.targets.yaml").read_bytes()
+    unknowns = {unknown.path: unknown for unknown in read_targets(text, "targets", drive).unknowns}
+    assert {path for path, entry in drive.source.items() if entry.kind == "identified"} == set(unknowns)
+    assert drive.alternatives
+    for path, unknown in unknowns.items():
+        for value in (drive.value(path), *(other[path] for other in drive.alternatives)):
+            assert unknown.low <= value <= unknown.high, path
+
+
+def test_a_path_is_read_and_named_as_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my.yaml").write_bytes(read_preset("vzp160")[0])
+    monkeypatch.chdir(tmp_path)
+    assert load_preset("my.yaml", ["cam.W_0=0.95"]).cam.W_0 == 0.95
+    assert load_preset("./my.yaml").origin.file == "./my.yaml"
+
+
+def test_the_library_comes_before_a_file_of_the_same_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "vzp160").write_text("name: other")
+    monkeypatch.chdir(tmp_path)
+    assert load_preset("vzp160").name == "vzp160"
+    with pytest.raises(PresetError):
+        load_preset("./vzp160")
+
+
+def test_standard_input_is_named_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(read_preset("vzp160")[0])))
+    assert load_preset("-").origin.file == "<stdin>"
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"a: [")))
+    with pytest.raises(PresetError, match="<stdin>:1:5: not valid YAML"):
+        load_preset("-")
+
+
+def test_closed_standard_input_is_said_plainly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", None)
+    with pytest.raises(DataError, match="cannot read standard input"):
+        load_preset("-")
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "hint"),
+    [
+        ("vzp161", "no such preset or file: vzp161", "did you mean vzp160?"),
+        ("VZP160", "no such preset or file: VZP160", "did you mean vzp160?"),
+        ("qqqq", "no such preset or file: qqqq", "in the library: synthetic-160-162, vzp160"),
+        ("gone.yaml", "no such file: gone.yaml", "in the library:"),
+        ("", "no such preset or file: an empty name", "in the library:"),
+        (".", ". is a directory, not a preset", ""),
+        ("a\0b", "cannot read a\0b: embedded null byte", ""),
+        ("x" * 5000, "File name too long", ""),
+    ],
+)
+def test_what_cannot_be_read_is_said_plainly(name: str, message: str, hint: str) -> None:
+    with pytest.raises(DataError) as caught:
+        load_preset(name)
+    assert caught.value.exit_code == 4
+    assert message in caught.value.message
+    assert hint in caught.value.hint
+
+
+def test_a_huge_or_endless_file_is_not_read_to_its_end() -> None:
+    with pytest.raises(PresetError, match="larger than 256 KiB"):
+        load_preset("/dev/zero")
+
+
+def test_bad_overrides_are_wrong_usage() -> None:
+    with pytest.raises(UsageError, match="--set:1:1"):
+        load_preset("vzp160", ["cam.w0=1"])
+
+
+def test_the_names_cost_no_heavy_import() -> None:
+    code = "import sys; from hdassist.preset.library import preset_names as p; p(); print(*sorted(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    assert not {"pydantic", "yaml", "numpy"} & set(loaded.split())

@@ -1,0 +1,373 @@
+"""Loading presets: every promise about errors, units, lists, warnings and overrides."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from hdassist.errors import PresetError, UsageError
+from hdassist.preset.fields import Drive, fields
+from hdassist.preset.load import load_text
+
+BASE = """\
+schema: hdassist.preset/1
+name: test
+gears: {z_g: 200, z_b: 202, m: 0.8, x_g: 3.1, x_b: 3.3, j_n: 7}
+flexspline: {h_1: 1.4, h_3: 1.4, b_w: 32, l: 160}
+bearing: {N: 24, ring_b: 24, ring_h: 4.0}
+cam: {W_0: 0.96}
+supports: {C_1: 1.3e6, C_2: 2.3e4, C_3: 8.4e3}
+operation: {M_g: [80, 800]}
+"""
+
+NO_W_0 = "my.yaml:6:1: cam.W_0: missing key (radial deformation of the flexspline at the major axis, in mm)"
+EMPTY = "my.yaml:1:1: the preset is empty (hdassist presets new NAME prints one to start from)"
+
+
+def load(*changes: tuple[str, str], more: str = "", overrides: tuple[str, ...] = ()) -> Drive:
+    text = BASE
+    for old, new in changes:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return load_text(text + more, "my.yaml", overrides)
+
+
+def errors(*changes: tuple[str, str], more: str = "", overrides: tuple[str, ...] = ()) -> list[str]:
+    with pytest.raises(PresetError) as caught:
+        load(*changes, more=more, overrides=overrides)
+    assert caught.value.exit_code == 4
+    assert caught.value.message == "\n".join(map(str, caught.value.findings))
+    return [str(finding) for finding in caught.value.findings]
+
+
+def usage_error(*overrides: str) -> str:
+    with pytest.raises(UsageError) as caught:
+        load(overrides=overrides)
+    assert caught.value.exit_code == 2
+    return caught.value.message
+
+
+def test_a_preset_with_the_required_fields_only_is_complete() -> None:
+    drive = load()
+    assert drive.gears.alpha == 20
+    assert drive.operation.M_g == (80, 800)
+    assert drive.mounting.fixed == "rigid"
+
+
+def test_origin_carries_file_and_the_hash_of_the_bytes() -> None:
+    data = b"\xef\xbb\xbf" + BASE.replace("\n", "\r\n").encode()
+    origin = load_text(data, "dir/my.yaml").origin
+    assert origin.file == "dir/my.yaml"
+    assert origin.sha256 == hashlib.sha256(data).hexdigest()
+    assert origin.overrides == origin.warnings == ()
+    assert load_text(BASE, "f").origin.sha256 == hashlib.sha256(BASE.encode()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "section", "name", "value"),
+    [
+        ("m: 0.8", "m: 800 um", "gears", "m", 0.8),
+        ("j_n: 7", "j_n: 0.007 mm", "gears", "j_n", 7),
+        ("j_n: 7", "alpha: 0.35 rad", "gears", "alpha", pytest.approx(20.0535228)),
+        ("C_1: 1.3e6", "C_1: 1.3 kN/um", "supports", "C_1", 1.3e6),
+        ("[80, 800]", "[80 Nm, 0.8 kN·m]", "operation", "M_g", (80, 800)),
+        ("[80, 800]", "80", "operation", "M_g", (80,)),
+        ("[80, 800]", "80 N*m", "operation", "M_g", (80,)),
+        ("[80, 800]", "-80", "operation", "M_g", (-80,)),
+        ("z_g: 200", "z_g: 2e2", "gears", "z_g", 200),
+        ("W_0: 0.96", "W_0: 960e-3", "cam", "W_0", 0.96),
+    ],
+)
+def test_units_and_single_items(old: str, new: str, section: str, name: str, value: object) -> None:
+    assert getattr(getattr(load((old, new)), section), name) == value
+
+
+def test_limits_are_read_per_torque_for_all_and_with_units() -> None:
+    drive = load(more="acceptance: {F_ior: {80: 0.5 arcmin, 800.0: 12, all: 60}}\n")
+    assert [drive.limit(torque) for torque in (80, 800, 5)] == [30, 12, 60]
+    assert load(more="acceptance: {F_ior: 30}\n").limit(80) == 30
+    assert load().limit(80) is None
+
+
+def test_uncertainty_is_in_the_unit_of_the_field_it_names() -> None:
+    assert load(more="uncertainty: {phases.xi_b: 30 arcmin, cam.W_0: 5 um}\n").uncertainty == {
+        "phases.xi_b": 0.5,
+        "cam.W_0": 0.005,
+    }
+
+
+def test_an_empty_section_is_one_without_keys() -> None:
+    assert load(more="tolerances:\nsource:\n").tolerances.F_i1 == 0
+
+
+def test_optional_fields_may_be_empty() -> None:
+    assert load(("M_g: [80, 800]", "M_g: [80, 800], rated: ")).operation.rated is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "more", "expected"),
+    [
+        # keys
+        ([("W_0", "w0")], "", [
+            NO_W_0,
+            "my.yaml:6:7: cam.w0: unknown key (did you mean W_0?)",
+        ]),
+        ([("W_0: 0.96", "W_0: 0.96, h_1: 2")], "",
+         ["my.yaml:6:18: cam.h_1: unknown key (h_1 belongs to flexspline)"]),
+        ([("cam: {W_0: 0.96}\n", "")], "", ["my.yaml:1:1: cam: missing section (it needs W_0)"]),
+        ([("cam: {W_0: 0.96}", "cam:")], "",
+         [NO_W_0]),
+        ([("name: test\n", "")], "", ["my.yaml:1:1: name: missing key (name of the drive)"]),
+        ([("name: test", "nmae: test")], "", [
+            "my.yaml:1:1: name: missing key (name of the drive)",
+            "my.yaml:2:1: nmae: unknown key (did you mean name?)",
+        ]),
+        ([("m: 0.8", "m: 0.8, m: 0.9")], "",
+         ["my.yaml:3:37: gears.m: duplicate key (first given in line 3, column 29)"]),
+        ([("m: 0.8", "m:0.8")], "", [
+            "my.yaml:3:1: gears.m: missing key (module, in mm)",
+            "my.yaml:3:29: gears.m:0.8: unknown key (a space is missing behind the colon)",
+        ]),
+        ([("j_n: 7", "j_n: 7,5")], "",
+         ["my.yaml:3:64: gears.5: unknown key (a comma in a number? write a decimal point)"]),
+        ([("schema: hdassist.preset/1\n", "")], "",
+         ["my.yaml:1:1: schema: missing key (write schema: hdassist.preset/1)"]),
+        ([("preset/1", "preset/2")], "",
+         ["my.yaml:1:9: schema: must be hdassist.preset/1 (got hdassist.preset/2)"]),
+        # types
+        ([("m: 0.8", "m: 12:30")], "", ["my.yaml:3:32: gears.m: must be a number (got 12:30; in mm)"]),
+        ([("m: 0.8", "m: no")], "", ["my.yaml:3:32: gears.m: must be a number (got no; in mm)"]),
+        ([("m: 0.8", "m: true")], "", ["my.yaml:3:32: gears.m: must be a number (got true; in mm)"]),
+        ([("m: 0.8", "m: [0.8]")], "", ["my.yaml:3:32: gears.m: must be a number (got a list; in mm)"]),
+        ([("m: 0.8", 'm: "0.8"')], "",
+         ['my.yaml:3:32: gears.m: must be a number, not text (got "0.8"; leave out the quotes)']),
+        ([("m: 0.8", "m: 1_000")], "",
+         ["my.yaml:3:32: gears.m: must be a number (got 1_000; write it without underscores)"]),
+        ([("j_n: 7", "j_n: ")], "", ["my.yaml:3:61: gears.j_n: must be a number "
+         "(got nothing; leave the key out for its default, 0.0)"]),
+        ([("z_g: 200", "z_g: 200.5")], "", ["my.yaml:3:14: gears.z_g: must be a whole number (got 200.5)"]),
+        ([("z_g: 200", "z_g: 200 teeth")], "",
+         ["my.yaml:3:14: gears.z_g: takes a whole number, without a unit (got 200 teeth)"]),
+        ([("name: test", "name: 58")], "", ["my.yaml:2:7: name: must be text (got 58; put it in quotes)"]),
+        ([("name: test", 'name: ""')], "", ['my.yaml:2:7: name: must have 1 to 200 characters (got "")']),
+        ([("cam: {W_0: 0.96}", "cam: 0.96")], "", ["my.yaml:6:6: cam: must be a table of keys (got 0.96)"]),
+        ([("[80, 800]", "2e7")], "",
+         ["my.yaml:8:18: operation.M_g: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
+        ([("[80, 800]", "{a: 1}")], "",
+         ["my.yaml:8:18: operation.M_g: must be a list of numbers (got a table of keys)"]),
+        ([("[80, 800]", "[80, [1]]")], "",
+         ["my.yaml:8:23: operation.M_g[1]: must be a number (got a list; in N*m)"]),
+        ([], "mounting: {fixed: rigit}\n",
+         ["my.yaml:9:19: mounting.fixed: must be one of rigid, flexspline (got rigit; did you mean rigid?)"]),
+        ([], "mounting: {allowed: some}\n", ["my.yaml:9:21: mounting.allowed: "
+         "must be all, or a list of hole numbers (got some)"]),
+        ([], "mounting: {allowed: [1, x]}\n",
+         ["my.yaml:9:25: mounting.allowed[1]: must be a whole number (got x)"]),
+        # ranges, nan, inf
+        ([("m: 0.8", "m: 9 cm")], "",
+         ["my.yaml:3:32: gears.m: out of range: 0.05 to 5 mm (got 9 cm; that is 90 mm)"]),
+        ([("z_g: 200", "z_g: 2")], "", ["my.yaml:3:14: gears.z_g: out of range: 20 to 1000 (got 2)"]),
+        ([("m: 0.8", "m: nan")], "", ["my.yaml:3:32: gears.m: must be a finite number (got nan)"]),
+        ([("m: 0.8", "m: .inf")], "", ["my.yaml:3:32: gears.m: must be a finite number (got .inf)"]),
+        ([("m: 0.8", "m: 1e999")], "", ["my.yaml:3:32: gears.m: must be a finite number (got 1e999)"]),
+        ([("[80, 800]", "[80, 2e7]")], "",
+         ["my.yaml:8:23: operation.M_g[1]: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
+        # units
+        ([("W_0: 0.96", "W_0: 1.2 m")], "", ["my.yaml:6:12: cam.W_0: the unit m could be mistaken "
+         "(got 1.2 m; metre or module? write mm or um)"]),
+        ([("j_n: 7", "j_n: 7 deg")], "", ["my.yaml:3:62: gears.j_n: deg is the unit of an angle, a length is "
+         "wanted (got 7 deg; a bare number is in um; units: mm, um, nm, cm)"]),
+        ([("x_g: 3.1", "x_g: 3.1 mm")], "",
+         ["my.yaml:3:42: gears.x_g: takes a pure number, without a unit (got 3.1 mm)"]),
+        # tables by name
+        ([], "source: {gears.zg: {kind: given}}\n",
+         ["my.yaml:9:10: source.gears.zg: names no field (got gears.zg; did you mean gears.z_g?)"]),
+        ([], "source: {cam.W_0: {kind: gven}}\n", ["my.yaml:9:26: source.cam.W_0.kind: must be one of "
+         "given, assumed, identified (got gven; did you mean given?)"]),
+        ([], "source: {cam.W_0: {ref: 3}}\n", [
+            "my.yaml:9:10: source.cam.W_0.kind: missing key (how sure the value is)",
+            "my.yaml:9:25: source.cam.W_0.ref: must be text (got 3; put it in quotes)",
+        ]),
+        ([], "source: {cam.W_0: given}\n", ["my.yaml:9:19: source.cam.W_0: must be a table of keys "
+         "(got given; like {kind: given, ref: page 6})"]),
+        ([], "source: {cam.W_0: {kind: given, page: '6'}}\n",
+         ["my.yaml:9:33: source.cam.W_0.page: unknown key (known: kind, ref)"]),
+        ([("j_n: 7", "wall")], "",
+         ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
+        ([], "uncertainty: {xi_b: 3}\n",
+         ["my.yaml:9:15: uncertainty.xi_b: names no field (got xi_b; did you mean phases.xi_b?)"]),
+        ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
+         "only single measures have an uncertainty (got gears.z_g)"]),
+        ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
+         "0 mm or more (got -1 um; that is -0.001 mm)"]),
+        ([], "acceptance: {F_ior: {foo: 3}}\n",
+         ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
+        ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",
+         ["my.yaml:9:29: acceptance.F_ior.80.0: the same torque twice (got 80.0)"]),
+        ([], "acceptance: {F_ior: 0}\n",
+         ["my.yaml:9:21: acceptance.F_ior: out of range: above 0, up to 1e6 arcsec (got 0)"]),
+    ],
+)  # fmt: skip
+def test_each_thing_that_is_wrong_has_its_message(
+    changes: list[tuple[str, str]], more: str, expected: list[str]
+) -> None:
+    assert errors(*changes, more=more) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", EMPTY),
+        ("# nothing\n~\n", EMPTY),
+        ("- a\n", "my.yaml:1:1: a preset must be a table of keys "
+         "(got a list; hdassist presets new NAME prints one to start from)"),
+        (b"\xff\xfe", "my.yaml:1:1: not UTF-8 text (got byte 0xff; save the file as UTF-8)"),
+        (BASE + "phases: [", "my.yaml:9:10: not valid YAML: a value is missing, or a bracket stays open"),
+    ],
+)  # fmt: skip
+def test_what_is_no_preset_at_all(text: str | bytes, message: str) -> None:
+    with pytest.raises(PresetError) as caught:
+        load_text(text, "my.yaml")
+    assert caught.value.message == message
+
+
+def test_everything_wrong_is_found_at_once_in_the_order_of_the_file() -> None:
+    found = errors(
+        ("z_b: 202", "z_b: 198"), ("m: 0.8", "m: &a 0.8"), ("l: 160", "l: 20"), ("N: 24", "N: 24, N: 25"),
+        ("C_3: 8.4e3", "C_3: .nan, C4: 1"), ("[80, 800]", "[80, 0, x]"), more="colour: red\n",
+    )  # fmt: skip
+    assert [line.split(": ")[1] for line in found] == [
+        "gears.z_b", "gears.m", "flexspline.l", "bearing.N", "supports.C_3", "supports.C4",
+        "operation.M_g[2]",
+        "colour",
+    ]  # fmt: skip
+
+
+def test_very_many_findings_are_cut_short() -> None:
+    found = errors(more="".join(f"key{i}: 1\n" for i in range(1000)))
+    assert len(found) == 101
+    assert found[-1].endswith("and 900 more")
+
+
+def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_validator() -> None:
+    wrong = ("text", "[]", "[a]", "{a: 1}", "null", "true", "1e999", "-1e300", "1e300", '"1"', "[[1]]")
+    taken = set()
+    for path, _ in fields():
+        for value in wrong:
+            try:
+                load(overrides=(f"{path}={value}",))
+            except UsageError as error:
+                assert path in error.message
+                for word in (
+                    "Input",
+                    "valid ",
+                    "instance",
+                    "Literal",
+                    "tuple",
+                    "dict",
+                    "None",
+                    "float",
+                    "type",
+                ):
+                    assert word not in error.message, error.message
+            else:
+                taken.add((path, value))
+    may_be_empty = ("bearing.d_ball", "operation.rated", "acceptance.lost_motion", "acceptance.K_1", "acceptance.K_2",
+                    "acceptance.K_3")  # fmt: skip
+    assert taken == {(path, "null") for path in may_be_empty}
+
+
+def test_a_limit_for_another_torque_is_a_warning() -> None:
+    drive = load(more="acceptance: {F_ior: {80: 30, 900: 20, all: 60}}\n")
+    assert drive.origin.warnings == (
+        "my.yaml:9:30: acceptance.F_ior.900: a limit for a torque that is not in operation.M_g: accept looks at it, "
+        "check does not (M_g: 80, 800)",
+    )
+
+
+def test_torques_of_one_run_leave_the_limits_of_the_file_alone() -> None:
+    limits = "acceptance: {F_ior: {80: 30, 800: 20}}\n"
+    assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
+    (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings
+    assert "acceptance.F_ior.70: a limit for a torque that is not in operation.M_g: accept" in said
+
+
+def test_overrides_replace_and_are_remembered() -> None:
+    drive = load(overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30"))
+    assert (drive.cam.W_0, drive.operation.M_g, drive.tolerances.F_i2) == (0.95, (80, 400), 60)
+    assert drive.limit(80) == 30
+    assert drive.origin.overrides[0] == "cam.W_0=950 um"
+    assert drive.origin.sha256 == load().origin.sha256
+
+
+@pytest.mark.parametrize(
+    ("overrides", "limits"),
+    [
+        (["acceptance.F_ior.80=30"], {"80": 30}),
+        (["acceptance.F_ior=60", "acceptance.F_ior.80=30"], {"all": 60, "80": 30}),
+        (["acceptance.F_ior={80: 30}", "acceptance.F_ior.80=20"], {"80": 20}),
+    ],
+)
+def test_overrides_of_single_limits(overrides: list[str], limits: dict[str, float]) -> None:
+    assert load(overrides=tuple(overrides)).acceptance.F_ior == limits
+
+
+def test_overrides_reach_names_with_a_dot_in_them() -> None:
+    drive = load(overrides=("uncertainty.phases.xi_b=10", "source.cam.W_0={kind: given, ref: sheet 1}"))
+    assert drive.uncertainty == {"phases.xi_b": 10}
+    assert drive.source["cam.W_0"].ref == "sheet 1"
+
+
+def test_the_last_override_wins() -> None:
+    assert load(overrides=("cam.W_0=1", "cam.W_0=0.95")).cam.W_0 == 0.95
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["cam.w0=1"], "--set:1:1: cam.w0: unknown key (did you mean W_0?)"),
+        (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
+        (["cam.W_0="], "--set:1:9: cam.W_0: must be a number (got nothing; in mm)"),
+        (["operation.M_g=[80"], "--set:1:18: not valid YAML: a bracket is not closed, or a comma is missing "
+         "(opened in line 1, column 1)"),
+        (["operation.M_g=[80, x]"], "--set:1:20: operation.M_g[1]: must be a number (got x; in N*m)"),
+        (["gears.z_g.x=3"], "--set:1:1: gears.z_g.x: gears.z_g is no table of keys"),
+        (["cam.W_0"], "--set:1:1: not of the form section.key=VALUE (got cam.W_0)"),
+        (["=3"], "--set:1:1: not of the form section.key=VALUE (got =3)"),
+        (["cam.=3"], "--set:1:1: not of the form section.key=VALUE (got cam.=3)"),
+        ([""], "--set:1:1: not of the form section.key=VALUE (got nothing)"),
+    ],
+)  # fmt: skip
+def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> None:
+    assert usage_error(*overrides) == message
+
+
+def test_an_override_that_contradicts_the_file_is_wrong_usage_at_the_override() -> None:
+    assert usage_error("gears.z_b=203").startswith("--set:1:11: gears.z_b: only drives with two waves")
+    assert usage_error("flexspline.b_w=200").startswith("--set:1:16: flexspline.b_w: the shell must be longer")
+
+
+def test_a_bad_file_stays_a_bad_file_whatever_the_overrides_say() -> None:
+    found = errors(("m: 0.8", "m: x"), overrides=("cam.W_0=y",))
+    assert [line.split(": ")[0] for line in found] == ["my.yaml:3:32", "--set:1:9"]
+
+
+def test_findings_only_in_overrides_are_wrong_usage_even_where_an_override_completes_the_file() -> None:
+    with pytest.raises(UsageError, match=r"--set:2:9: gears\.m: must be a number") as caught:
+        load(("W_0: 0.96", ""), overrides=("cam.W_0=0.96", "gears.m=x"))
+    assert len(caught.value.message.splitlines()) == 1
+
+
+def test_an_override_can_put_a_file_right() -> None:
+    assert load(("W_0: 0.96", ""), overrides=("cam.W_0=0.96",)).cam.W_0 == 0.96
+
+
+def test_the_frozen_reference_holds_the_numbers_of_the_paper() -> None:
+    file = Path(__file__).parents[1] / "validation/vzp160_reference.yaml"
+    drive = load_text(file.read_bytes(), file.name)
+    assert (drive.gears.z_g, drive.gears.z_b, drive.gears.m, drive.cam.W_0) == (200, 202, 0.8, 0.96)
+    assert (drive.supports.C_1, drive.supports.C_2, drive.supports.C_3) == (1.3e6, 2.3e4, 8.4e3)
+    assert (drive.phases.xi_g, drive.phases.xi_b, drive.operation.M_g) == (0, 260, (80, 800))
+    assert drive.origin.warnings == ()

@@ -1,0 +1,41 @@
+"""Where each value comes from."""
+
+from __future__ import annotations
+
+from hdassist.preset.fields import fields
+from hdassist.preset.load import load_text
+from hdassist.preset.resolved import Row, resolved
+from hdassist.preset.write import new_preset
+
+SOURCES = """
+source:
+  gears.z_g: {kind: given, ref: sheet 1}
+  gears.m: {kind: assumed, ref: usual}
+  cam.W_0: {kind: identified, ref: measured}
+  numerics.n_2: {kind: assumed, ref: enough}
+"""
+
+
+def rows(*overrides: str) -> dict[str, Row]:
+    return {row.path: row for row in resolved(load_text(new_preset("x") + SOURCES, "f", overrides))}
+
+
+def test_every_field_has_one_row_with_its_declaration() -> None:
+    assert list(rows()) == [path for path, _ in fields()]
+    row = rows()["cam.W_0"]
+    assert (row.value, row.unit) == (0.96, "mm")
+    assert row.meaning == "radial deformation of the flexspline at the major axis"
+
+
+def test_kinds_of_origin() -> None:
+    found = rows("gears.m=0.79", "acceptance.F_ior.80=30", "material={nu: 0.29}")
+    kinds = {path: (row.kind, row.ref) for path, row in found.items()}
+    assert kinds["gears.z_g"] == ("given", "sheet 1")
+    assert kinds["gears.z_b"] == ("given", "")
+    assert kinds["cam.W_0"] == ("identified", "measured")
+    assert kinds["gears.m"] == ("override", "--set")
+    assert kinds["acceptance.F_ior"] == ("override", "--set")
+    assert kinds["material.nu"] == ("override", "--set")
+    assert kinds["numerics.n_2"] == ("default", "enough")
+    assert kinds["gears.alpha"] == ("default", "")
+    assert rows()["gears.m"].kind == "assumed"

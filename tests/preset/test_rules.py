@@ -1,0 +1,118 @@
+"""Fields that do not go together: each conflict is found, alone, and at the field to look at first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hdassist.errors import UsageError
+from hdassist.preset.fields import Drive, fields
+from hdassist.preset.load import load_text
+from hdassist.preset.rules import CHECKS, conflicts
+
+REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
+
+
+def load(*overrides: str) -> Drive:
+    return load_text(REFERENCE, "reference", overrides)
+
+
+def values() -> dict[str, object]:
+    drive = load()
+    return {path: getattr(getattr(drive, path.split(".")[0]), path.split(".")[1]) for path, _ in fields()}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "path", "message"),
+    [
+        (["gears.z_b=200"], "gears.z_b", "needs more teeth than the flexspline (got z_b - z_g = 0)"),
+        (["gears.z_b=198"], "gears.z_b", "needs more teeth than the flexspline (got z_b - z_g = -2"),
+        (["gears.z_b=204"], "gears.z_b", "only drives with two waves and z_b - z_g = 2 are supported"),
+        (["gears.x_g=1.8"], "gears.x_g", "the teeth do not reach each other"),
+        (["gears.h_a=1.2"], "gears.h_a", "the tips interfere: they do not come free at the minor axis"),
+        (["cam.W_0=1.57"], "cam.W_0",
+         "beyond the teeth: the flexspline runs into the root of the rigid wheel"),
+        (["gears.h_f=0.5"], "gears.h_f",
+         "beyond the teeth: the rigid wheel runs into the root of the flexspline"),
+        (["cam.W_0=1.2"], "cam.W_0", "the teeth interfere: they run through each other"),
+        (["gears.h_a=1.18"], "gears.h_a", "the teeth interfere: they run through each other"),
+        (["gears.x_g=12", "gears.x_b=12"], "gears.x_g", "the teeth of the flexspline are pointed"),
+        (["gears.x_g=-1", "gears.x_b=-0.8", "gears.z_g=20", "gears.z_b=22", "gears.m=5"], "gears.x_b",
+         "the rigid wheel has no involute flank: its tip lies inside the base circle"),
+        (["flexspline.l=32"], "flexspline.l",
+         "the shell must be longer than the tooth ring (got l 32 mm, b_w 32 mm)"),
+        (["flexspline.h_1=17"], "flexspline.h_1", "too thick for a rim"),
+        (["bearing.ring_h=17"], "bearing.ring_h", "too thick for a bore"),
+        (["bearing.d_ball=17.6"], "bearing.d_ball", "no room for 24 balls in the bearing"),
+        (["bearing.d_ball=80"], "bearing.d_ball", "does not fit inside the raceway"),
+        (["bearing.ball_motion=rolling", "bearing.d_ball="], "bearing.ball_motion",
+         "rolling balls need bearing.d_ball"),
+        (["supports={C_1: 0, C_2: 0, C_3: 0}"], "supports.C_1", "C_1, C_2 and C_3 are all 0"),
+        (["operation.M_g=[]"], "operation.M_g", "needs at least one torque"),
+        (["operation.M_g=[80, 0.0]"], "operation.M_g", "a torque of 0 leaves the rotation undetermined"),
+        (["operation.M_g=[80, 8e1]"], "operation.M_g", "the same torque twice (got 80)"),
+        (["mounting.allowed=[0, 12, -1]"], "mounting.allowed", "the seat has the holes 0 to 11 (got -1, 12)"),
+        (["mounting.allowed=[3, 3]"], "mounting.allowed", "the same hole twice"),
+        (["mounting.allowed=[]"], "mounting.allowed", "no hole is left"),
+        (["mounting.allowed=3", "mounting.holes=0"], "mounting.allowed", "has no holes to choose from"),
+        (["numerics.n_2=79"], "numerics.n_2", "too few nodes for the bending modes"),
+        (["gears.z_g=20", "gears.z_b=22", "numerics.window=17"], "numerics.window",
+         "holds no full tooth pitch"),
+    ],
+)  # fmt: skip
+def test_conflicts_are_refused(overrides: list[str], path: str, message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        load(*overrides)
+    lines = caught.value.message.splitlines()
+    assert any(f": {path}: " in line and message in line for line in lines), lines
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["gears.h_a=1.0"], ["cam.W_0=0.9"], ["cam.W_0=1.0"], ["gears.x_g=3.0"],
+        ["gears.z_g=198", "gears.z_b=200"],
+        ["gears.h_f=1.25"], ["flexspline.l=32.1"], ["bearing.d_ball=17.5"], ["supports.C_1=0"],
+        ["supports={C_1: 0, C_2: 0, C_3: 1}"], ["operation.M_g=[80, -80]"], ["mounting.allowed=[0, 11]"],
+        ["mounting.holes=0"], ["bearing.ball_motion=rolling"], ["numerics.n_2=80"], ["bearing.d_ball="],
+    ],
+)  # fmt: skip
+def test_what_just_goes_together_is_accepted(overrides: list[str]) -> None:
+    load(*overrides)
+
+
+def test_conflicts_that_have_nothing_to_do_with_each_other_are_found_at_once() -> None:
+    with pytest.raises(UsageError) as caught:
+        load("gears.z_b=203", "flexspline.l=20", "bearing.d_ball=30", "operation.M_g=[0]", "numerics.n_2=20")
+    assert len(caught.value.message.splitlines()) == 5
+
+
+def test_checks_run_only_where_their_fields_are_valid() -> None:
+    given = values()
+    assert list(conflicts(given)) == []
+    broken = given | {"flexspline.l": 1.0, "operation.M_g": ()}
+    assert [c.path for c, _ in conflicts(broken)] == ["flexspline.l", "operation.M_g"]
+    del broken["flexspline.b_w"]
+    assert [c.path for c, _ in conflicts(broken)] == ["operation.M_g"]
+    assert list(conflicts({})) == []
+
+
+def test_every_check_needs_fields_that_exist() -> None:
+    given = values()
+    used = {path for check in CHECKS for c, paths in conflicts(given) for path in paths}
+    assert used == set()
+    names = {path.split(".")[1] for path in given}
+    for check in CHECKS:
+        assert set(check.__annotations__) - {"return"} <= names, check
+
+
+def test_the_overlap_of_teeth_is_that_of_the_contact_model() -> None:
+    """The closed form of the check against the dense sampling of the model, on teeth that interfere."""
+    from hdassist.model.geometry import Geometry, flank_candidates
+
+    drive = load()
+    tight = drive.model_copy(update={"cam": drive.cam.model_copy(update={"W_0": 1.2})})
+    least = flank_candidates(Geometry.of(tight), 1.4).gap.min() * 1e3 + drive.gears.j_n
+    (conflict, _), = conflicts(values() | {"cam.W_0": 1.2})  # fmt: skip
+    assert f"an overlap of {-least:.3g} um" in conflict.got

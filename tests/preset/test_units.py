@@ -1,0 +1,134 @@
+"""Unit strings: what converts to what, and what is refused with which hint."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+from hdassist.preset.fields import fields, unit_of
+from hdassist.preset.units import UnitError, convert, pattern_for, units_for
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("75 um", "mm", 0.075),
+        ("75 µm", "mm", 0.075),
+        ("75 μm", "mm", 0.075),
+        ("75um", "um", 75.0),
+        ("0.007 mm", "um", 7.0),
+        ("16 cm", "mm", 160.0),
+        ("50 nm", "um", 0.05),
+        ("25 arcsec", "deg", 25 / 3600),
+        ('25"', "arcsec", 25.0),
+        ("30′", "deg", 0.5),
+        ("45 arcmin", "deg", 0.75),
+        ("0.2 rad", "deg", math.degrees(0.2)),
+        ("2 mrad", "deg", math.degrees(0.002)),
+        ("260°", "deg", 260.0),
+        ("0.5 arcmin", "arcsec", 30.0),
+        ("206 GPa", "MPa", 206_000.0),
+        ("206 kN/mm^2", "MPa", 206_000.0),
+        ("5 N/mm²", "MPa", 5.0),
+        ("23 N/um", "N/mm", 23_000.0),
+        ("1.3 kN/mm", "N/mm", 1300.0),
+        ("8.4 kN / mm", "N/mm", 8400.0),
+        ("2e-2 um/N", "mm/N", 2e-5),
+        ("20 nm/N", "mm/N", 2e-5),
+        ("80 N*m", "N*m", 80.0),
+        ("80 Nm", "N*m", 80.0),
+        ("80 N·m", "N*m", 80.0),
+        ("80 N⋅m", "N*m", 80.0),
+        ("80 N m", "N*m", 80.0),
+        ("0.5 kN*m", "N*m", 500.0),
+        ("-8e4 N*mm", "N*m", -80.0),
+        (".5 mN*m", "N*m", 5e-4),
+    ],
+)
+def test_units_convert(text: str, unit: str, value: float) -> None:
+    assert convert(text, unit) == pytest.approx(value, rel=1e-15)
+
+
+def test_decimal_conversion_rounds_once() -> None:
+    for micrometres in range(1, 1000):
+        assert convert(f"{micrometres} um", "mm") == float(f"{micrometres}e-3")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "message", "hint"),
+    [
+        ("1.2 m", "mm", "could be mistaken", "metre or module"),
+        ("1.2m", "um", "could be mistaken", "metre or module"),
+        ("80 mN", "N*m", "could be mistaken", "N*m"),
+        ("80 nm", "N*m", "could be mistaken", "N*m"),
+        ("3 MNm", "N*m", "could be mistaken", "kN*m"),
+        ("206 mPa", "MPa", "could be mistaken", "MPa"),
+        ("5 min", "deg", "could be mistaken", "arcmin"),
+        ("5 sec", "arcsec", "could be mistaken", "arcsec"),
+        ("25 deg", "mm", "deg is the unit of an angle, a length is wanted", "units: mm"),
+        ("25 um", "N/mm", "um is the unit of a length, a stiffness is wanted", "units: N/mm"),
+        ("3 foo", "mm", "unknown unit foo", "units: mm, um"),
+        ("3 NM", "N*m", "unknown unit NM", "did you mean N*m?"),
+        ("3 MM", "mm", "unknown unit MM", "did you mean mm?"),
+        ("3 %", "um", "% is the unit of a share, a length is wanted", "units:"),
+        ("200 teeth", "", "takes a pure number, without a unit", ""),
+        ("3 mm", "", "takes a pure number, without a unit", ""),
+        ("160", "mm", "must be a number, not text", "quotes"),
+        ("0,96", "mm", "must be a number", "decimal point"),
+        ("1,000.5 mm", "mm", "must be a number", "nothing between thousands"),
+        ("1_000", "mm", "must be a number", "underscores"),
+        ("12:30", "mm", "must be a number", "in mm"),
+        ("no", "", "must be a number", ""),
+        ("\u22125 um", "um", "must be a number", "ASCII minus"),
+        ("nan", "mm", "must be a finite number", ""),
+        (".nan", "mm", "must be a finite number", ""),
+        ("-.inf", "mm", "must be a finite number", ""),
+        ("inf mm", "mm", "must be a finite number", ""),
+        ("1e999 mm", "mm", "must be a finite number", ""),
+        ("", "mm", "must be a number", ""),
+    ],
+)
+def test_what_is_no_number_in_that_unit_is_refused(text: str, unit: str, message: str, hint: str) -> None:
+    with pytest.raises(UnitError) as caught:
+        convert(text, unit)
+    assert message in caught.value.message
+    assert hint in caught.value.hint
+
+
+def test_extreme_exponents_are_quick() -> None:
+    assert convert("1e-999999999 um", "mm") == 0
+    assert convert("0e999999999999 um", "mm") == 0
+    assert convert("1e-300 um", "mm") == pytest.approx(1e-303)
+
+
+def test_every_unit_of_the_declarations_converts_to_itself() -> None:
+    units = {unit_of(info) for _, info in fields()} - {""}
+    assert units == {unit for unit in units if unit in units_for(unit) and convert(f"3.5 {unit}", unit) == 3.5}
+
+
+@pytest.mark.parametrize("unit", ["mm", "deg", "arcsec", "N*m", "MPa", "N/mm", "mm/N"])
+def test_the_pattern_for_editors_takes_what_converts_and_no_other_dimension(unit: str) -> None:
+    pattern = pattern_for(unit)
+    for fitting in units_for(unit):
+        assert re.search(pattern, f"1.5e3 {fitting}")
+    for text in (
+        "75 µm",
+        "80 N·m",
+        "80 Nm",
+        "5 N / mm",
+        "30′",
+        "260°",
+        "5 N/mm²",
+        "1.2 m",
+        "80 mN",
+        "3",
+        "x mm",
+    ):
+        try:
+            convert(text, unit)
+        except UnitError:
+            assert not re.search(pattern, text), text
+        else:
+            assert re.search(pattern, text), text

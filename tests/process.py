@@ -1,0 +1,108 @@
+"""Run hdassist as a process: in pipes, and on a pseudo-terminal of a given width.
+
+Runs in pipes come from a warm start (warm.py) unless HDASSIST_COLD is set; what a start of Python itself may
+change (an environment, a hash seed, a signal) is for cold ones.
+"""
+
+from __future__ import annotations
+
+import atexit
+import fcntl
+import functools
+import io
+import os
+import pty
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from tests.warm import LONGEST, Warm
+
+SMALL = str(Path(__file__).parent / "data/small.yaml")
+COMMAND = [sys.executable, "-m", "hdassist"]
+ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs
+CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}
+WARM = sys.platform == "linux" and "HDASSIST_COLD" not in os.environ  # where hdassist forks too (terminal/workers.py)
+
+
+def run(
+    *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command with pipes on all streams; with an environment of its own in a cold process."""
+    if env or not WARM:
+        return run_cold(*args, env=env, stdin=stdin, cwd=cwd)
+    code, *streams = _warm().run(args, (stdin or "").encode(), str(cwd or Path.cwd()))
+    out, err = (io.TextIOWrapper(io.BytesIO(stream), encoding="utf-8").read() for stream in streams)
+    return subprocess.CompletedProcess([*COMMAND, *args], code, out, err)
+
+
+def run_cold(
+    *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command with pipes on all streams, in a process that Python starts from nothing."""
+    return subprocess.run(
+        [*COMMAND, *args], input=stdin or "", capture_output=True, text=True, encoding="utf-8",
+        env=CLEAN | dict(env or {}), cwd=cwd, check=False, timeout=LONGEST,
+    )  # fmt: skip
+
+
+@functools.cache
+def _warm() -> Warm:
+    """The warm start of this test process."""
+    warm = Warm(CLEAN)
+    atexit.register(warm.close)
+    return warm
+
+
+def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
+    """Run a command in a cold process, and interrupt it when its own processes have worked for so long [s]."""
+    process = subprocess.Popen(
+        [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8"
+    )
+    begun = time.monotonic()
+    while process.poll() is None and _worked(process.pid, time.monotonic() - begun) < after:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    return subprocess.CompletedProcess([*COMMAND, *args], process.returncode, out, err)
+
+
+def _worked(pid: int, elapsed: float) -> float:
+    """Processor time [s] of the processes that a process has begun; without /proc a guess from the time elapsed."""
+    begun = Path(f"/proc/{pid}/task/{pid}/children")
+    if not begun.exists():
+        return elapsed - 2
+    try:
+        stats = [
+            Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split() for child in begun.read_text().split()
+        ]
+    except OSError:  # one of them has just ended
+        return 0.0
+    return sum(int(stat[k]) for stat in stats for k in (11, 12)) / os.sysconf("SC_CLK_TCK")
+
+
+def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:
+    """Exit code, and all that a terminal of so many columns is sent."""
+    leader, follower = pty.openpty()
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
+    process = subprocess.Popen(
+        [*COMMAND, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
+        env=CLEAN | {"TERM": "xterm-256color"} | dict(env or {}),
+    )  # fmt: skip
+    os.close(follower)
+    sent = b""
+    while True:
+        try:
+            part = os.read(leader, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        sent += part
+    os.close(leader)
+    return process.wait(timeout=LONGEST), sent.decode("utf-8").replace("\r\n", "\n")

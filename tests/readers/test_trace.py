@@ -1,0 +1,184 @@
+"""Files of encoder rigs: what their columns mean, wraps, directions, and every fault with its line."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.readers.columns import HEAD, PART, read_columns
+from hdassist.readers.sweeps import sweeps
+from hdassist.readers.trace import MeasuredTrace, read_trace
+from hdassist.readers.tracecolumns import TraceForm
+from hdassist.readers.tracewords import role_in, unit_in
+from tests.rigs import text
+
+TURNS = np.arange(400) / 100
+CAM = 360 * TURNS
+ERROR = 5 * np.cos(4 * np.pi * TURNS) + 0.1 * np.sin(1e3 * TURNS)
+PLAIN = text([CAM, ERROR], "cam_deg,error_arcsec")
+
+
+def read(data: str | bytes, ratio: float | None = None, **form: Any) -> MeasuredTrace:
+    with pytest.MonkeyPatch.context() as patch:
+        stream = io.BytesIO(data.encode() if isinstance(data, str) else data)
+        patch.setattr("sys.stdin", io.TextIOWrapper(stream))
+        return read_trace("-", TraceForm(**form), ratio)
+
+
+def fault(data: str | bytes, ratio: float | None = None, **form: Any) -> str:
+    with pytest.raises(DataError) as caught:
+        read(data, ratio, **form)
+    return str(caught.value).removeprefix("<stdin>:")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        PLAIN,
+        "# rig 7, 20 °C\n" + PLAIN,
+        PLAIN.replace("\n", "\r\n"),
+        "\ufeff" + PLAIN,
+        text([CAM, ERROR], "cam_deg;error_arcsec", ";").replace(".", ","),
+        text([CAM, ERROR], "cam_deg\terror_arcsec", "\t"),
+        text([CAM, ERROR], "#cam_deg error_arcsec", " "),
+        text([CAM / 57.29577951308232, ERROR / 3.6], "cam [rad],error [mdeg]", digits=9),
+        text([CAM * 60, ERROR / 60], "Winkel/arcmin,Fehler/arcmin", digits=8),
+        text([np.arange(400.0), CAM, CAM / 100, ERROR], "time_s,motor (deg),output_deg,TE_arcsec"),
+        gzip.compress(PLAIN.encode()),
+        gzip.compress(PLAIN[:1000].encode()) + gzip.compress(PLAIN[1000:].encode()),
+        PLAIN.encode("utf-16"),
+        PLAIN.replace("\n100", "\n# a remark\n\n100"),
+        PLAIN + "# end\n",
+        text([np.mod(CAM, 360), ERROR], "cam_deg,error_arcsec"),
+        text([np.mod(CAM + 180, 360) - 180, ERROR], "cam_deg,error_arcsec"),
+        text([CAM, ERROR], "cam_deg;error_arcsec;", ";").replace("\n", ";\n").replace(";;", ";"),
+    ],
+)
+def test_dialects_and_units(data):
+    trace = read(data)
+    assert trace.cam_deg == pytest.approx(CAM, abs=1e-4)
+    assert trace.error_arcsec == pytest.approx(ERROR, abs=1e-4)
+    assert [(s.start, s.stop, s.direction) for s in trace.sweeps] == [(0, 400, 1)]
+    raw = data if isinstance(data, bytes) else data.encode()
+    assert trace.sha256 == hashlib.sha256(raw).hexdigest()
+
+
+def test_columns_by_option():
+    data = text([CAM, ERROR, ERROR + 1], "a,b,c")
+    assert read(data, angle="a", error="C", angle_unit="deg").error_arcsec == pytest.approx(ERROR + 1, abs=1e-4)
+    assert read(data, angle="1", error="2", error_unit="arcmin").error_arcsec == pytest.approx(60 * ERROR, abs=1e-3)
+    assert "no unit given, deg assumed" in " ".join(read(data, angle="1", error="2").notes)
+    assert "no column x" in fault(data, angle="x", error="2")
+    assert "no column of cam or output angles by its name" in fault(data)
+    assert "2 columns of errors" in fault(text([CAM, ERROR, ERROR], "cam,err_1,err_2"))
+    assert "2 columns of cam or output angles" in fault(text([CAM, CAM, ERROR], "enc1,enc2,err"))
+    with pytest.raises(UsageError, match="cannot be both"):
+        read(data, angle="a", error="a")
+    with pytest.raises(UsageError, match="not both"):
+        read(data, angle="a", error="b", second="c")
+    with pytest.raises(UsageError, match="no unit of angle: mm"):
+        read(data, angle="a", error="b", error_unit="mm")
+
+
+def test_no_names():
+    trace = read(PLAIN.split("\n", 1)[1])
+    assert "columns by their order: cam angle, error" in trace.notes
+    assert trace.line[0] == 1
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_two_encoders(sense, wrapped):
+    output = sense * CAM / 100 + ERROR / 3600 + 10
+    columns = [np.mod(CAM, 360) if wrapped else CAM, np.mod(output - 12, 360) if wrapped else output]
+    trace = read(text(columns, "enc_in_deg,enc_out_deg", digits=9), ratio=100, angle="1", second="2")
+    assert trace.error_arcsec - trace.error_arcsec.mean() == pytest.approx(ERROR - ERROR.mean(), abs=1e-4)
+    assert any(f"ratio {100 * sense:+g}" in note for note in trace.notes)
+    assert "cam turns 100 times as far, the ratio is 80" in fault(text(columns, "cam_deg,out_deg", digits=9), ratio=80)
+    assert "the ratio is needed" in fault(text(columns, "cam_deg,out_deg"))
+
+
+def test_angle_of_the_output():
+    trace = read(text([CAM / 100, ERROR], "output_deg,error_arcsec", digits=9), ratio=100)
+    assert trace.cam_deg == pytest.approx(CAM, abs=1e-5)
+    wide = text([CAM / 100 * 3600, ERROR], "angle_arcsec,error_arcsec")
+    assert read(wide, ratio=100, angle_of="output").cam_deg == pytest.approx(CAM, abs=1e-5)
+
+
+def test_directions_repeats_and_jitter():
+    there = np.concatenate([CAM, CAM[::-1], CAM])
+    assert [s.direction for s in sweeps(there)] == [1, -1, 1]
+    assert [(s.start, s.stop) for s in sweeps(np.concatenate([CAM, CAM]))] == [(0, 400), (401, 800)]
+    rng = np.random.default_rng(0)
+    shaky = np.linspace(0, 720, 20000) + rng.uniform(-0.1, 0.1, 20000)
+    assert [s.direction for s in sweeps(shaky)] == [1]
+    approach = np.concatenate([[3.0, 1.0], CAM])
+    assert [s.direction for s in sweeps(approach)] == [1]
+
+
+BACK = CAM.copy()
+BACK[200] = 100.0
+LEAP = np.mod(np.arange(40) * 170.0, 360)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "1:1: the file is empty"),
+        (b"\x00\x01\x02" * 50, "a binary file"),
+        (b"\x1f\x8b\x08rubbish", "a damaged gzip file"),
+        (gzip.compress(PLAIN.encode())[:-200], "a gzip file that ends too early"),
+        ("cam,err\n1,2\n", "2:1: cam: 1 rows"),
+        ("cam,err\n", "no rows of numbers"),
+        (text([CAM], "cam_deg"), "1 column, needs 2: angle, error"),
+        (text([CAM, 0 * CAM + 3], "cam,err"), "2:1: err: a constant column"),
+        (text([0 * CAM + 3, ERROR], "cam,err"), "2:1: cam: a constant column"),
+        (text([BACK, ERROR], "cam,err"), "202:1: cam: the angle runs backwards: 100 deg after 716.4 deg"),
+        (text([CAM[np.random.default_rng(0).permutation(400)], ERROR], "cam,err"), "the angle runs backwards"),
+        (PLAIN.replace("\n36.0", "\nnan,1\n36.0", 1), "12:1: cam_deg: must be a finite number"),
+        (PLAIN.replace("\n36.0", "\noverload\n36.0", 1), "12:1: a line of text among the rows"),
+        (PLAIN.replace("\n36.0", "\n1,2,3\n36.0", 1), "12:1: a row of 3, most rows have 2"),
+        (text([LEAP, LEAP], "cam,err"), "3:1: cam: a step of 170 of a wrap of 360"),
+        (text([CAM, CAM], "cam_deg,err_deg"), "an error that spans 1.44e+03 deg"),
+    ],
+)
+def test_faults_have_their_line(data, words):
+    assert words in fault(data)
+
+
+def test_faults_far_down_have_their_line():
+    rows = [f"{k},{k % 7}" for k in range(HEAD + 3 * PART)]
+    rows[HEAD + PART + 10] = "5,nan"
+    rows[HEAD + 2 * PART + 20] = "word"
+    with pytest.raises(PresetError) as caught:
+        read_columns("\n".join(rows).encode(), "f", ("a", "b"), 10**7)
+    assert [f.line for f in caught.value.findings] == [HEAD + PART + 11, HEAD + 2 * PART + 21]
+
+
+def test_parts_with_remarks_are_read_all_the_same():
+    rows = [f"{k};{k % 7},5" for k in range(HEAD + 2 * PART)]
+    rows.insert(HEAD + PART, "# paused")
+    rows.insert(HEAD + PART, "")
+    table = read_columns("\n".join(rows).encode(), "f", ("a", "b"), 10**7)
+    assert table.values[:, 0].tolist() == list(range(HEAD + 2 * PART))
+    assert table.lines[-1] == HEAD + 2 * PART + 2
+    assert np.diff(table.lines).max() == 3
+
+
+def test_a_large_file_is_refused():
+    packed = gzip.compress(b"1,2\n" * 300_000)
+    with pytest.raises(PresetError, match="larger than"):
+        read_columns(packed, "f", ("a", "b"), 1_000_000)
+
+
+def test_words():
+    names = ("wg_angle_deg", "output_angle", "F_kpp", "phi_h_deg", "TransmissionError", "time_s", "Winkel", "outError")
+    assert [role_in(name) for name in names] == ["cam", "output", "error", "cam", "error", "", "angle", "error"]
+    units = ("angle [°]", "error/µrad", "err_mdeg", "error (arcsec)", "angle", "d", "phi rad")
+    assert [unit_in(name) for name in units] == ["deg", "urad", "mdeg", "arcsec", "", "", "rad"]

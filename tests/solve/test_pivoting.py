@@ -1,0 +1,225 @@
+"""Many states by principal pivots, against the same states one by one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import ToothDeviations, gaps
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.solve import engine, pivoting
+from hdassist.solve.activeset import ActiveSet
+from hdassist.solve.answers import ARCSEC
+from hdassist.solve.certificate import TOLERANCE, residuals
+from hdassist.solve.engine import MANY, Engine
+from hdassist.solve.formulation import formulate
+from hdassist.solve.reference import Reference, exchanged
+from tests.process import SMALL
+from tests.support import changed
+
+EXACT = 1e-7  # arcsec
+
+
+@pytest.fixture(scope="module")
+def small():
+    return load_preset(SMALL)
+
+
+@pytest.fixture(scope="module")
+def system(small):
+    return contact_system(small)
+
+
+@pytest.fixture(scope="module")
+def formulation(system):
+    return formulate(system)
+
+
+@pytest.fixture(scope="module")
+def delta_p(small, system):
+    return gaps(small, system, pitch_locked_states(Kinematics.of(small), np.arange(200)))
+
+
+def one_by_one(formulation, torque, delta_p):
+    data = Engine(formulation, torque).data
+    return ActiveSet(formulation, data, torque, np.ones(len(data.q_0), dtype=bool)).solve(delta_p)
+
+
+def same(formulation, torque, delta_p, found):
+    """Whether forces and displacements found are those of the states solved one by one, with their proof."""
+    (forces, free, _), (others, freed, _) = found, one_by_one(formulation, torque, delta_p)
+    system = formulation.system
+    assert residuals(system, delta_p, torque, forces, free).worst.max() <= TOLERANCE
+    k = system.free_rotation
+    assert free[:, k] * ARCSEC == pytest.approx(freed[:, k] * ARCSEC, abs=EXACT)
+    assert forces == pytest.approx(others, abs=1e-6 * others.max())
+    return True
+
+
+@pytest.mark.parametrize("torque", [80e3, 800e3, -300e3])
+def test_the_cycle_of_the_reference_drive(reference, torque):
+    system = contact_system(reference)
+    some = np.sort(np.random.default_rng(3).choice(20200, 300, replace=False))
+    delta_p = gaps(reference, system, pitch_locked_states(Kinematics.of(reference), some))
+    formulation = formulate(system)
+    found = Engine(formulation, torque).solve(delta_p)
+    assert found[2] == 0
+    assert same(formulation, torque, delta_p, found)
+    # without force is without force, to the last digit
+    assert found[0].min() == 0
+    assert 0.3 < np.mean(found[0] == 0) < 0.9
+    assert not np.any((found[0] > 0) & (found[0] < 1e-9 * found[0].max()))
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        [],
+        ["gears.z_g=61", "gears.z_b=63"],
+        ["mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0"],
+        ["bearing.ball_motion=rolling", "bearing.d_ball=3", "numerics.n_beta=4"],
+        ["bearing.g_b=8", "gears.j_n=15"],
+    ],
+)
+@pytest.mark.parametrize("M_g", [4.0, 0.05, -1.0])
+def test_cycles_of_small_drives(sets, M_g, monkeypatch):
+    drive = load_preset(SMALL, sets)
+    found = kinematic_error(drive, M_g, cross_check=None)
+    monkeypatch.setattr(engine, "MANY", 10**9)
+    expected = kinematic_error(drive, M_g, cross_check=None)
+    # next to no torque rests on a single flank, which cannot leave before another one has come
+    assert found.certificate.fallbacks <= (0.02 * len(found.states) if M_g == 0.05 else 0)
+    assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=EXACT)
+    assert found.zone_share == pytest.approx(expected.zone_share, abs=1e-7)
+
+
+def test_measured_teeth(small, monkeypatch):
+    rng = np.random.default_rng(5)
+    z_g, z_b = small.gears.z_g, small.gears.z_b
+    teeth = ToothDeviations(g=rng.normal(0, 5, z_g), b=rng.normal(0, 5, z_b))
+    found = kinematic_error(small, 2.0, teeth=teeth, cross_check=None)
+    monkeypatch.setattr(engine, "MANY", 10**9)
+    expected = kinematic_error(small, 2.0, teeth=teeth, cross_check=None)
+    assert found.certificate.fallbacks == 0
+    assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=EXACT)
+
+
+@pytest.mark.parametrize("torque", [1e-3, 1.0, 1e3, -1e3, 4e3])
+def test_symmetric_states_in_which_contacts_just_touch(small, torque):
+    system = contact_system(changed(small, gears__j_n=0.0))
+    delta_p = np.repeat(system.delta_p[None], 2 * MANY, axis=0)
+    # and next to them states that break the symmetry by next to nothing
+    delta_p[::3] += system.deviation_map @ [0, 0, 1e-13, 1e-12]
+    formulation = formulate(system)
+    assert same(formulation, torque, delta_p, Engine(formulation, torque).solve(delta_p))
+
+
+def test_answers_hang_neither_on_the_order_nor_on_the_batches(formulation, delta_p):
+    whole, free, _ = Engine(formulation, 4e3).solve(delta_p)
+    order = np.random.default_rng(0).permutation(len(delta_p))
+    mixed, freed, _ = Engine(formulation, 4e3).solve(delta_p[order])
+    assert mixed == pytest.approx(whole[order], abs=1e-8 * whole.max())
+    assert freed[:, 0] * ARCSEC == pytest.approx(free[order, 0] * ARCSEC, abs=EXACT)
+    solver = Engine(formulation, 4e3)
+    for first, last in ((0, 100), (100, 101), (101, 101), (101, 170), (170, 200)):
+        forces, _, _ = solver.solve(delta_p[first:last])
+        assert forces == pytest.approx(whole[first:last], abs=1e-8 * whole.max())
+
+
+def test_the_same_states_give_the_same_digits(formulation, delta_p):
+    (one, free, _), (other, freed, _) = (Engine(formulation, 4e3).solve(delta_p) for _ in range(2))
+    assert np.array_equal(one, other)
+    assert np.array_equal(free, freed)
+
+
+def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, delta_p):
+    fresh = Engine(formulation, 4e3)
+    alone = Engine(formulation, 4e3).solve(delta_p)
+    Engine(formulation, 4e3, like=fresh).solve(delta_p[50:])
+    like = Engine(formulation, 4e3, like=fresh).solve(delta_p)
+    assert np.array_equal(like[0], alone[0])
+
+
+def test_another_torque_later(formulation, delta_p):
+    solver = Engine(formulation, 4e3)
+    solver.solve(delta_p)
+    for torque in (40e3, -1e3, 1e-3):
+        solver.load(torque)
+        assert same(formulation, torque, delta_p, solver.solve(delta_p))
+
+
+@pytest.mark.parametrize("name", ["PIVOTS", "GREEDY"])
+def test_tableaux_made_anew_and_least_indices_lead_to_the_same(formulation, delta_p, monkeypatch, name):
+    monkeypatch.setattr(pivoting, name, 0)
+    found = Engine(formulation, 4e3).solve(delta_p)
+    assert found[2] == 0
+    assert same(formulation, 4e3, delta_p, found)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "all_of_them"),
+    [("LIMIT", 0, False), ("SMALLEST", 0.9, False), ("INACCURATE", -1.0, True)],
+)
+def test_states_given_up_are_counted_and_solved_one_by_one(formulation, delta_p, monkeypatch, name, value, all_of_them):
+    # too many pivots, a pivot that would spoil the tableau, rounding
+    monkeypatch.setattr(pivoting, name, value)
+    found = Engine(formulation, 4e3).solve(delta_p)
+    assert found[2] == len(delta_p) if all_of_them else 0 < found[2] <= len(delta_p)
+    assert same(formulation, 4e3, delta_p, found)
+
+
+def test_a_state_that_is_no_number_spoils_no_other(formulation, delta_p):
+    expected, _, _ = Engine(formulation, 4e3).solve(delta_p)
+    spoiled = delta_p.copy()
+    spoiled[5, 3] = np.nan
+    forces, free, fallbacks = Engine(formulation, 4e3).solve(spoiled)
+    assert fallbacks == 1
+    assert residuals(formulation.system, spoiled, 4e3, forces, free).worst[5] == np.inf
+    others = np.arange(len(delta_p)) != 5
+    assert forces[others] == pytest.approx(expected[others], abs=1e-8 * expected.max())
+
+
+def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, delta_p, monkeypatch):
+    data = Engine(formulation, 4e3).data
+    none, one = np.zeros(len(data.q_0), dtype=bool), np.arange(len(data.q_0)) == 3
+    assert Reference.at(data, none) is None
+    assert Reference.at(data, one) is None
+    monkeypatch.setattr(Reference, "at", lambda data, contact: None)
+    found = Engine(formulation, 4e3).solve(delta_p)
+    assert found[2] == 0
+    assert same(formulation, 4e3, delta_p, found)
+
+
+def test_bounds_other_than_zero_are_left_to_the_other_solver(formulation, system):
+    solver = Engine(formulation, 4e3)
+    solver.data = replace(solver.data, lower=np.full(len(system.delta_p), 0.5))
+    assert solver._reference is None
+
+
+def test_a_reference_solves_the_programme_at_its_contact_set(formulation, delta_p):
+    solver = Engine(formulation, 4e3)
+    data, (forces, free, _) = solver.data, one_by_one(formulation, 4e3, delta_p[:1])
+    contact = forces[0] > 1e-9 * forces.max()
+    reference = Reference.at(data, contact)
+    values = reference.constant + reference.by_gaps @ formulation.gaps(delta_p[0]) + reference.by_load @ data.load(4e3)
+    M = len(contact)
+    solved, dual = formulation.answer(values[:M] * contact, values[M:])
+    assert solved == pytest.approx(forces[0], abs=1e-8 * forces.max())
+    assert dual == pytest.approx(free[0], abs=1e-12)
+    gap = data.P @ (values[:M] * contact) + data.q_0 + data.Q @ formulation.gaps(delta_p[0]) + data.A.T @ values[M:]
+    assert gap == pytest.approx(values[:M] * ~contact, abs=1e-8)
+
+
+def test_exchanged_twice_is_what_it_was():
+    rng = np.random.default_rng(0)
+    root, change = rng.normal(size=(9, 9)), rng.random(9) < 0.5
+    matrix = root @ root.T
+    assert exchanged(exchanged(matrix, change), change) == pytest.approx(matrix)
+    # values and others trade places
+    others = rng.normal(size=9)
+    values = matrix @ others
+    assert exchanged(matrix, change) @ np.where(change, values, others) == pytest.approx(
+        np.where(change, others, values)
+    )

@@ -1,0 +1,262 @@
+"""One statement of the programme, one proof of the answer."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error
+from hdassist.error.self_error import self_error
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.contacts import contact_system
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.solve import activeset, answers
+from hdassist.solve.activeset import ActiveSet
+from hdassist.solve.answers import ARCSEC, solve_states
+from hdassist.solve.certificate import residuals
+from hdassist.solve.compiled import compile_programme
+from hdassist.solve.engine import MANY, Engine, ThroughCvxpy
+from hdassist.solve.formulation import formulate, solve_through_cvxpy
+from tests.support import changed
+
+
+@pytest.fixture(scope="module")
+def system(reference):
+    return contact_system(reference)
+
+
+@pytest.fixture
+def formulation(system):
+    return formulate(system)
+
+
+def test_the_programme_is_dpp(formulation):
+    problem = formulation.statement.problem
+    assert problem.is_dcp(dpp=True)
+    assert {p.name() for p in problem.parameters()} == {"delta_p", "b"}
+
+
+def test_the_engine_runs_what_cvxpy_compiles(formulation, system):
+    data, stated = compile_programme(formulation), formulation.statement
+    rng = np.random.default_rng(0)
+    for torque in (80e3, -300e3):
+        delta_p = system.delta_p + rng.uniform(-0.1, 0.1, len(system.delta_p))
+        stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
+        handed, _, _ = stated.problem.get_problem_data("DAQP")
+        assert handed["P"].toarray() == pytest.approx(data.P, abs=0)
+        assert handed["A"].toarray() == pytest.approx(data.A, abs=0)
+        assert data.q_0 + data.Q @ formulation.gaps(delta_p) == pytest.approx(handed["q"], rel=1e-14)
+        assert data.b_0 + torque * data.b_1 == pytest.approx(handed["b"], rel=1e-14)
+
+
+def test_data_moved_to_a_neighbour_are_what_cvxpy_compiles_there(reference, formulation):
+    there = formulate(contact_system(reference, tau=0.3, beta=0.7))
+    moved, compiled = compile_programme(formulation).moved(formulation, there), compile_programme(there)
+    for name in ("P", "q_0", "Q", "A", "b_0", "b_1", "lower"):
+        scale = np.abs(getattr(compiled, name)).max()
+        assert getattr(moved, name) == pytest.approx(getattr(compiled, name), rel=0, abs=1e-14 * scale)
+
+
+def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference, formulation, system):
+    near = Engine(formulation, 80e3)
+    near.solve(system.delta_p[None])
+    other = contact_system(reference, tau=0.4, beta=0.2)
+    engine = Engine(formulate(other), -5e3, like=near)
+    engine.solve(other.delta_p[None])
+    engine.load(800e3)
+    forces, free, fallbacks = engine.solve(other.delta_p[None])
+    alone, freed, _ = Engine(formulate(other), 800e3).solve(other.delta_p[None])
+    assert fallbacks == 0
+    assert forces == pytest.approx(alone, abs=1e-8 * alone.max())
+    assert free == pytest.approx(freed, abs=1e-12)
+
+
+@pytest.mark.parametrize("part", ["quadratic", "linear", "equality", "bound"])
+def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, part):
+    # there is no second assembly that would go on with the old number
+    stated, n = formulation.statement, len(system.delta_p)
+    x = stated.forces
+    before = Engine(formulation, 80e3).solve(system.delta_p[None])
+    objective, constraints = stated.problem.objective.expr, list(stated.problem.constraints)
+    busiest = int(np.argmax(before[0][0, : system.n_flanks]))
+    pick = np.zeros(n)
+    pick[busiest] = 1.0
+    if part == "quadratic":
+        objective = objective + cp.quad_form(x, cp.psd_wrap(np.diag(pick)))
+    elif part == "linear":
+        objective = objective + 3.0 * (pick @ x)
+    elif part == "equality":
+        (old,) = constraints
+        constraints = [old.args[0] - np.array([0.2, 0, 0]) * (pick @ x) == 0]
+    else:
+        constraints.append(x >= 0.001 * np.ones(n))
+    problem = cp.Problem(cp.Minimize(objective), constraints)
+    altered = replace(formulation)
+    altered.__dict__["statement"] = replace(stated, problem=problem, equilibrium=constraints[0])
+    if part == "bound":
+        # a row that the engine does not know is refused, not dropped
+        with pytest.raises(UntrustedError, match="inequalities"):
+            Engine(altered, 80e3)
+        return
+    after = Engine(altered, 80e3).solve(system.delta_p[None])
+    many = Engine(altered, 80e3).solve(np.repeat(system.delta_p[None], MANY, axis=0))
+    assert many[1] * ARCSEC == pytest.approx(np.repeat(after[1] * ARCSEC, MANY, axis=0), abs=1e-7)
+    assert abs(after[1][0, 0] - before[1][0, 0]) * ARCSEC > 0.01
+    _, same = solve_through_cvxpy(altered, system.delta_p, 80e3, "CLARABEL")
+    assert same[0] * ARCSEC == pytest.approx(after[1][0, 0] * ARCSEC, abs=1e-3)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "clarabel", "osqp", "highs", "scs"])
+def test_every_state_can_go_through_cvxpy(reference, solver):
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(0, 202, 40))
+    direct = kinematic_error(reference, 80, states=states, cross_check=None)
+    through = kinematic_error(reference, 80, states=states, cross_check=None, solver=solver)
+    assert through.rotation_arcsec == pytest.approx(direct.rotation_arcsec, abs=1e-3)
+
+
+def test_an_unknown_solver_is_an_error(formulation, system):
+    with pytest.raises(UsageError, match="nosuch"):
+        ThroughCvxpy(formulation, 80e3, "nosuch").solve(system.delta_p[None])
+
+
+@pytest.mark.parametrize(
+    ("residual", "spoil"),
+    [
+        ("negative_force", lambda f, a: (f - 1e-6 * f.max(), a)),
+        ("equilibrium", lambda f, a: (f * (1 + 1e-6), a)),
+        ("complementarity", lambda f, a: (f, a + np.array([1e-7, 0, 0]))),
+        ("negative_gap", lambda f, a: (f, a + np.array([1e-7, 0, 0]))),
+    ],
+)
+def test_a_wrong_answer_has_no_certificate(formulation, system, residual, spoil):
+    forces, free, _ = Engine(formulation, 80e3).solve(system.delta_p[None])
+    right = residuals(system, system.delta_p[None], 80e3, forces, free)
+    assert getattr(right, residual)[0] < 1e-11
+    wrong = residuals(system, system.delta_p[None], 80e3, *spoil(forces, free))
+    assert getattr(wrong, residual)[0] > 1e-8
+
+
+def test_the_certificate_is_made_from_the_unscaled_system(system):
+    # forces that are right for other gaps are not right for these
+    forces, free, _ = Engine(formulate(system), 80e3).solve(system.delta_p[None])
+    moved = system.delta_p.copy()
+    moved[np.argmax(forces[0])] += 1e-5
+    assert residuals(system, moved[None], 80e3, forces, free).worst[0] > 1e-8
+
+
+def test_nan_is_the_worst_residual(system):
+    n = len(system.delta_p)
+    proof = residuals(system, system.delta_p[None], 80e3, np.full((1, n), np.nan), np.zeros((1, 3)))
+    assert proof.worst[0] == np.inf
+
+
+class Broken:
+    """A solver that gives a wrong answer for one state."""
+
+    def __init__(self, inner, spoiled):
+        self.inner, self.spoiled = inner, spoiled
+
+    def solve(self, delta_p):
+        forces, free, fallbacks = self.inner.solve(delta_p)
+        forces[self.spoiled] *= 1.001
+        return forces, free, fallbacks
+
+
+def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation):
+    delta_p = np.repeat(system.delta_p[None], 5, axis=0)
+    with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
+        solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, delta_p, lambda k: f"number {k}")
+    assert error.value.exit_code == 5
+    assert error.value.hint
+
+
+def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
+    import hdassist.error.cycle as module
+
+    real = module.solve_through_cvxpy
+    monkeypatch.setattr(module, "solve_through_cvxpy", lambda *a: (real(*a)[0], real(*a)[1] + 0.02 / ARCSEC))
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(20))
+    with pytest.raises(UntrustedError, match="two solvers disagree at phi_h"):
+        kinematic_error(reference, 80, states=states)
+
+
+@pytest.mark.parametrize("failing", ["warm", "warm and cold", "all"])
+def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, failing):
+    delta_p = system.delta_p + np.linspace(0, 1, 4)[:, None] * (system.deviation_map @ [0.03, 0, 0.05, 0])
+    expected = Engine(formulation, 80e3).solve(delta_p)[1]
+    run, calls = ActiveSet._run, []
+
+    def stubborn(self):
+        # the third state is the one that the warm solver gives up
+        calls.append(1)
+        give_up = {"warm": (3,), "warm and cold": (3, 4), "all": (3, 4)}[failing]
+        if len(calls) in give_up:
+            self._model = None
+            return None
+        return run(self)
+
+    monkeypatch.setattr(ActiveSet, "_run", stubborn)
+    if failing == "all":
+
+        def refuse(*_):
+            raise UntrustedError("no")
+
+        monkeypatch.setattr(activeset, "solve_through_cvxpy", refuse)
+    forces, free, fallbacks = Engine(formulation, 80e3).solve(delta_p)
+    assert fallbacks == 1
+    if failing == "all":
+        assert np.isnan(forces[2]).all()
+        assert not np.isnan(forces[[0, 1, 3]]).any()
+    else:
+        assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
+
+
+def test_too_great_a_torque_is_outside_the_model(reference):
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
+    with pytest.raises(UntrustedError, match="quarter of a tooth pitch"):
+        kinematic_error(reference, 1e6, states=states)
+    with pytest.raises(UntrustedError, match="outermost tooth"):
+        kinematic_error(reference, 5000, states=states)
+
+
+def test_a_window_too_narrow_is_outside_the_model(reference):
+    with pytest.raises(UntrustedError, match=r"numerics\.window|outermost tooth") as error:
+        self_error(changed(reference, numerics__window=12.0, numerics__n_phase=2), [800.0])
+    assert "window" in error.value.hint
+
+
+def test_progress_counts_every_state(reference, monkeypatch):
+    monkeypatch.setattr(answers, "CHUNK", 7)
+    seen = []
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(30))
+    result = kinematic_error(reference, 80, states=states, cross_check=None, progress=seen.append)
+    assert sum(seen) == 30 == result.certificate.states
+    monkeypatch.undo()
+    assert kinematic_error(reference, 80, states=states, cross_check=None).error_arcsec == pytest.approx(
+        result.error_arcsec, abs=1e-9
+    )
+
+
+def test_the_sample_of_the_cross_check_is_seeded(reference):
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(600))
+    one, same, other = (kinematic_error(reference, 80, states=states, seed=seed).cross_check for seed in (1, 1, 2))
+    assert one == same
+    assert 8 <= one.states <= 10
+    assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec
+
+
+def test_cvxpy_starts_without_statistics_and_lacks_nothing_of_it():
+    lines = (
+        "import sys",
+        "import hdassist.solve.formulation",
+        "assert not [name for name in sys.modules if name.startswith('scipy.stats')]",
+        "from cvxpy.atoms.quantum_rel_entr import entropy",
+        "print(entropy([0.5, 0.5]))",
+        "import scipy.stats",
+        "print(scipy.stats.entropy([0.5, 0.5]), scipy.stats.norm.cdf(0))",
+    )
+    child = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    assert list(map(float, child.stdout.split())) == pytest.approx([np.log(2), np.log(2), 0.5])

@@ -1,0 +1,149 @@
+"""Plots, looks and quantities."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hdassist.terminal.answers import combine, to_json
+from hdassist.terminal.columns import Quantity, as_object
+from hdassist.terminal.console import Look
+from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.plot import curve, dots_to_braille, two_curves
+
+BRAILLE, ASCII = Look(ascii=False, codes=False, width=80), Look(ascii=True, codes=False, width=80)
+
+
+def rows(page: str) -> list[str]:
+    """The drawn rows of a plot, without its axes."""
+    return [re.split(r"[│┤|+]", line, maxsplit=1)[1] for line in page.splitlines()[1:-3]]
+
+
+def test_axes_are_numbered_and_carry_units():
+    page = curve(BRAILLE, np.array([0.0, 360.0]), np.array([-7.0, 12.0]), x_label="angle, deg", y_label="error, arcsec")
+    lines = page.splitlines()
+    assert lines[0] == "error, arcsec"
+    assert lines[-1].strip() == "angle, deg"
+    numbers = [float(n) for n in re.findall(r"^ *(-?[\d.]+) ┤", page, flags=re.MULTILINE)]
+    assert numbers == sorted(numbers, reverse=True)
+    assert numbers[0] >= 12
+    assert numbers[-1] <= -7
+    assert [float(n) for n in lines[-2].split()] == [0, 100, 200, 300]
+
+
+@pytest.mark.parametrize("look", [BRAILLE, ASCII])
+def test_a_rising_line_rises(look):
+    drawn = rows(curve(look, np.linspace(0, 1, 200), np.linspace(0, 1, 200), x_label="x", y_label="y"))
+    first = [min((k for k, c in enumerate(row) if c.strip()), default=None) for row in drawn]
+    seen = [k for k in first if k is not None]
+    assert len(seen) == len(drawn)
+    assert seen == sorted(seen, reverse=True)
+    assert seen[-1] == 0
+    assert seen[0] > 60
+
+
+def test_crowded_points_show_their_range():
+    x = np.linspace(0, 1, 20000)
+    drawn = rows(curve(ASCII, x, np.where(np.arange(20000) % 2, 1.0, -1.0), x_label="x", y_label="y"))
+    assert all(set(row) == {"*"} and len(row) >= 70 for row in drawn)
+
+
+def test_braille_dots_are_where_unicode_has_them():
+    dots = np.zeros((4, 2), dtype=bool)
+    dots[0, 0] = dots[3, 1] = True
+    assert dots_to_braille(dots) == [["⢁"]]
+    assert dots_to_braille(np.ones((4, 2), dtype=bool)) == [["⣿"]]
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=50),
+    st.integers(40, 200),
+    st.booleans(),
+    st.sampled_from([0.0, 1e-9, 3.0]),
+)
+def test_any_curve_can_be_drawn(values, width, plain, scale):
+    look = Look(ascii=plain, codes=False, width=width)
+    page = curve(look, np.arange(len(values), dtype=float), np.array(values) * scale, x_label="x", y_label="y")
+    assert max(map(len, page.splitlines())) <= min(width, 80)
+    assert not plain or page.isascii()
+
+
+class Terminal(io.StringIO):
+    encoding = "utf-8"
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("env", "forced", "ascii", "codes"),
+    [
+        ({}, {}, False, True),
+        ({"NO_COLOR": "1"}, {}, False, False),
+        ({"TERM": "dumb"}, {}, False, False),
+        ({"LC_ALL": "C"}, {}, True, True),
+        ({}, {"ascii": True}, True, True),
+        ({}, {"no_color": True}, False, False),
+    ],
+)
+def test_look_of_a_terminal(monkeypatch, env, forced, ascii, codes):
+    for name in ("NO_COLOR", "TERM", "LC_ALL"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in env.items():
+        monkeypatch.setenv(name, value)
+    look = Look.of(Terminal(), **forced)
+    assert (look.ascii, look.codes) == (ascii, codes)
+
+
+def test_look_of_a_pipe():
+    assert not Look.of(io.StringIO()).codes
+    assert Look.of(io.StringIO()).width == 80
+
+
+def test_seven_bit_text():
+    assert ASCII.text("80 N·m ± 5 µm ≤ 3°") == "80 N*m +- 5 um <= 3 deg"
+    assert ASCII.text("привод") == "??????"
+    assert BRAILLE.text("80 N·m") == "80 N·m"
+
+
+def test_quantities_nest_and_keep_full_precision():
+    quantities = (
+        Quantity("a.b_mm", "b", "mm", ".1f", lambda x: x),
+        Quantity("a.c_mm", "c", "mm", ".1f", lambda x: None),
+    )
+    assert as_object(quantities, 1 / 3) == {"a": {"b_mm": 1 / 3, "c_mm": None}}
+    assert [q.text(1 / 3) for q in quantities] == ["0.3", "-"]
+    assert quantities[0].words == "b, mm"
+
+
+def test_json_has_no_nan():
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        to_json({"a": float("nan")})
+
+
+def test_several_answers_take_the_worst_exit_code():
+    assert combine("check", [{"exit_code": 3}]) == {"exit_code": 3}
+    codes = [0, 6, 3, 4, 5]
+    for k in range(2, 6):
+        assert combine("check", [{"exit_code": c} for c in codes[:k]])["exit_code"] == codes[k - 1]
+
+
+def test_csv_is_plain():
+    assert to_csv(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
+
+
+def test_two_curves_have_a_glyph_each_and_a_legend():
+    x = np.linspace(0, 1, 200)
+    for look, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
+        page = two_curves(look, x, np.sin(6 * x), np.sin(6 * x + 0.5), names=("one", "two"), x_label="x", y_label="y")
+        legend, *picture = page.splitlines()
+        assert legend == f"y: {glyphs[0]} one, {glyphs[1]} two, {glyphs[2]} both"
+        assert all(glyph in "".join(picture) for glyph in glyphs)
+        assert max(map(len, page.splitlines())) <= 80
+    same = two_curves(ASCII, x, x, x, names=("one", "two"), x_label="x", y_label="y").splitlines()[1:]
+    drawn = {glyph for line in same for glyph in line[9:] if glyph in ".o#"}
+    assert "#" in drawn
+    assert "o" not in drawn

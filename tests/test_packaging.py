@@ -1,0 +1,57 @@
+"""Presets and command are found from a wheel, and from an editable install."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def build(tmp_path: Path, target: str) -> Path:
+    """Build a wheel without the network, by the build backend that is installed."""
+    code = f"from hatchling import build; build.{target}({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    return site
+
+
+@pytest.mark.parametrize("target", ["build_wheel", "build_editable"])
+def test_presets_are_found(tmp_path, target):
+    site = build(tmp_path, target)
+    # -S -E: nothing of this environment but its packages; .pth files of the editable wheel are read by addsitedir
+    code = (
+        f"import site, sys; site.addsitedir({str(site)!r}); sys.path.insert(0, {str(site)!r})\n"
+        "import hdassist\n"
+        "from hdassist import load_preset, preset_names\n"
+        "print(hdassist.__file__); print(*preset_names()); print(load_preset('vzp160').gears.z_g)\n"
+    )
+    others = os.pathsep.join(p for p in sys.path if p.endswith("site-packages"))
+    result = subprocess.run(
+        [sys.executable, "-I", "-c", f"import sys; sys.path.append({others!r})\n{code}"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    home, names, teeth = result.stdout.splitlines()
+    assert Path(home).is_relative_to(site if target == "build_wheel" else ROOT)
+    assert {"vzp160", "synthetic-160-162"} <= set(names.split())
+    assert teeth == "200"
+
+
+def test_wheel_holds_the_presets_as_they_are(tmp_path):
+    site = build(tmp_path, "build_wheel")
+    shipped = {p.name: p.read_bytes() for p in (site / "hdassist/presets").glob("*.yaml")}
+    assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
+    for folder in ("hdassist/mounting", "hdassist/terminal/languages"):  # texts and looks of the assembly card
+        data = [p.name for p in (ROOT / folder).iterdir() if p.suffix in (".yaml", ".css")]
+        assert data
+        assert all((site / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
+    (metadata,) = site.glob("*.dist-info/METADATA")
+    assert "Requires-Python: >=3.11" in metadata.read_text()
+    assert not list(site.glob("tests"))

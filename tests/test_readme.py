@@ -1,0 +1,53 @@
+"""The README is true: its commands are those that run before a change lands, its Python runs."""
+
+import re
+from pathlib import Path
+
+import hdassist
+from hdassist.cli.main import app
+from hdassist.preset.library import preset_names
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+def test_set_up_commands_are_those_of_the_ci_script():
+    script = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
+    commands = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("python3 -m venv")]
+    assert len(commands) == 2
+    assert [line for line in script if line.startswith("python3 -m venv")] == commands
+    assert "hdassist check vzp160" in commands[0]
+    assert "pytest" in commands[1]
+
+
+def test_python_example_runs(capsys):
+    (code,) = blocks("python")
+    exec(compile(code, "README.md", "exec"), {})
+    told = capsys.readouterr().out
+    assert re.match(r"F'_ior = \d+\.\d\d arcsec over 20200 states\ngreatest residual .*e-1\d of its scale\n$", told)
+
+
+def test_commands_that_it_names_exist():
+    commands = {re.sub(r" .*", "", line[9:]) for line in re.findall(r"^hdassist .*", README, flags=re.MULTILINE)}
+    known = {c.name for c in app.registered_commands} | {g.name for g in app.registered_groups}
+    assert commands <= known
+    assert known <= commands
+    assert "vzp160" in preset_names()
+
+
+def test_each_dependency_has_its_reason():
+    pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    required = re.search(r"^dependencies = \[(.*?)\]", pyproject, flags=re.DOTALL | re.MULTILINE)
+    assert required
+    names = {re.sub(r"[^a-z].*", "", item) for item in re.findall(r'"(.*?)"', required[1])}
+    table = {n.strip() for row in re.findall(r"^\| ([a-z, ]+) \|", README, flags=re.MULTILINE) for n in row.split(",")}
+    assert table - {"package"} == names
+
+
+def test_public_names_are_there():
+    for name in hdassist.__all__:
+        assert getattr(hdassist, name) is not None
