@@ -37,4 +37,4 @@ def command(
     if json:
         out.text(to_json(report.answer(found)))
     else:
-        out.human(report.render(found, out.look))
+        out.human(report.render(found, out.style))

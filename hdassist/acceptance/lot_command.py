@@ -119,7 +119,7 @@ def accept_lot(
                     complain(HdassistError(f"{report.title(answer)}: {told['message']}", told["hint"]))
                 if shown:
                     words = f"{report.title(answer)} {figures.status(answer)}" if quiet else report.line(answer, width)
-                    lines.append(out.look.text(words))
+                    lines.append(out.style.text(words))
                     if out.target == "-":
                         out.text(lines[-1] + "\n")
     except KeyboardInterrupt:
@@ -136,7 +136,7 @@ def accept_lot(
     if json:
         out.text(to_json(figures.combined(lot, done)))
     elif shown:
-        page = "" if quiet else "\n" + out.page(report.render(lot, done, out.look))
+        page = "" if quiet else "\n" + out.page(report.render(lot, done, out.style))
         out.text(page if out.target == "-" else "\n".join(lines) + "\n" + page)
     out.figures(figures.csv(done))
     files.write_suite(out, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})

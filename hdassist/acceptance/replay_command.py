@@ -49,7 +49,7 @@ def replay_answers(
     elif quiet:
         out.text(report.brief(replayed) + "\n")
     else:
-        out.text(out.look.text("\n".join(map(report.line, replayed))) + "\n")
+        out.text(out.style.text("\n".join(map(report.line, replayed))) + "\n")
     for one in replayed:
         if one.fault and not one.left_out:
             complain(HdassistError(one.fault, one.hint))

@@ -61,7 +61,7 @@ def accept_presets(
             answers.append(figures.failure(request, fault))
             continue
         answers.append(figures.answer(request, result, fail_on))
-        pages.append(report.brief(result) if quiet else report.render(result, out.look, request.serial))
+        pages.append(report.brief(result) if quiet else report.render(result, out.style, request.serial))
         for text in drive.origin.warnings:
             warn(f"{drive.name}: {text}")
         if verbose:

@@ -104,7 +104,7 @@ def command(
     if json:
         out.text(to_json(report.answer(result)))
     else:
-        out.human(report.brief(result) if quiet else report.render(result, out.look))
+        out.human(report.brief(result) if quiet else report.render(result, out.style))
     if write is not None:
         sets = [dict(zip(paths, fit.values, strict=True)) for fit in result.fits]
         ref = f"hdassist calibrate, {wanted.name or targets.name}"

@@ -119,7 +119,7 @@ def command(
             continue
         done.append(result)
         answers.append(figures.answer(result, reading))
-        pages.append(report.brief(result, reading) if quiet else report.render(result, reading, out.look, plots=plot))
+        pages.append(report.brief(result, reading) if quiet else report.render(result, reading, out.style, plots=plot))
         for text in result.warnings:
             warn(f"{name}: {text}")
     for text in drive.origin.warnings:

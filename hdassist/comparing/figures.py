@@ -12,8 +12,8 @@ from hdassist.comparing.comparison import Comparison, Explanation, OrderPair
 from hdassist.comparing.vectors import VECTORS
 from hdassist.model.kinematics import Kinematics
 from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
 from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.quantities import Quantity, as_object
 
 ORDER: tuple[Quantity[OrderPair], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),

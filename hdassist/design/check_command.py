@@ -89,7 +89,7 @@ def command(
             continue
         done.append(result)
         answers.append(report.answer(result, seed))
-        pages.append(report.brief(result) if quiet else report.render(result, out.look, plots=plot))
+        pages.append(report.brief(result) if quiet else report.render(result, out.style, plots=plot))
         for text in result.warnings:
             warn(f"{drive.name}: {text}")
         if verbose:

@@ -43,5 +43,5 @@ def command(
     if json:
         out.text(to_json(report.answer(drive, results)))
     else:
-        out.human(report.brief(results) if quiet else report.render(drive, results, out.look))
+        out.human(report.brief(results) if quiet else report.render(drive, results, out.style))
     out.figures(report.csv(results))

@@ -13,9 +13,9 @@ from rich.text import Text
 from hdassist.error.self_error import SelfError
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.quantities import Quantity, as_object
 
 POINT: tuple[Quantity[SelfError], ...] = (
     Quantity("M_g_Nm", "torque M_g", "N·m", "g", lambda e: e.M_g),
@@ -25,17 +25,17 @@ POINT: tuple[Quantity[SelfError], ...] = (
 )
 
 
-def render(drive: Drive, results: Sequence[SelfError], look: Look) -> RenderableType:
+def render(drive: Drive, results: Sequence[SelfError], style: Style) -> RenderableType:
     """One row per torque, and the certificate."""
-    grid = table(look, f"{drive.name}: error of the drive without deviations")
+    grid = table(style, f"{drive.name}: error of the drive without deviations")
     for quantity in POINT:
-        grid.add_column(look.text(quantity.words), justify="right")
+        grid.add_column(style.text(quantity.words), justify="right")
     for result in results:
         grid.add_row(*(quantity.text(result) for quantity in POINT))
     proof = reduce(add, (result.certificate for result in results))
     phases = drive.numerics.n_phase
     words = f"certificate: {phases} x {phases} phases at each torque; {proof}"
-    return Group(grid, Text(""), Text(look.text(words)))
+    return Group(grid, Text(""), Text(style.text(words)))
 
 
 def answer(drive: Drive, results: Sequence[SelfError]) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from rich.text import Text
 from hdassist.error.stiffness import LOST_MOTION, Segment, Stiffness
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.csvtext import to_csv
 from hdassist.terminal.plot import curve
+from hdassist.terminal.quantities import Quantity, as_object
 
 ARCMIN = pi / 10800  # rad
 
@@ -33,15 +33,15 @@ def warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     return (*drive.origin.warnings, *([unrated] if drive.operation.rated is None else []))
 
 
-def render(drive: Drive, result: Stiffness, look: Look, *, plots: bool = True) -> RenderableType:
+def render(drive: Drive, result: Stiffness, style: Style, *, plots: bool = True) -> RenderableType:
     """The curve, the segments of both sides, lost motion and play."""
     parts: list[RenderableType] = [
-        Text(look.text(f"{drive.name}: twist of the drive without deviations, the cam held"), style="bold")
+        Text(style.text(f"{drive.name}: twist of the drive without deviations, the cam held"), style="bold")
     ]
     if plots:
-        drawn = curve(look, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
+        drawn = curve(style, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
         parts.append(Text(drawn))
-    parts += [*([_segments(result, look)] if result.positive else []), _whole(result, look)]
+    parts += [*([_segments(result, style)] if result.positive else []), _whole(result, style)]
     proof = certificate_object(result.certificate, [result.cross_check] if result.cross_check else [])
     words = f"certificate: {result.certificate}"
     if cross := proof["cross_check"]:
@@ -50,10 +50,10 @@ def render(drive: Drive, result: Stiffness, look: Look, *, plots: bool = True) -
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _segments(result: Stiffness, look: Look) -> Table:
-    grid = table(look, "torsional stiffness")
+def _segments(result: Stiffness, style: Style) -> Table:
+    grid = table(style, "torsional stiffness")
     for words in ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", "K the other way, 1e4 N·m/rad"):
-        grid.add_column(look.text(words), justify="left" if words == "segment" else "right")
+        grid.add_column(style.text(words), justify="left" if words == "segment" else "right")
     for k, (plus, minus) in enumerate(zip(result.positive, result.negative, strict=True), 1):
         span = f"{plus.start:.4g} to {plus.end:.4g}"
         arcmin = plus.stiffness * ARCMIN
@@ -62,12 +62,12 @@ def _segments(result: Stiffness, look: Look) -> Table:
     return grid
 
 
-def _whole(result: Stiffness, look: Look) -> Table:
-    grid = table(look, "near zero", header=False)
+def _whole(result: Stiffness, style: Style) -> Table:
+    grid = table(style, "near zero", header=False)
     grid.add_column()
     grid.add_column(justify="right")
     for quantity in WHOLE:
-        grid.add_row(look.text(quantity.words), quantity.text(result))
+        grid.add_row(style.text(quantity.words), quantity.text(result))
     return grid
 
 

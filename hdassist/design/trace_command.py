@@ -80,5 +80,5 @@ def command(
     if json:
         out.text(to_json(report.answer(drive, result, seed)))
     else:
-        out.human(report.brief(result) if quiet else report.render(drive, result, out.look, plots=plot))
+        out.human(report.brief(result) if quiet else report.render(drive, result, out.style, plots=plot))
     out.figures(report.csv(result))

@@ -86,7 +86,7 @@ def command(
             continue
         done.append(result)
         answers.append(figures.answer(result, drive))
-        pages.append(report.brief(result) if quiet else report.render(result, drive, out.look, plots=plot))
+        pages.append(report.brief(result) if quiet else report.render(result, drive, out.style, plots=plot))
         for text in result.warnings:
             warn(f"{name}: {text}")
     repeats = figures.repeats(done)

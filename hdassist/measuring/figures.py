@@ -11,8 +11,8 @@ from hdassist.errors import HdassistError
 from hdassist.measuring.measurement import Direction, Measurement
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.preset.fields import Drive
-from hdassist.terminal.columns import Quantity, as_object
 from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.version import __version__
 
 SCHEMA = "hdassist.measure/1"

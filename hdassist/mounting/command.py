@@ -182,7 +182,7 @@ def command(
     if json:
         out.text(to_json(report.answer(advice, seed)))
     elif not (page and page.replaces(out)):
-        out.human(report.brief(advice) if quiet else report.render(advice, out.look, plots=plot))
+        out.human(report.brief(advice) if quiet else report.render(advice, out.style, plots=plot))
     out.figures(report.csv(advice))
     if page:
         page.write(advice)

@@ -80,7 +80,7 @@ def with_trials(
     if json:
         out.text(to_json(report.answer(advice, seed)))
     elif not (page and page.replaces(out)):
-        out.human(report.brief(advice) if quiet else report.render(advice, out.look))
+        out.human(report.brief(advice) if quiet else report.render(advice, out.style))
     out.figures(report.csv(advice))
     if page:
         page.write(advice.as_advice, advice.known.trials, how.M_g, report.warnings(advice, page.say))
