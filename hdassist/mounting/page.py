@@ -14,9 +14,8 @@ from hdassist.error.sensitivity import Sensitivity
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import MountingCurve, Position
 from hdassist.mounting.seat import circle, instruction, wheel
-from hdassist.terminal.answers import certificate_object, envelope
+from hdassist.terminal.answers import certificate_object, csv_text, envelope
 from hdassist.terminal.console import Style, table
-from hdassist.terminal.csvtext import to_csv
 from hdassist.terminal.plot import curve
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
@@ -255,7 +254,7 @@ def csv(advice: Advice) -> str:
         for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         for rotation, phase, value, every in zip(result.rotation_deg, result.phase_deg, values, solved, strict=True)
     ]
-    return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
+    return csv_text(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
 
 
 def brief(advice: Advice) -> str:

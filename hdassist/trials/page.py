@@ -11,9 +11,8 @@ from rich.text import Text
 
 from hdassist.mounting.positions import Position, hole_of, hole_words
 from hdassist.mounting.seat import turn, wheel
-from hdassist.terminal.answers import envelope
+from hdassist.terminal.answers import csv_text, envelope
 from hdassist.terminal.console import Style, table
-from hdassist.terminal.csvtext import to_csv
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import OPEN, Direction
@@ -343,7 +342,7 @@ def csv(advice: TrialAdvice) -> str:
         for k, M_g in enumerate(known.prior.torques[: known.deciding])
         for p, rotation in enumerate(known.rotations_deg)
     ]
-    return to_csv(["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows)
+    return csv_text(["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows)
 
 
 def brief(advice: TrialAdvice) -> str:
