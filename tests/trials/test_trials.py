@@ -152,9 +152,15 @@ def test_an_uncertain_seat_blurs_what_is_known(prior: OffsetPrior) -> None:
     assert np.all(loose.spread_arcsec > RIG.noise_arcsec)
 
 
-def test_the_seats_error_is_that_of_a_displaced_wheel(prior: OffsetPrior) -> None:
+@pytest.mark.parametrize(
+    ("size", "direction", "rel"),
+    [(28, 40, 0.1), (40, 50, 0.1), (28, 12, 0.35)],  # the last: a kink of F'_ior, where a slope tells little
+)
+def test_the_seats_error_is_that_of_a_displaced_wheel(
+    prior: OffsetPrior, size: int, direction: int, rel: float
+) -> None:
     """Against drives whose wheel is really displaced: its tooth vector gets the displacement."""
-    size, direction, reseat = 28, 12, 3.0
+    reseat = 3.0
     drive = hidden(float(prior.size_um[size]), float(prior.direction_deg[direction]))
     search = CycleSearch(drive, M_G)
     half = drive.tolerances.F_i2 / 2 * np.exp(1j * np.radians(drive.phases.xi_b))
@@ -165,7 +171,7 @@ def test_the_seats_error_is_that_of_a_displaced_wheel(prior: OffsetPrior) -> Non
         moved_drive = drive.with_values({path: float(v) for path, v in values.items()})
         found.append(search.extremes(moved_drive, QUICK).F_ior_arcsec)
     seen = prior.seat_error(0.0, reseat)[0, prior.scale == 1, size, direction].mean()
-    assert seen == pytest.approx(np.std(found), rel=0.35)
+    assert seen == pytest.approx(np.std(found), rel=rel)
 
 
 def test_values_that_nothing_explains_are_refused(prior: OffsetPrior) -> None:
