@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from hdassist.preset.fields import Drive, fields, unit_of
+from hdassist.preset.fields import Drive, fields
+from hdassist.preset.kinds import unit_of
 from hdassist.preset.overrides import is_overridden
 
 

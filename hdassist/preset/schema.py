@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.fields import SCHEMA, Drive, Section, fields, is_optional, kind_of, sections, unit_of
-from hdassist.preset.spread import spread_pattern
-from hdassist.preset.units import pattern_for, spelled_units, units_for
+from hdassist.preset.fields import SCHEMA, Drive, fields, sections
+from hdassist.preset.kinds import Section, is_optional, kind_of, unit_of
+from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
 Schema = dict[str, Any]
 NUMBER = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
@@ -83,7 +83,7 @@ def _field(declared: Schema, info: FieldInfo) -> Schema:
     number = declared.get("anyOf", [declared])[0]
     choices = _quantity(number, unit) + ([{"type": "null"}] if is_optional(info) else [])
     if kind == "number":
-        choices.append({"type": "string", "pattern": spread_pattern(spelled_units(unit))})
+        choices.append({"type": "string", "pattern": spread_pattern(unit)})
     return about | (choices[0] if len(choices) == 1 else {"anyOf": choices})
 
 

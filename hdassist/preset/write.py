@@ -10,7 +10,8 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.errors import UsageError
-from hdassist.preset.fields import SCHEMA, Section, plain, sections, unit_of
+from hdassist.preset.fields import SCHEMA, sections
+from hdassist.preset.kinds import Section, plain, unit_of
 from hdassist.preset.yamltext import resolve
 
 MAX_NAME = 200
