@@ -93,7 +93,7 @@ def show(
         sys.stdout.buffer.write(read_preset(preset)[0])
         sys.stdout.buffer.flush()
         return
-    from hdassist.preset.resolved import resolved as rows_of
+    from hdassist.preset.schema import resolved as rows_of
 
     drive = load_preset(preset, overrides)
     rows = rows_of(drive)
