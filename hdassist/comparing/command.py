@@ -53,7 +53,8 @@ def command(
       hdassist compare my-drive.yaml run.csv --torque 80 --angle enc1 --second enc2 --cam-zero fit
       hdassist compare my-drive.yaml run.csv --torque 80 --set phases.xi_b=230 --json
 
-    Each deviation is fitted alone, then all together, through the contact model; what the record does not tell is said.
+    Each deviation, of the cam (wave generator), the rigid wheel (circular spline) or the flexspline, is fitted alone,
+    then all together, through the contact model; what the record does not tell is said.
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell.
     """
     from dataclasses import replace

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
-from hdassist.comparing.findings import BY_CHANCE, TOLD, Conclusion, Explanation, LeftOrder, conclude, explanation
+from hdassist.comparing.findings import BY_CHANCE, TOLD, Conclusion, Explanation, conclude, explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, Record, rms, solved_curve
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Record, rms, solved_curve
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, worth_searching
@@ -48,24 +48,6 @@ class RecordConvention:
 
 
 @dataclass(frozen=True)
-class OrderPair:
-    """One order: amplitude cos(per_cam_rev phi + phase), measured and predicted, and the amplitude of their difference.
-
-    phi: the rig's cam angle; uncertainties are standard ones; cause in words.
-    """
-
-    per_cam_rev: float
-    amplitude_arcsec: float
-    uncertainty_arcsec: float
-    phase_deg: float
-    predicted_arcsec: float
-    predicted_phase_deg: float
-    difference_arcsec: float
-    difference_uncertainty_arcsec: float
-    cause: str
-
-
-@dataclass(frozen=True)
 class Mirror:
     """The other way round a file fits clearly better: what of it is swapped, and rms of the difference then."""
 
@@ -77,17 +59,16 @@ class Mirror:
 class Comparison:
     """A measured trace beside what a drive should do.
 
-    M_g [N*m]; found: the measured side; alignment and its standard uncertainties [deg], None where given;
-    predicted_arcsec at the bins, levels and drift as the residual has none; residual_arcsec at the bins; coefficients
-    of the orders, measured and predicted; ranges [arcsec] limited to the orders over the angles visited; F_ior_arcsec
-    of the drive over the full cycle; chi_square and freedom of the drive as it is; singles: one of each vector; joint;
-    both none where nothing is called for.
+    M_g [N*m]; found: the measured side; unchanged: the drive as it is, with the alignment of the record; standard
+    uncertainties of that [deg], None where it was given; predicted_arcsec at the bins, levels and drift as the residual
+    has none; residual_arcsec at the bins; orders, measured and predicted; ranges [arcsec] limited to the orders over
+    the angles visited; singles: one explanation of each vector; joint; both none where nothing is called for.
     """
 
     drive: Drive
     measurement: Measurement
     M_g: float
-    alignment: Alignment
+    unchanged: Explanation
     start_uncertainty_deg: float | None
     zero_uncertainty_deg: float | None
     predicted_arcsec: Array
@@ -98,9 +79,6 @@ class Comparison:
     difference_rms_arcsec: float
     largest_arcsec: float
     largest_at_turns: float
-    F_ior_arcsec: float
-    chi_square: float
-    freedom: int
     singles: tuple[Explanation, ...]
     joint: Explanation | None
     conclusion: Conclusion
@@ -193,7 +171,7 @@ def compare(
     predicted = record.measured - apart
     curve = curve_of(apart, found.fit.orders, found.grid_turns)
     worst = int(np.abs(curve).argmax())
-    F_ior = solved.F_ior(drive)
+    now = replace(now, F_ior_arcsec=solved.F_ior(drive))
     best = min(singles, key=lambda single: single.chi_square, default=now)
     singles = [_solved_again(single, record, solved, curve=single.vectors == best.vectors) for single in singles]
     joint = joint and _solved_again(joint, record, solved, curve=True)
@@ -201,20 +179,17 @@ def compare(
         drive=drive,
         measurement=measurement,
         M_g=M_g,
-        alignment=base.alignment,
+        unchanged=now,
         start_uncertainty_deg=_angle_uncertainty(base, 0, now) if free_start else None,
         zero_uncertainty_deg=_angle_uncertainty(base, int(free_start), now) if free_zero else None,
         predicted_arcsec=found.fit.curve(found.bins.turns) + found.fit.residual - residual,
         residual_arcsec=residual,
-        orders=_order_pairs(record, predicted, apart),
+        orders=record.pairs(predicted, apart),
         predicted_range_arcsec=float(np.ptp(curve_of(predicted, found.fit.orders, found.grid_turns))),
         difference_range_arcsec=float(np.ptp(curve)),
         difference_rms_arcsec=rms(apart),
         largest_arcsec=float(curve[worst]),
         largest_at_turns=float(found.grid_turns[worst]),
-        F_ior_arcsec=F_ior,
-        chi_square=now.chi_square,
-        freedom=now.freedom,
         singles=tuple(singles),
         joint=joint,
         conclusion=conclude(now, singles, joint, mirrored=mirror is not None),
@@ -289,11 +264,10 @@ def _solved_again(found: Explanation, record: Record, solved: _SolvedStates, *, 
     if not curve:
         return found
     left = record.measured - record.of_curve(solved.curve(there, record.found.bins.turns, found.alignment))
-    pairs = _order_pairs(record, left, left)
+    pairs = record.pairs(left, left)
     clear = [pair for pair in pairs if pair.difference_arcsec > CHI_SQUARE_CLEAR * pair.difference_uncertainty_arcsec]
     greatest = sorted(clear, key=lambda pair: -pair.difference_arcsec)[:LEFT]
-    orders = tuple(LeftOrder(pair.per_cam_rev, pair.difference_arcsec, pair.cause) for pair in greatest)
-    return replace(found, left_arcsec=rms(left), left_orders=orders)
+    return replace(found, left_arcsec=rms(left), left_orders=tuple(greatest))
 
 
 def _angle_uncertainty(base: VectorFit, row: int, now: Explanation) -> float:
@@ -302,28 +276,3 @@ def _angle_uncertainty(base: VectorFit, row: int, now: Explanation) -> float:
         return UNTOLD
     scale = max(1.0, now.chi_square / now.freedom)
     return float(np.sqrt(scale * base.covariance()[row, row]))
-
-
-def _order_pairs(record: Record, predicted: Array, apart: Array) -> tuple[OrderPair, ...]:
-    """Orders of a record beside predicted coefficients and the difference of both, shape (2 orders,)."""
-    count = len(record.found.orders)
-    pairs = []
-    for k, order in enumerate(record.found.orders):
-        a, b, x, y = predicted[k], predicted[count + k], apart[k], apart[count + k]
-        size = float(np.hypot(x, y))
-        unit = np.array([x, y]) / size if size else np.array([1.0, 0.0])
-        own = record.covariance[np.ix_([k, count + k], [k, count + k])]
-        pairs.append(
-            OrderPair(
-                order.per_cam_rev,
-                order.amplitude_arcsec,
-                order.uncertainty_arcsec,
-                order.phase_deg,
-                float(np.hypot(a, b)),
-                float(np.degrees(np.arctan2(-b, a))),
-                size,
-                float(np.sqrt(unit @ own @ unit)),
-                order.cause,
-            )
-        )
-    return tuple(pairs)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from hdassist.comparing.fit import VectorFit
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, Record
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Record
 from hdassist.comparing.vectors import VECTORS, direction_of, with_vectors
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
@@ -36,15 +36,6 @@ class Change:
 
 
 @dataclass(frozen=True)
-class LeftOrder:
-    """An order of what an explanation leaves, clear of noise, and its cause in words."""
-
-    per_cam_rev: float
-    amplitude_arcsec: float
-    cause: str
-
-
-@dataclass(frozen=True)
 class Explanation:
     """The drive with some deviations fitted to the record.
 
@@ -68,7 +59,7 @@ class Explanation:
     alignment: Alignment
     F_ior_arcsec: float | None = None
     left_arcsec: float | None = None
-    left_orders: tuple[LeftOrder, ...] = ()
+    left_orders: tuple[OrderPair, ...] = ()
 
 
 @dataclass(frozen=True)

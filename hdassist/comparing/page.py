@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.comparing.compare import UNTOLD, Comparison, OrderPair, RecordConvention
+from hdassist.comparing.compare import UNTOLD, Comparison, RecordConvention
 from hdassist.comparing.findings import Explanation, as_good
+from hdassist.comparing.record import OrderPair
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.orders import UNKNOWN
 from hdassist.model.kinematics import Kinematics
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import two_curves
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 
 SHOWN = 12  # orders in the table, the greatest
@@ -25,18 +23,6 @@ AROUND = 1.0  # cam turns drawn to either side of the largest difference
 BEYOND = (
     "Beyond these deviations there are: stiffnesses, clearances and a torque that differ from the preset's, teeth that "
     "are no first harmonic, friction, tilted shafts, the rig's encoders and couplings, a sign or a zero read wrongly."
-)
-
-ORDER: tuple[Quantity[OrderPair], ...] = (
-    Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
-    Quantity("measured.amplitude_arcsec", "measured", "arcsec", ".3f", lambda o: o.amplitude_arcsec),
-    Quantity("measured.uncertainty_arcsec", "+/-", "", ".3f", lambda o: o.uncertainty_arcsec),
-    Quantity("measured.phase_deg", "phase", "deg", ".0f", lambda o: o.phase_deg),
-    Quantity("predicted.amplitude_arcsec", "predicted", "arcsec", ".3f", lambda o: o.predicted_arcsec),
-    Quantity("predicted.phase_deg", "phase", "deg", ".0f", lambda o: o.predicted_phase_deg),
-    Quantity("difference.amplitude_arcsec", "difference", "arcsec", ".3f", lambda o: o.difference_arcsec),
-    Quantity("difference.uncertainty_arcsec", "+/-", "", ".3f", lambda o: o.difference_uncertainty_arcsec),
-    Quantity("cause", "cause", "", "", lambda o: o.cause),
 )
 
 
@@ -131,8 +117,8 @@ def render(result: Comparison, convention: RecordConvention, style: Style, *, pl
 
 def _alignment(result: Comparison) -> str:
     pairs = (
-        (start_name(result), result.alignment.start, result.start_uncertainty_deg),
-        ("cam zero", result.alignment.zero, result.zero_uncertainty_deg),
+        (start_name(result), result.unchanged.alignment.start, result.start_uncertainty_deg),
+        ("cam zero", result.unchanged.alignment.zero, result.zero_uncertainty_deg),
     )
     words = []
     for name, angle, uncertainty in pairs:
@@ -146,8 +132,10 @@ def _alignment(result: Comparison) -> str:
 
 
 def _sign(result: Comparison) -> str:
-    same = "cam/ratio - output, as F_kpp" if result.alignment.sign > 0 else "output - cam/ratio, against F_kpp"
-    sense = "counter-clockwise" if result.alignment.sense > 0 else "clockwise"
+    same = (
+        "cam/ratio - output, as F_kpp" if result.unchanged.alignment.sign > 0 else "output - cam/ratio, against F_kpp"
+    )
+    sense = "counter-clockwise" if result.unchanged.alignment.sense > 0 else "clockwise"
     cam = f"its cam angle grows {sense}, seen from the cam side"
     return f"the file's error is {same}; {cam}. Curves and phases below are the file's."
 
@@ -176,7 +164,7 @@ def _ranges(result: Comparison) -> str:
             f"difference: rms {result.difference_rms_arcsec:.2f} arcsec, range {result.difference_range_arcsec:.2f}, "
             f"largest {result.largest_arcsec:.2f} at {result.largest_at_turns:.3f} cam turns",
             f"residual with its noise: rms {size.std():.2f} arcsec, range {size.max() - size.min():.2f}",
-            f"predicted F'_ior of the full cycle: {result.F_ior_arcsec:.2f} arcsec",
+            f"predicted F'_ior of the full cycle: {_whole(result.unchanged)} arcsec",
         )
     )
 
@@ -194,13 +182,14 @@ def _orders(result: Comparison, style: Style) -> Table:
     title = f"orders: amplitude·cos(order·angle + phase), arcsec and deg, the {SHOWN} greatest of {len(result.orders)}"
     columns = ("order", "measured", "phase", "predicted", "phase", "difference", "cause")
     grid = _grid(style, title, columns)
-    greatest = sorted(result.orders, key=lambda o: -max(o.amplitude_arcsec, o.predicted_arcsec))[:SHOWN]
-    for o in sorted(greatest, key=lambda o: o.per_cam_rev):
+    greatest = sorted(result.orders, key=lambda pair: -max(pair.measured.amplitude_arcsec, pair.predicted_arcsec))
+    for pair in sorted(greatest[:SHOWN], key=lambda pair: pair.measured.per_cam_rev):
+        o = pair.measured
         measured = _number(o.amplitude_arcsec, o.uncertainty_arcsec, 2)
-        difference = _number(o.difference_arcsec, o.difference_uncertainty_arcsec, 2)
+        difference = _number(pair.difference_arcsec, pair.difference_uncertainty_arcsec, 2)
         grid.add_row(
-            f"{o.per_cam_rev:.2f}", style.text(measured), f"{o.phase_deg:.0f}", f"{o.predicted_arcsec:.2f}",
-            f"{o.predicted_phase_deg:.0f}", style.text(difference), "-" if o.cause == UNKNOWN else o.cause,
+            f"{o.per_cam_rev:.2f}", style.text(measured), f"{o.phase_deg:.0f}", f"{pair.predicted_arcsec:.2f}",
+            f"{pair.predicted_phase_deg:.0f}", style.text(difference), "-" if o.cause == UNKNOWN else o.cause,
         )  # fmt: skip
     return grid
 
@@ -226,8 +215,9 @@ def _singles(result: Comparison, style: Style) -> Table:
     title = "one deviation fitted alone, the best first; ±: standard; left: chi-square per degree of freedom"
     columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
     grid = _grid(style, title, columns)
-    now = f"{result.chi_square / result.freedom:.2f}"
-    grid.add_row("none: as the preset", "", "", "", now, f"{result.F_ior_arcsec:.2f}")
+    now = result.unchanged
+    left = f"{now.chi_square / now.freedom:.2f}"
+    grid.add_row("none: as the preset", "", "", "", left, _whole(now))
     for single in sorted(result.singles, key=lambda s: s.chi_square):
         vector = VECTORS[single.vectors[0]]
         name = f"{vector.name}, {vector.direction.split('.')[1]}: {vector.words}"
@@ -263,8 +253,8 @@ def _advice(result: Comparison) -> list[str]:
     if kind == "unexplained":
         named = joint if joint and joint.left_orders else best
         left = [
-            f"order {order.per_cam_rev:.2f}: {order.amplitude_arcsec:.2f} arcsec ({order.cause})"
-            for order in (named.left_orders if named else ())
+            f"order {pair.measured.per_cam_rev:.2f}: {pair.difference_arcsec:.2f} arcsec ({pair.measured.cause})"
+            for pair in (named.left_orders if named else ())
         ]
         lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + BEYOND)
     if best and best.overrides and kind in ("one", "several"):
@@ -277,7 +267,7 @@ def _advice(result: Comparison) -> list[str]:
 def to_json(result: Comparison, convention: RecordConvention) -> Json:
     """The comparison as a JSON object."""
     found, trace, best = result.found, result.measurement.trace, result.conclusion.best
-    start, alignment = start_name(result), result.alignment
+    start, alignment = start_name(result), result.unchanged.alignment
     return {
         **envelope("compare", result.drive, 0, [*result.drive.origin.warnings, *result.warnings]),
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
@@ -299,7 +289,7 @@ def to_json(result: Comparison, convention: RecordConvention) -> Json:
             "standard_uncertainty_arcsec": found.uncertainty_arcsec,
             "is_full_cycle": not found.is_bound,
         },
-        "predicted": {"range_arcsec": result.predicted_range_arcsec, "F_ior_arcsec": result.F_ior_arcsec},
+        "predicted": {"range_arcsec": result.predicted_range_arcsec, "F_ior_arcsec": result.unchanged.F_ior_arcsec},
         "difference": {
             "range_arcsec": result.difference_range_arcsec,
             "rms_arcsec": result.difference_rms_arcsec,
@@ -310,9 +300,9 @@ def to_json(result: Comparison, convention: RecordConvention) -> Json:
             "rms_arcsec": float(np.std(result.residual_arcsec)),
             "range_arcsec": float(np.ptp(result.residual_arcsec)),
         },
-        "chi_square": result.chi_square,
-        "degrees_of_freedom": result.freedom,
-        "orders": [as_object(ORDER, order) for order in result.orders],
+        "chi_square": result.unchanged.chi_square,
+        "degrees_of_freedom": result.unchanged.freedom,
+        "orders": [_pair(pair) for pair in result.orders],
         "finding": {
             "kind": result.conclusion.kind,
             "deviations": [VECTORS[k].size for k in best.vectors] if best else [],
@@ -325,6 +315,24 @@ def to_json(result: Comparison, convention: RecordConvention) -> Json:
         "joint": result.joint and _explained(result, result.joint),
         "certificate": certificate_object(result.certificate),
         "seed": result.measurement.seed,
+    }
+
+
+def _pair(pair: OrderPair) -> Json:
+    """One order, measured and predicted, as a JSON object."""
+    return {
+        "per_cam_rev": pair.measured.per_cam_rev,
+        "measured": {
+            "amplitude_arcsec": pair.measured.amplitude_arcsec,
+            "uncertainty_arcsec": pair.measured.uncertainty_arcsec,
+            "phase_deg": pair.measured.phase_deg,
+        },
+        "predicted": {"amplitude_arcsec": pair.predicted_arcsec, "phase_deg": pair.predicted_phase_deg},
+        "difference": {
+            "amplitude_arcsec": pair.difference_arcsec,
+            "uncertainty_arcsec": pair.difference_uncertainty_arcsec,
+        },
+        "cause": pair.measured.cause,
     }
 
 
@@ -352,7 +360,14 @@ def _explained(result: Comparison, found: Explanation) -> Json:
         "overrides": overrides_of(found),
         "F_ior_arcsec": found.F_ior_arcsec,
         "difference_left_arcsec": found.left_arcsec,
-        "orders_left": [asdict(order) for order in found.left_orders],
+        "orders_left": [
+            {
+                "per_cam_rev": pair.measured.per_cam_rev,
+                "amplitude_arcsec": pair.difference_arcsec,
+                "cause": pair.measured.cause,
+            }
+            for pair in found.left_orders
+        ],
         f"{start_name(result)}_deg": turned(found.alignment.start),
         "cam_zero_deg": turned(found.alignment.zero),
     }

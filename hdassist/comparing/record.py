@@ -13,6 +13,7 @@ import numpy as np
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import Complex, Torus
 from hdassist.measuring.measure import SweepResult
+from hdassist.measuring.orders import MeasuredOrder
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -41,6 +42,20 @@ class Alignment:
     def phi_h(self, turns: Array) -> Array:
         """Cam angles [rad] of the drive from those of the rig [turns]."""
         return np.asarray(self.sense * 2 * np.pi * turns + self.zero)
+
+
+@dataclass(frozen=True)
+class OrderPair:
+    """One order, measured and predicted: amplitude cos(per_cam_rev phi + phase), phi the rig's cam angle.
+
+    difference_arcsec: amplitude of the difference of both, with its standard uncertainty.
+    """
+
+    measured: MeasuredOrder
+    predicted_arcsec: float
+    predicted_phase_deg: float
+    difference_arcsec: float
+    difference_uncertainty_arcsec: float
 
 
 class Record:
@@ -84,6 +99,19 @@ class Record:
     def of_curve(self, values: Array) -> Array:
         """Coefficients [arcsec] of a curve with values at the bins."""
         return self.design.project(lambda rows: values[rows, None])[: len(self.measured), 0]
+
+    def pairs(self, predicted: Array, apart: Array) -> tuple[OrderPair, ...]:
+        """Orders beside predicted coefficients [arcsec] and what they leave of the measured ones, shape (2 orders,)."""
+        found = []
+        for k, order in enumerate(self.found.orders):
+            own = [k, len(self.found.orders) + k]
+            (a, b), (x, y) = predicted[own], apart[own]
+            size = float(np.hypot(x, y))
+            unit = np.array([x, y]) / size if size else np.array([1.0, 0.0])
+            uncertainty = float(np.sqrt(unit @ self.covariance[np.ix_(own, own)] @ unit))
+            phase = float(np.degrees(np.arctan2(-b, a)))
+            found.append(OrderPair(order, float(np.hypot(a, b)), phase, size, uncertainty))
+        return tuple(found)
 
     def within_noise(self, chi_square: float, unknowns: int = 0) -> bool:
         """Whether noise alone would leave such a chi-square in the coefficients, but once in thousands."""

@@ -16,7 +16,10 @@ def command(
     preset: Annotated[
         str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
     ] = None,
-    ratio: Annotated[float | None, typer.Option(help="Cam turns per output turn, where no drive is given.")] = None,
+    ratio: Annotated[
+        float | None,
+        typer.Option(help="Turns of the cam (wave generator) per output turn, where no drive is given."),
+    ] = None,
     traces: o.TraceOptions,
     seed: o.Bootstrap = 0,
     plot: o.Plot = True,

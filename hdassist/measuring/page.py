@@ -30,32 +30,6 @@ ORDER: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
 )
-SWEEP: tuple[Quantity[SweepResult], ...] = (
-    Quantity("direction", "direction", "", "", lambda d: d.direction),
-    Quantity("rows", "rows", "", "", lambda d: int(d.bins.rows.sum())),
-    Quantity("sweeps", "sweeps", "", "", lambda d: len(d.fit.level)),
-    Quantity("cam_revolutions", "cam turns", "", ".2f", lambda d: d.bins.span),
-    Quantity("F_ior_arcsec", "F'_ior", "arcsec", ".2f", lambda d: d.range.value),
-    Quantity("F_ior_is_lower_bound", "lower bound", "", "", lambda d: d.is_bound),
-    Quantity("standard_uncertainty_arcsec", "u", "arcsec", ".2f", lambda d: d.uncertainty_arcsec),
-    Quantity("interval_arcsec", "95 %", "arcsec", "", lambda d: list(d.interval_arcsec)),
-    Quantity("revolution_range_arcsec", "within one cam turn", "arcsec", ".2f", lambda d: d.revolution.value),
-    Quantity("revolution_range_standard_uncertainty_arcsec", "its u", "arcsec", ".2f",
-             lambda d: d.revolution_uncertainty_arcsec),
-    Quantity("band_limited_range_arcsec", "as fitted", "arcsec", ".2f", lambda d: d.range.fitted),
-    Quantity("noise_bias_arcsec", "added by noise", "arcsec", ".2f", lambda d: d.range.bias),
-    Quantity("raw_range_arcsec", "raw range", "arcsec", ".2f", lambda d: d.raw_range_arcsec),
-    Quantity("drift_arcsec", "drift taken off", "arcsec", ".2f", lambda d: float(d.fit.drift.sum())),
-    Quantity("residuals.rms_arcsec", "residuals", "arcsec", ".2f", lambda d: float(np.std(d.fit.residual))),
-    Quantity("residuals.unmodelled_arcsec", "unmodelled", "arcsec", ".2f", lambda d: d.fit.unmodelled),
-    Quantity("residuals.correlated_steps", "correlated", "", ".1f", lambda d: d.fit.correlated),
-    Quantity("residuals.condition", "condition", "", ".3g", lambda d: d.fit.design.condition),
-    Quantity("coverage", "visited", "", "", lambda d: _coverage(d)),
-    Quantity("orders", "orders", "", "", lambda d: [as_object(ORDER, order) for order in d.orders]),
-    Quantity("budget", "budget", "", "", lambda d: [
-        {"source": s.name, "standard_uncertainty_arcsec": s.arcsec, "origin": s.origin} for s in d.sources
-    ]),
-)  # fmt: skip
 
 
 def answer(result: Measurement, drive: Drive | None, *, plots: bool) -> Answer:
@@ -160,23 +134,49 @@ def to_json(result: Measurement, drive: Drive | None) -> Json:
         "cycle": gearing
         and {"ratio": gearing.ratio, "cam_revolutions": gearing.cycle, "output_revolutions": gearing.cycle_output},
         "F_ior_arcsec": result.F_ior_arcsec,
-        "directions": [as_object(SWEEP, found) for found in result.directions],
+        "directions": [_sweep(found) for found in result.directions],
         "reversal_error": reversal
         and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
         "seed": result.seed,
     }
 
 
-def _coverage(found: SweepResult) -> Json | None:
-    c = found.coverage
-    if c is None:
-        return None
+def _sweep(found: SweepResult) -> Json:
+    """What one direction says as a JSON object."""
+    fit, c = found.fit, found.coverage
     return {
-        "share": c.share,
-        "visited_cells": c.visited,
-        "cells": c.cells,
-        "cell_cam_deg": c.cam_deg,
-        "cell_output_deg": c.output_deg,
+        "direction": found.direction,
+        "rows": int(found.bins.rows.sum()),
+        "sweeps": len(fit.level),
+        "cam_revolutions": found.bins.span,
+        "F_ior_arcsec": found.range.value,
+        "F_ior_is_lower_bound": found.is_bound,
+        "standard_uncertainty_arcsec": found.uncertainty_arcsec,
+        "interval_arcsec": list(found.interval_arcsec),
+        "revolution_range_arcsec": found.revolution.value,
+        "revolution_range_standard_uncertainty_arcsec": found.revolution_uncertainty_arcsec,
+        "band_limited_range_arcsec": found.range.fitted,
+        "noise_bias_arcsec": found.range.bias,
+        "raw_range_arcsec": found.raw_range_arcsec,
+        "drift_arcsec": float(fit.drift.sum()),
+        "residuals": {
+            "rms_arcsec": float(np.std(fit.residual)),
+            "unmodelled_arcsec": fit.unmodelled,
+            "correlated_steps": fit.correlated,
+            "condition": fit.design.condition,
+        },
+        "coverage": c
+        and {
+            "share": c.share,
+            "visited_cells": c.visited,
+            "cells": c.cells,
+            "cell_cam_deg": c.cam_deg,
+            "cell_output_deg": c.output_deg,
+        },
+        "orders": [as_object(ORDER, order) for order in found.orders],
+        "budget": [
+            {"source": s.name, "standard_uncertainty_arcsec": s.arcsec, "origin": s.origin} for s in found.sources
+        ],
     }
 
 

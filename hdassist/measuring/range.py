@@ -61,10 +61,10 @@ def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
     return np.asarray(np.unique(every) / per_turn)
 
 
-def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator) -> tuple[Range, Range]:
+def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: int = DRAWS) -> tuple[Range, Range]:
     """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
     best = _shrunk(fit)
-    noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], DRAWS))
+    noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
     curves = np.concatenate([fit.coefficients[:, None], best[:, None], best[:, None] + noise], axis=1)
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]

@@ -52,7 +52,7 @@ def test_a_drive_agrees_with_itself(drive):
     result = compare(rig(drive, 4), drive, M_G, convention=KNOWN)
     assert result.conclusion.kind == "agrees"
     assert np.abs(result.residual_arcsec).max() < 1e-6
-    assert result.alignment == Alignment(start=np.radians(START))
+    assert result.unchanged.alignment == Alignment(start=np.radians(START))
     assert result.mirror is None
     assert result.joint is None
     assert result.certificate.max_residual < 1e-9
@@ -94,7 +94,7 @@ def test_where_the_record_begins_is_found(drive):
     result = compare(rig(drive, 30, noise=0.5), drive, M_G)
     assert result.start_uncertainty_deg is not None
     assert result.start_uncertainty_deg < 0.5
-    assert np.degrees(result.alignment.start) == pytest.approx(START, abs=4 * result.start_uncertainty_deg)
+    assert np.degrees(result.unchanged.alignment.start) == pytest.approx(START, abs=4 * result.start_uncertainty_deg)
     assert result.conclusion.kind == "agrees"
 
 
@@ -154,7 +154,7 @@ def test_what_no_deviation_explains_is_said(drive):
     noisy = recorded(turns, error + 0.3 * np.random.default_rng(1).standard_normal(len(turns)))
     result = compare(noisy, drive, M_G, convention=KNOWN)
     assert result.conclusion.kind == "unexplained"
-    five = next(order for order in result.orders if order.per_cam_rev == 5)
+    five = next(order for order in result.orders if order.measured.per_cam_rev == 5)
     assert five.difference_arcsec == pytest.approx(6, abs=0.2)
 
 
