@@ -7,7 +7,7 @@ from html import escape
 from itertools import groupby
 from math import ceil, cos, pi, radians, sin
 
-from hdassist.mounting.seat_facts import Hole, Place, Pointer, Seat
+from hdassist.mounting.seat_page import Hole, Seat, SeatMark
 
 WIDE, HIGH = 420, 292
 CENTRE = (210.0, 146.0)
@@ -108,7 +108,7 @@ def _places(seat: Seat) -> Iterator[str]:
         yield from _words(found, out)
 
 
-def _words(places: list[Place], out: float) -> Iterator[str]:
+def _words(places: list[SeatMark], out: float) -> Iterator[str]:
     """A line for each word, outside the seat."""
     angle = places[0].angle_deg
     x, y = at(angle, out)
@@ -137,7 +137,7 @@ def _turn(seat: Seat) -> Iterator[str]:
     yield _head(*at(end, TURN), end + sense * 90)
 
 
-def _pointer(pointer: Pointer) -> str:
+def _pointer(pointer: SeatMark) -> str:
     length = LENGTH[pointer.kind]
     x, y = CENTRE
     (u, v), (s, t) = at(pointer.angle_deg, length - HEAD / 2), at(pointer.angle_deg, length + 8)
