@@ -81,7 +81,7 @@ def _measured(measurements: Mapping[float, Measurement]) -> list[dict[str, Any]]
 def failure(request: Request, error: HdassistError) -> dict[str, Any]:
     """The answer about a drive that has none: its error."""
     return {
-        **failed("accept", request.preset, error),
+        **failed("accept", error, preset=request.preset),
         "serial": request.serial,
         "seed": request.seed,
         "request": asdict(request),

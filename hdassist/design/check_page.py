@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -14,11 +13,11 @@ from hdassist.design.check import Check, OperatingPoint
 from hdassist.error.cycle import CROSS_TOLERANCE
 from hdassist.model.geometry import Geometry
 from hdassist.solve.certificate import TOLERANCE
-from hdassist.terminal.answers import certificate_object, envelope
+from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.console import Style, table
-from hdassist.terminal.csvtext import to_csv
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.wheels_page import heading, pitch_object
 
 LABEL_WIDTH = 30  # columns of a table's words; numbers take 12 each
@@ -63,6 +62,20 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 )
 
 
+def answer(check: Check, *, seed: int, plots: bool) -> Answer:
+    """What there is to say of a check; seed, of its sample that was solved again; plots, whether curves are drawn."""
+    return Answer(
+        to_json=lambda: to_json(check, seed),
+        page=lambda style: render(check, style, plots=plots),
+        summary_line=lambda: summary_line(check),
+        figures=lambda: figures(check),
+        about=check.drive.name,
+        warnings=check.warnings,
+        proof=check.certificate,
+        exit_code=check.verdict.exit_code,
+    )
+
+
 def render(check: Check, style: Style, *, plots: bool = True) -> RenderableType:
     """Tables, and a plot per torque of the error over the full cycle."""
     parts: list[RenderableType] = [_heading(check, style), _geometry(check, style), *_points(check, style)]
@@ -72,7 +85,7 @@ def render(check: Check, style: Style, *, plots: bool = True) -> RenderableType:
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def answer(check: Check, seed: int) -> dict[str, Any]:
+def to_json(check: Check, seed: int) -> Json:
     """The check as a JSON object."""
     k = check.kinematics
     return {
@@ -91,14 +104,14 @@ def answer(check: Check, seed: int) -> dict[str, Any]:
     }
 
 
-def csv(checks: list[Check]) -> str:
-    """One row per drive and torque."""
-    rows = [[c.drive.name, *(q.value(p) for q in (*POINT, *SLOPES))] for c in checks for p in c.points]
-    return to_csv(["preset", *(q.key for q in (*POINT, *SLOPES))], rows)
+def figures(check: Check) -> Figures:
+    """One row per torque."""
+    rows = [[check.drive.name, *(q.value(point) for q in (*POINT, *SLOPES))] for point in check.points]
+    return ["preset", *(q.key for q in (*POINT, *SLOPES))], rows
 
 
-def brief(check: Check) -> str:
-    """The answer alone: torque, F'_ior with the self error, verdict."""
+def summary_line(check: Check) -> str:
+    """The answer alone: torque, F'_ior, verdict."""
     lines = (f"{p.M_g:g} N*m: F'_ior {p.error.F_ior_arcsec:.2f} arcsec, {p.verdict}" for p in check.points)
     return "\n".join(lines)
 

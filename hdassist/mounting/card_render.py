@@ -48,8 +48,9 @@ def plain_text(card: Card, *, ascii: bool = False) -> str:
 
 
 def lines_on_paper(card: Card) -> int:
-    """About how many lines the text of a card takes beside and below the drawing: the style sheet fits them on a page."""
-    texts = [*(value for _, value in card.subject), card.instruction, *card.chance.lines, *card.warnings.lines, *card.foot]
+    """About how many lines a card has beside its drawing: by that the style sheet fits it on a page."""
+    values = [value for _, value in card.subject]
+    texts = [*values, card.instruction, *card.chance.lines, *card.warnings.lines, *card.foot]
     rows = [row[0] for content in (card.torques, card.others) for row in content.rows]
     return sum(1 + len(text) // WIDE for text in texts) + sum(1 + len(text) // NARROW for text in rows)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -16,9 +15,10 @@ from hdassist.mounting.card import CardFacts
 from hdassist.mounting.positions import Chances, MountingCurve, Position
 from hdassist.mounting.robust import Robust
 from hdassist.mounting.seat_page import instruction, seat_text, wheel
-from hdassist.terminal.answers import certificate_object, envelope
+from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
+from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
 
@@ -49,6 +49,19 @@ def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
         phases = ", ".join(say.number(other.recommended.phase_deg) for other in advice.disagreeing)
         found.append(say("warning.disagree", phases=phases, phase=say.number(advice.chosen.phase_deg)))
     return tuple(found)
+
+
+def answer(advice: Advice, *, seed: int, plots: bool) -> Answer:
+    """What there is to say of an advice; seed, of its samples; plots, whether seat and curves are drawn."""
+    return Answer(
+        to_json=lambda: to_json(advice, seed),
+        page=lambda style: render(advice, style, plots=plots),
+        summary_line=lambda: summary_line(advice),
+        figures=lambda: figures(advice),
+        warnings=warnings(advice),
+        proof=advice.curve.certificate,
+        exit_code=exit_code(advice),
+    )
 
 
 def exit_code(advice: Advice) -> int:
@@ -87,13 +100,12 @@ def _curves(advice: Advice, style: Style) -> list[str]:
 
 
 def _proof(result: MountingCurve) -> str:
-    proof = certificate_object(result.certificate, result.cross_checks)
     solved, places = int(result.every_state.sum()), result.every_state.size
-    words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
+    proof = result.certificate
+    words = f"certificate: {proof.states} states, greatest residual {proof.max_residual:.1e} of its scale"
+    words += cross_checked(result.cross_checks)
     if solved < places:
         words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
-    if cross := proof["cross_check"]:
-        words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
     return words
 
 
@@ -109,7 +121,14 @@ def _positions(advice: Advice, style: Style) -> Table:
             continue
         values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
         hole = "-" if position.hole is None else f"{position.hole}"
-        grid.add_row(words, hole, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{position.change_from(result.current):+.0%}")
+        grid.add_row(
+            words,
+            hole,
+            f"{position.rotation_deg:g}",
+            f"{position.phase_deg:g}",
+            values,
+            f"{position.change_from(result.current):+.0%}",
+        )
     return grid
 
 
@@ -161,7 +180,7 @@ def _slopes(advice: Advice, style: Style) -> Table:
     return grid
 
 
-def to_json(advice: Advice, seed: int) -> dict[str, Any]:
+def to_json(advice: Advice, seed: int) -> Json:
     """The curves and positions as a JSON object."""
     result, second = advice.curve, advice.second
     return {
@@ -193,7 +212,7 @@ def to_json(advice: Advice, seed: int) -> dict[str, Any]:
     }
 
 
-def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> dict[str, Any]:
+def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> Json:
     told = {
         f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in ("j_n", "W_0", "g_b")
     }
@@ -206,7 +225,7 @@ def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> dict[st
     }
 
 
-def _robust(advice: Advice) -> dict[str, Any] | None:
+def _robust(advice: Advice) -> Json | None:
     sampled, result = advice.robust, advice.curve
     if sampled is None:
         return None
@@ -233,7 +252,7 @@ def _robust(advice: Advice) -> dict[str, Any] | None:
     }
 
 
-def figures(advice: Advice) -> tuple[list[str], list[list[float]]]:
+def figures(advice: Advice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
     result = advice.curve
     rows = [

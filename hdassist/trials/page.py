@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -14,8 +13,9 @@ from hdassist.mounting.positions import hole_of, hole_words
 from hdassist.mounting.seat_page import turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
-from hdassist.terminal.answers import envelope
+from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import OPEN, Direction
@@ -45,6 +45,19 @@ def warnings(advice: TrialAdvice, say: Texts | None = None) -> tuple[str, ...]:
             f"({advice.outcome.low_arcsec:.1f} to {advice.outcome.high_arcsec:.1f}): check the seat and the measurement"
         )
     return tuple(found)
+
+
+def answer(advice: TrialAdvice, seed: int) -> Answer:
+    """What there is to say of an advice; seed, of what was drawn."""
+    return Answer(
+        to_json=lambda: to_json(advice, seed),
+        page=lambda style: render(advice, style),
+        summary_line=lambda: summary_line(advice),
+        figures=lambda: figures(advice),
+        warnings=warnings(advice),
+        proof=advice.known.prior.certificate,
+        exit_code=exit_code(advice),
+    )
 
 
 def exit_code(advice: TrialAdvice) -> int:
@@ -207,7 +220,7 @@ def _basis(advice: TrialAdvice) -> str:
     return f"{words}. F'_ior interpolated, standard error {errors} arcsec."
 
 
-def to_json(advice: TrialAdvice, seed: int) -> dict[str, Any]:
+def to_json(advice: TrialAdvice, seed: int) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
     known, ranked = advice.known, advice.ranked
     certificate, chosen, present = known.prior.certificate, advice.chosen, advice.present
@@ -281,7 +294,7 @@ def to_json(advice: TrialAdvice, seed: int) -> dict[str, Any]:
     }
 
 
-def _positions_object(advice: TrialAdvice) -> list[dict[str, Any]]:
+def _positions_object(advice: TrialAdvice) -> list[Json]:
     """The positions that may be chosen, with F'_ior at each torque that decides."""
     known = advice.known
     F_ior = {name: known.expected_F_ior(level) for name, level in (("expected", None), *INTERVAL.items())}
@@ -297,11 +310,11 @@ def _positions_object(advice: TrialAdvice) -> list[dict[str, Any]]:
     ]
 
 
-def _place(advice: TrialAdvice, rotation_deg: float) -> dict[str, Any]:
+def _place(advice: TrialAdvice, rotation_deg: float) -> Json:
     return {"rotation_deg": rotation_deg, "hole": hole_of(rotation_deg, advice.drive.mounting.holes)}
 
 
-def _trial(advice: TrialAdvice, trial: Trial) -> dict[str, Any]:
+def _trial(advice: TrialAdvice, trial: Trial) -> Json:
     if trial.trace is None:
         return {**_place(advice, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec, "trace": None}
     trace = trial.trace
@@ -320,7 +333,7 @@ def _trial(advice: TrialAdvice, trial: Trial) -> dict[str, Any]:
     }
 
 
-def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:
+def _outcome(advice: TrialAdvice) -> Json | None:
     outcome = advice.outcome
     if outcome is None:
         return None
@@ -335,7 +348,7 @@ def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:
     }
 
 
-def figures(advice: TrialAdvice) -> tuple[list[str], list[list[float]]]:
+def figures(advice: TrialAdvice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
     known, expected = advice.known, advice.known.expected_F_ior()
     rows = [

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from hdassist.errors import UsageError
-from hdassist.mounting import card_html, card_markdown, card_text
+from hdassist.mounting import card_render
 from hdassist.mounting.card_svg import CENTRE, HOLES, seat_svg
-from hdassist.mounting.seat import circle, instruction
+from hdassist.mounting.seat_page import instruction, seat_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
@@ -39,7 +39,7 @@ def test_the_facts():
     assert dict(made.subject)["drive"] == "small"
     assert dict(made.subject)["serial number"] == "17-042"
     assert dict(made.subject)["teeth"] == "flexspline 60, rigid wheel 62; module 0.5 mm"
-    assert made.instruction == instruction(CARDS["plain"])
+    assert made.instruction == instruction(CARDS["plain"].choice)
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
     # hole 8 is the best; 7 lies clockwise of it and is the second best, 3 the worst
     assert made.others.rows == (
@@ -106,7 +106,7 @@ def test_holes_that_are_not_allowed():
     assert [h.number for h in made.seat.holes if h.usable] == [2, 3, 9]
     assert ("1 hole clockwise; not allowed", "1", "-", "-", "-") in made.others.rows
     assert made.seat.legend.endswith("; x not allowed")
-    assert card_text.render(made).count("x") >= 8
+    assert card_render.plain_text(made).count("x") >= 8
     drawn = ElementTree.fromstring(seat_svg(made.seat))
     crossed = [g.get("data-hole") for g in drawn.iter(f"{SVG}g") if g.find(f"{SVG}path") is not None]
     assert crossed[1:] == ["0", "1", "4", "5", "6", "7", "8", "10", "11"]  # the first is the drawing
@@ -188,7 +188,7 @@ class Checked(HTMLParser):
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", CARDS)
 def test_html_is_one_sound_file_without_scripts(name, language):
-    page = card_html.render(card(CARDS[name], language))
+    page = card_render.html(card(CARDS[name], language))
     checked = Checked()
     checked.feed(page)
     assert checked.open == []
@@ -204,23 +204,23 @@ def test_names_are_escaped():
     drive = advice.drive.model_copy(update={"name": evil})
     drive._origin = advice.drive.origin
     made = card(replace(advice, drive=drive), serial=evil)
-    page = card_html.render(made)
+    page = card_render.html(made)
     checked = Checked()
     checked.feed(page)
     assert "b" not in checked.tags
     assert checked.text.count(evil) == 4  # title, name, serial number, foot
-    assert "\\<b\\>\\&" in card_markdown.render(made)
-    assert f"serial number:             {evil}" in card_text.render(made)
+    assert "\\<b\\>\\&" in card_render.markdown(made)
+    assert f"serial number:             {evil}" in card_render.plain_text(made)
 
 
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", [*CARDS, "crowded"])
 def test_text_is_78_columns_wide_and_plain_if_asked(name, language):
     advice = crowded(CARDS["many"]) if name == "crowded" else CARDS[name]
-    page = card_text.render(card(advice, language))
+    page = card_render.plain_text(card(advice, language))
     assert max(map(len, page.splitlines())) <= 78
     assert "…" not in page
-    plain = card_text.render(card(advice, language), ascii=True)
+    plain = card_render.plain_text(card(advice, language), ascii=True)
     assert max(map(len, plain.splitlines())) <= 78
     odd = {c for c in plain if not c.isascii()}
     assert not odd if language == "en" else all("а" <= c.lower() <= "ё" for c in odd)
@@ -228,9 +228,9 @@ def test_text_is_78_columns_wide_and_plain_if_asked(name, language):
 
 
 def test_an_empty_serial_number_is_a_line_to_write_on():
-    assert "serial number:             ______" in card_text.render(card(CARDS["plain"]))
-    assert "| serial number | &nbsp;" in card_markdown.render(card(CARDS["plain"]))
-    assert "<th>serial number</th><td></td>" in card_html.render(card(CARDS["plain"]))
+    assert "serial number:             ______" in card_render.plain_text(card(CARDS["plain"]))
+    assert "| serial number | &nbsp;" in card_render.markdown(card(CARDS["plain"]))
+    assert "<th>serial number</th><td></td>" in card_render.html(card(CARDS["plain"]))
 
 
 def test_catalogues_have_the_same_keys_and_fields():
@@ -257,7 +257,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     monkeypatch.setattr(Texts, "__call__", recorded)
     for advice in [*CARDS.values(), crowded(CARDS["many"])]:
         card(advice, "ru")
-        circle(advice, Style(ascii=True, codes=False, width=80))
+        seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=[TRACED])

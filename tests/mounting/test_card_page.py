@@ -8,8 +8,7 @@ import subprocess
 
 import pytest
 
-from hdassist.mounting import card_html
-from hdassist.mounting.card_size import scale
+from hdassist.mounting import card_render
 from hdassist.terminal.texts import languages
 from tests.advices import card, cards, crowded
 
@@ -23,7 +22,7 @@ PAGES = {"sampled": CARDS["sampled"], "leave": CARDS["leave"], "crowded": crowde
 @pytest.mark.parametrize("name", PAGES)
 def test_it_prints_on_one_page(tmp_path, name, language):
     page, paper = tmp_path / "card.html", tmp_path / "card.pdf"
-    page.write_text(card_html.render(card(PAGES[name], language, serial="17-042")), encoding="utf-8")
+    page.write_text(card_render.html(card(PAGES[name], language, serial="17-042")), encoding="utf-8")
     subprocess.run(
         [
             str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",

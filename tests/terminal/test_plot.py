@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.terminal.answers import combine, to_json
+from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
-from hdassist.terminal.csvtext import to_csv
 from hdassist.terminal.plot import curve, dots_to_braille, two_curves
 from hdassist.terminal.quantities import Quantity, as_object
 
@@ -121,7 +120,7 @@ def test_quantities_nest_and_keep_full_precision():
 
 def test_json_has_no_nan():
     with pytest.raises(ValueError, match="not JSON compliant"):
-        to_json({"a": float("nan")})
+        json_text({"a": float("nan")})
 
 
 def test_several_answers_take_the_worst_exit_code():
@@ -132,7 +131,7 @@ def test_several_answers_take_the_worst_exit_code():
 
 
 def test_csv_is_plain():
-    assert to_csv(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
+    assert csv_text(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
 
 
 def test_two_curves_have_a_glyph_each_and_a_legend():
