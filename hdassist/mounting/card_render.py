@@ -21,7 +21,6 @@ COLUMNS = 78  # of the card as plain text
 BLANK = "_" * 12  # to write on
 LINE = Markup("&nbsp;" * 24)  # the same in Markdown
 CYRILLIC = range(0x400, 0x500)
-WIDE, NARROW = 100, 30  # letters in a line of the page, and of the first column of its tables
 
 
 def html(card: Card) -> str:
@@ -48,11 +47,15 @@ def plain_text(card: Card, *, ascii: bool = False) -> str:
 
 
 def lines_on_paper(card: Card) -> int:
-    """About how many lines a card has beside its drawing: by that the style sheet fits it on a page."""
+    """About how many lines a card has beside its drawing, headings and rows counted by their height.
+
+    By that the style sheet chooses letters with which the card is one page.
+    """
     values = [value for _, value in card.subject]
     texts = [*values, card.instruction, *card.chance.lines, *card.warnings.lines, *card.foot]
-    rows = [row[0] for content in (card.torques, card.others) for row in content.rows]
-    return sum(1 + len(text) // WIDE for text in texts) + sum(1 + len(text) // NARROW for text in rows)
+    headings = sum(3 for part in (card.chance, card.warnings) if part.lines)
+    rows = 2 * len(card.torques.rows) + sum(1 + len(row[0]) // 16 for row in card.others.rows)
+    return sum(1 + len(text) // 100 for text in texts) + headings + rows
 
 
 def _environment(
