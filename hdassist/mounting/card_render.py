@@ -13,7 +13,7 @@ from markupsafe import Markup
 from rich.text import Text
 
 from hdassist.mounting.card import Card, Table
-from hdassist.mounting.card_svg import seat_svg
+from hdassist.mounting.card_svg import seat_geometry
 from hdassist.mounting.seat_page import drawing
 from hdassist.terminal.console import PLAIN, Style, console, table
 
@@ -25,8 +25,8 @@ CYRILLIC = range(0x400, 0x500)
 
 def html(card: Card) -> str:
     """The card as one HTML file: everything inside it, no scripts."""
-    page = _environment(autoescape=True).get_template("card.html")
-    return page.render(card=card, seat=Markup(seat_svg(card.seat)), lines=lines_on_paper(card))
+    page = _environment(autoescape=True, finalize=_rounded).get_template("card.html")
+    return page.render(card=card, lines=lines_on_paper(card), seat=card.seat, **seat_geometry(card.seat))
 
 
 def markdown(card: Card) -> str:
@@ -68,6 +68,11 @@ def _environment(
     )  # fmt: skip
     environment.filters.update(filters)
     return environment
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers of the drawing need no more digits."""
+    return round(value, 2) if isinstance(value, float) else value
 
 
 def _markdown_safe(value: Any) -> Any:

@@ -12,8 +12,9 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.mounting import card_render
-from hdassist.mounting.card_svg import CENTRE, HOLES, seat_svg
-from hdassist.mounting.seat_page import instruction, seat_text
+from hdassist.mounting.card import Card
+from hdassist.mounting.card_svg import CENTRE, RING
+from hdassist.mounting.seat_page import drawing, instruction, seat_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
@@ -32,6 +33,12 @@ def strings(value: object) -> list[str]:
 
 def everything(advice, language: str = "en", serial: str = "17") -> str:
     return "\n".join(strings(asdict(card(advice, language, serial))))
+
+
+def drawing_of(made: Card) -> ElementTree.Element:
+    """The drawing on a card in HTML."""
+    (svg,) = re.findall("<svg.*</svg>", card_render.html(made), re.DOTALL)
+    return ElementTree.fromstring(svg)
 
 
 def test_the_facts():
@@ -106,8 +113,8 @@ def test_holes_that_are_not_allowed():
     assert [h.number for h in made.seat.holes if h.usable] == [2, 3, 9]
     assert ("1 hole clockwise; not allowed", "1", "-", "-", "-") in made.others.rows
     assert made.seat.legend.endswith("; x not allowed")
-    assert card_render.plain_text(made).count("x") >= 8
-    drawn = ElementTree.fromstring(seat_svg(made.seat))
+    assert drawing(made.seat).count("x") == 9
+    drawn = drawing_of(made)
     crossed = [g.get("data-hole") for g in drawn.iter(f"{SVG}g") if g.find(f"{SVG}path") is not None]
     assert crossed[1:] == ["0", "1", "4", "5", "6", "7", "8", "10", "11"]  # the first is the drawing
 
@@ -129,7 +136,7 @@ def test_chances_are_those_of_the_samples():
 @pytest.mark.parametrize("first", [0.0, 75.0])
 def test_the_drawing_is_right(first):
     advice = advice_of(overrides=(f"mounting.first_hole={first:g}", "phases.xi_b=260", "phases.phi_hb=40"))
-    drawn = ElementTree.fromstring(seat_svg(card(advice).seat))
+    drawn = drawing_of(card(advice))
 
     def direction(x: object, y: object) -> tuple[float, float]:
         right, up = float(str(x)) - CENTRE[0], CENTRE[1] - float(str(y))
@@ -140,7 +147,7 @@ def test_the_drawing_is_right(first):
     for number, hole in holes.items():
         angle, radius = direction(hole.get("cx"), hole.get("cy"))
         assert abs((angle - first - 30 * int(str(number)) + 180) % 360 - 180) < 0.1  # counter-clockwise from hole 0
-        assert radius == pytest.approx(HOLES, abs=0.01)
+        assert radius == pytest.approx(RING, abs=0.01)
         assert hole.get("fill") == ("#000" if number == "8" else "#fff")
     tips = {}
     for pointer in drawn.iter(f"{SVG}g"):
@@ -157,7 +164,7 @@ def test_the_drawing_is_right(first):
     for kind, hole in (("now", 0), ("best", 8), ("worst", 3)):
         angle, radius = words[f"place {kind}"]
         assert abs((angle - first - 30 * hole + 180) % 360 - 180) < 8
-        assert radius > HOLES + 13
+        assert radius > RING + 13
     (turn,) = [p.get("d") for p in drawn.iter(f"{SVG}path") if p.get("class") == "turn"]
     ends = re.fullmatch(r"M([\d.]+) ([\d.]+)A\S+ \S+ 0 0 1 ([\d.]+) ([\d.]+)", str(turn))  # 1: clockwise
     assert ends
