@@ -82,8 +82,7 @@ def command(
     from hdassist.measuring.order_grid import DEFAULT, parse_orders
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.preset.library import load_preset
-    from hdassist.readers.trace import read_trace
-    from hdassist.readers.tracecolumns import TraceForm
+    from hdassist.readers.trace import TraceForm, read_trace
     from hdassist.terminal.answers import combine, to_json
     from hdassist.terminal.output import Output, complain, warn
     from hdassist.verdict import worst_exit_code

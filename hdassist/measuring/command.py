@@ -41,7 +41,7 @@ def command(
     \b
     Examples:
       hdassist measure run.csv --drive my-drive.yaml
-      hdassist measure run.csv.gz --ratio 100 --error err_mdeg --drift linear
+      hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
       hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2 --budget encoder=0.5
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
 
@@ -58,8 +58,7 @@ def command(
     from hdassist.measuring.order_grid import DEFAULT, parse_orders
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.preset.library import load_preset
-    from hdassist.readers.trace import read_trace
-    from hdassist.readers.tracecolumns import TraceForm
+    from hdassist.readers.trace import TraceForm, read_trace
     from hdassist.terminal.answers import combine, to_json
     from hdassist.terminal.output import Output, complain, warn
     from hdassist.verdict import worst_exit_code

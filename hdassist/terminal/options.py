@@ -10,7 +10,7 @@ import typer
 from hdassist.errors import UsageError
 
 if TYPE_CHECKING:
-    from hdassist.readers.tracecolumns import Shaft
+    from hdassist.readers.trace import Shaft
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
 Presets = Annotated[list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")]
