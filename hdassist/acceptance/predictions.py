@@ -16,7 +16,7 @@ from hdassist.acceptance.decision import Asked, Known
 from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.error.stiffness import work as stiffness_work
+from hdassist.error.stiffness import estimate_states as stiffness_states
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -100,7 +100,7 @@ def work(drive: Drive, asked: Sequence[Asked]) -> int:
     """Number of states that predictions solve, for a progress bar."""
     cycles, own, twist = _needed(asked)
     cycle = Kinematics.of(drive).cycle_states
-    return len(cycles) * cycle + len(own) * drive.numerics.n_phase**2 + (stiffness_work() if twist else 0)
+    return len(cycles) * cycle + len(own) * drive.numerics.n_phase**2 + (stiffness_states() if twist else 0)
 
 
 def predict(
