@@ -8,11 +8,12 @@ a table of numbers as a remark too. The first rows settle what a file is like; t
 from __future__ import annotations
 
 import re
+from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,6 @@ _WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 
 Array = NDArray[np.float64]
-T = TypeVar("T", np.float64, np.int64)
 
 
 class Cell(NamedTuple):
@@ -185,8 +185,7 @@ class _Rows:
         self.separator, self.decimal, self.width = "", "", 0  # not settled yet
         self.waiting: list[Line] = []  # for the lines that settle it
         self.above: Line | None = None  # the last remark above the first other line that is no entry
-        self.values: list[Array] = []
-        self.lines: list[NDArray[np.int64]] = []
+        self.values, self.lines = array("d"), array("q")  # which grow in place, as lists of parts do not
 
     def take(self, first: int, part: str) -> None:
         """Take up the lines of a part of the text, the first of which has the number first."""
@@ -213,7 +212,8 @@ class _Rows:
         """Fill in the table."""
         if not self.separator:
             self._settle()
-        self.table.values, self.table.lines = _joined(self.values), _joined(self.lines)
+        self.table.values = np.frombuffer(self.values).reshape(-1, self.width)
+        self.table.lines = np.frombuffer(self.lines, np.int64)
 
     def _settle(self) -> None:
         """Settle how rows are written by the first lines, and read those that have waited for it.
@@ -273,8 +273,8 @@ class _Rows:
         self._keep(values, numbers)
 
     def _keep(self, values: Array, lines: NDArray[np.int64]) -> None:
-        self.values.append(values)
-        self.lines.append(lines)
+        self.values.frombytes(values.tobytes())
+        self.lines.frombytes(lines.tobytes())
 
     def _plain(self, part: str) -> Array | None:
         """Rows of a part that is nothing but rows as they are settled, shape (rows, columns); None for any other.
@@ -340,17 +340,6 @@ def _lines(first: int, part: str, table: NumberTable) -> Iterator[Line]:
         else:
             mark = _REMARK.match(line)
             yield Line(number, line, mark.end() + 1 if mark else 0)
-
-
-def _joined(parts: list[NDArray[T]]) -> NDArray[T]:
-    """Arrays one behind the other; each of them is given up as soon as it is copied, which spares memory."""
-    whole = np.empty((sum(map(len, parts)), *parts[0].shape[1:]), parts[0].dtype)
-    end = len(whole)
-    while parts:
-        part = parts.pop()
-        whole[end - len(part) : end] = part
-        end -= len(part)
-    return whole
 
 
 def split(line: str, separator: str) -> list[Cell]:

@@ -113,16 +113,18 @@ def read_trace(
     if ratio is None and (column.angle_of == "output" or column.other_is == "second"):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
-    angle = _angle(table, column.angle, column.angle_size, form.wrap, notes)
-    cam = angle * (abs(ratio) if ratio and column.angle_of == "output" else 1.0)
-    readings = table.values[:, column.other]
+    angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
+    table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
+    cam = _angle(table, column.angle, angle * (column.angle_size / ARCSEC), form.wrap, notes)
+    if ratio and column.angle_of == "output":
+        cam *= abs(ratio)
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
     step = _step(readings) * column.other_size
+    error, sense = readings * column.other_size, 0
     if column.other_is == "second":
-        error, sense = _second(table, column, form, cam, abs(ratio or 0), notes)
-    else:
-        error, sense = readings * column.other_size, 0
+        output = _angle(table, column.other, error / ARCSEC, form.wrap, notes)
+        error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -136,38 +138,34 @@ def read_trace(
     if left:
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
-        table.file, table.sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes),
+        table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
         column.angle_of, sense,
     )  # fmt: skip
 
 
-def _angle(table: NumberTable, column: int, size: float, wrap: float | None, notes: list[str]) -> Array:
-    """A column of angles [deg] without wraps."""
-    angle = np.asarray(table.values[:, column] * (size / ARCSEC))
+def _angle(table: NumberTable, column: int, angle: Array, wrap: float | None, notes: list[str]) -> Array:
+    """Angles [deg] of a column without wraps."""
     if not np.ptp(angle):
         raise _fault(table, 0, column, "a constant column", "is it the column of the angle?")
     if wrap is None and looks_wrapped(angle):
         wrap = 360.0
         notes.append(f'"{table.name(column)}" begins again after 360 deg: joined')
-    if wrap is None:
-        return angle
     try:
-        return unwrapped(angle, wrap)
+        return angle if wrap is None else unwrapped(angle, wrap)
     except AngleError as wrong:
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
 
 def _second(
-    table: NumberTable, column: Roles, form: TraceForm, cam: Array, ratio: float, notes: list[str]
+    table: NumberTable, column: int, output: Array, cam: Array, ratio: float, notes: list[str]
 ) -> tuple[Array, int]:
-    """Error [arcsec] out of the angles of two encoders, and the sense in which they count."""
-    output = _angle(table, column.other, column.other_size, form.wrap, notes)
+    """Error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > SLIP:
         found = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         hint = "are the units, the ratio and the columns right?"
-        raise _fault(table, 0, column.other, f"{found}, the ratio is {ratio:g}", hint)
+        raise _fault(table, 0, column, f"{found}, the ratio is {ratio:g}", hint)
     sense = 1 if slope > 0 else -1
     notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC
