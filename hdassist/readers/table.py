@@ -165,13 +165,13 @@ def read_numbers(source: Source, needs: Sequence[str] = (), at_most: int = MAX_B
     try:
         for first, part in text.parts():
             rows.take(first, part)
-            table.is_latin = text.is_latin
             if len(table.findings) > MAX_FINDINGS:
-                return table
-        rows.end()
+                break
+        else:
+            rows.end()
     except PresetError as error:
         table.findings.extend(error.findings)
-    table.sha256 = text.sha256
+    table.sha256, table.is_latin = text.sha256, text.is_latin
     if text.is_latin:
         table.notes.append("not UTF-8: read as Latin-1")
     return table
@@ -242,6 +242,7 @@ class _Rows:
             got = ",".join(texts[: self.width])
             self._refuse(row_line, "commas between columns, or decimal commas?", got, hint)
         self.separator = separator
+        self._settle_decimal(rows)
         lines, self.waiting = self.waiting[named:], []
         self._read(lines)
 
@@ -256,8 +257,9 @@ class _Rows:
         if line and names:
             self.table.names, self.table.names_line, self.table.names_in_remark = names, line.number, not written
         elif line and written:
-            message, hint = f"the line of names does not fit {self.width} columns", "one name for each column"
-            self.table.add(line.number, 1, "", message, line.text.strip(), f"{hint}, separated as the rows are")
+            message = f"the line of names does not fit {self.width} columns"
+            hint = "one name for each column, separated as the rows are"
+            self.table.add(line.number, 1, "", message, line.text.strip(), hint)
 
     def _read(self, lines: Sequence[Line]) -> None:
         """Read lines that are neither blank nor remarks."""
