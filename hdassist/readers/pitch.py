@@ -28,7 +28,7 @@ teeth, numbered clockwise, mark on tooth 2:
 from __future__ import annotations
 
 import re
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,11 +61,14 @@ Sign = Literal["along", "ccw", "cw"]
 Flank = Literal["left", "right"]
 Array = NDArray[np.float64]
 
-CHOICES = {  # what may be stated or asked for, and how messages say it
-    "form": (("cumulative", "single", "index"), "cumulative or single"),
-    "sense": (("ccw", "cw"), "ccw or cw, seen from the cam side"),
-    "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
-    "flank": (("left", "right"), "left or right"),
+CHOICES = {"form": get_args(Form), "sense": get_args(Sense), "sign": get_args(Sign), "flank": get_args(Flank)}
+MEANT = {  # what may be stated, for messages
+    "form": "cumulative or single",
+    "unit": "um or mm",
+    "sense": "ccw or cw, seen from the cam side",
+    "sign": "along (the numbering), ccw or cw",
+    "mark": "the number of a tooth",
+    "flank": "left or right",
 }
 HOW = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 
@@ -88,7 +91,7 @@ def read_pitch(
     """
     asked = {"form": form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
     given = {key: str(value) for key, value in asked.items() if value is not None}
-    for key, (choices, _) in CHOICES.items():
+    for key, choices in CHOICES.items():
         if given.get(key, choices[0]) not in choices:
             raise UsageError(f"{key} must be one of {', '.join(choices)} (got {given[key]})")
     if teeth < 2:
@@ -162,9 +165,7 @@ class _Statements:
             return asked
         for statement in stated:
             if not statement.value:
-                self._refuse(
-                    key, statement, f"must be {CHOICES[key][1] if key in CHOICES else 'the number of a tooth'}"
-                )
+                self._refuse(key, statement, f"must be {MEANT[key]}")
                 return default
             if statement.value != stated[0].value:
                 hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
@@ -175,21 +176,13 @@ class _Statements:
         return stated[0].value if stated else default
 
     def unit(self) -> tuple[str, float]:
-        """Unit as it is written, and its size in um."""
-        stated = self.stated["unit"]
-        sizes: list[float] = []
-        for statement in stated:
-            try:
-                sizes.append(micrometres(statement.value))
-            except UnitError as error:
-                self._refuse("unit", statement, error.message, error.hint)
-                return "um", 1.0
-        if not sizes:
-            self.table.notes.append("no unit given: um")
+        """Unit of the deviations, and its size in um."""
+        unit = self.value("unit", "um", "no unit given: um")
+        try:
+            return unit, micrometres(unit)
+        except UnitError as error:
+            self._refuse("unit", self.stated["unit"][0], error.message, error.hint)
             return "um", 1.0
-        if len(set(sizes)) > 1:
-            self._refuse("unit", stated[-1], "stated twice, and not the same", "keep one of them")
-        return stated[0].value, sizes[0]
 
     def tooth(self, teeth: range | None) -> int:
         """The tooth with the mark, by default the first one; teeth: their numbers in the file, where it has them."""
@@ -255,7 +248,7 @@ def _meant(key: str, text: str) -> str:
     if key == "mark":
         return str(int(text)) if re.fullmatch(r"[+]?[0-9]{1,9}", text) else ""
     value = _plain(re.sub(r"[\s-]+", "", text.lower()))
-    return value if value in CHOICES[key][0] else ""
+    return value if value in CHOICES[key] else ""
 
 
 def _plain(value: str) -> str:

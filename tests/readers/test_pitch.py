@@ -218,7 +218,7 @@ def test_a_flank_is_chosen_among_columns() -> None:
         ("# unit: furlong\n" + FOUR, "1:9: unit: unknown unit furlong "
          "(got furlong; a bare number is in um; units: mm, um, nm, cm)"),
         ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice, and not the same "
-         "(got dev [um]; keep one of them)"),
+         "(got dev [um]; line 1 says mm; keep one of them)"),
         ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel (got unit um; is it mm?)"),
         ("# unit: mm\n1;0\n2;0.0001\n3;0\n4;0\n", "2:1: column 2: 0.1 um over the whole wheel "
          "(got unit mm; is it um? no wheel is that good)"),
