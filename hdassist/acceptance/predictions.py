@@ -13,14 +13,15 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR, FROM_TRACES, SELF_ERROR, STIFFNESSES, TURN_RANGE
 from hdassist.acceptance.decision import Asked, Known
-from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
+from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.error.stiffness import work as stiffness_work
+from hdassist.error.stiffness import estimate_states as stiffness_states
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.loadcase import CrossCheck
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def work(drive: Drive, asked: Sequence[Asked]) -> int:
     """Number of states that predictions solve, for a progress bar."""
     cycles, own, twist = _needed(asked)
     cycle = Kinematics.of(drive).cycle_states
-    return len(cycles) * cycle + len(own) * drive.numerics.n_phase**2 + (stiffness_work() if twist else 0)
+    return len(cycles) * cycle + len(own) * drive.numerics.n_phase**2 + (stiffness_states() if twist else 0)
 
 
 def predict(

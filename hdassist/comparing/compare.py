@@ -15,7 +15,7 @@ from hdassist.comparing.solvedrecord import solved_curve
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, worth_searching
-from hdassist.error.waves import Torus
+from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.design_matrix import CHUNK, waves
 from hdassist.measuring.measure import DRIFT_LEFT, drift_left, measure
@@ -100,7 +100,7 @@ def compare(
     Raises what measure raises; UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
     """
     reading = reading or Reading()
-    torus = Torus(drive, M_g, progress)
+    torus = ErrorWaves(drive, M_g, progress)
     measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=seed, together=True)
     record = Record(measurement.directions[0], torus, Kinematics.of(drive))
     fitter = VectorFitter(drive, record, torus, start=reading.start_deg is None, zero=reading.zero_deg is None)
@@ -133,7 +133,7 @@ class _Case:
     M_g: float
     measurement: Measurement
     record: Record
-    torus: Torus
+    torus: ErrorWaves
     base: VectorFit
 
 

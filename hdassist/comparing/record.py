@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdassist.error.waves import Complex, Torus
+from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.measuring.design_matrix import Design
 from hdassist.measuring.measurement import Direction
 from hdassist.model.geometry import Array
@@ -48,7 +48,7 @@ class Record:
     shape (2 lines, 2 lines), with SURE of the range.
     """
 
-    def __init__(self, found: Direction, torus: Torus, kinematics: Kinematics) -> None:
+    def __init__(self, found: Direction, torus: ErrorWaves, kinematics: Kinematics) -> None:
         self.found = found
         fit, self._cells, self._kinematics = found.fit, found.cells, kinematics
         self.design = Design(found.cells, fit.orders, len(fit.drift))

@@ -9,7 +9,7 @@ from functools import partial, reduce
 from operator import add
 from typing import Any
 
-from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
+from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivity
@@ -17,6 +17,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
+from hdassist.solve.loadcase import CrossCheck
 from hdassist.verdict import Verdict, worst
 
 

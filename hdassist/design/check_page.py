@@ -11,9 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.design.check import Check, OperatingPoint
-from hdassist.error.cycle import CROSS_TOLERANCE
 from hdassist.model.geometry import Geometry
 from hdassist.solve.certificate import TOLERANCE
+from hdassist.solve.loadcase import CROSS_TOLERANCE
 from hdassist.terminal.answers import certificate_object, envelope
 from hdassist.terminal.columns import Quantity, as_object
 from hdassist.terminal.console import Look, table

@@ -39,14 +39,14 @@ def command(
     say otherwise.
     """
     from hdassist.design import stiffness_page as report
-    from hdassist.error.stiffness import stiffness, work
+    from hdassist.error.stiffness import estimate_states, stiffness
     from hdassist.preset.library import load_preset
     from hdassist.terminal.answers import to_json
     from hdassist.terminal.output import Output, warn
 
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
     drive = load_preset(preset, overrides)
-    with out.progress(drive.name, work()) as progress:
+    with out.progress(drive.name, estimate_states()) as progress:
         result = stiffness(drive, T_1=t1, T_2=t2, T_max=to, cross_check=cross_check, progress=progress)
     for text in report.warnings(drive, result):
         warn(text)

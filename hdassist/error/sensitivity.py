@@ -37,14 +37,11 @@ def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
     slopes, proof = [], EMPTY
     search: CycleSearch | None = None
     for path, micrometre in MICROMETRE.items():
-        section, name = path.split(".")
-        table = getattr(drive, section)
-        value = getattr(table, name)
+        value = drive.value(path)
         down = 1 if value >= micrometre else 0
         found = []
         for steps in (-down, 1):
-            moved = table.model_copy(update={name: value + steps * micrometre})
-            there = drive.model_copy(update={section: moved})
+            there = drive.with_values({path: value + steps * micrometre})
             search = CycleSearch(there, M_g, like=search)
             found.append(search.extremes(there))
             proof += found[-1].certificate

@@ -13,15 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from hdassist.error.cycle import CROSS_TOLERANCE, N_MM, CrossCheck
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
-from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress
+from hdassist.solve.loadcase import N_MM, CrossCheck, LoadCase, solve_again
 
 LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
@@ -90,7 +87,7 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_58[0] * scale, T_58[1] * scale
 
 
-def work() -> int:
+def estimate_states() -> int:
     """Number of states that a stiffness curve solves, about, for a progress bar."""
     return 2 * (POINTS + 5)
 
@@ -135,7 +132,9 @@ def stiffness(
     check = None
     if cross_check:
         rows = [int(np.flatnonzero(torque == sign * T)[0]) for T in ends for sign in (1, -1)]
-        check = _solve_again(twist.formulation, torque[rows], contact[rows], cross_check)
+        gaps = np.broadcast_to(twist.case.system.delta_p, (len(rows), len(twist.case.system.delta_p)))
+        place = partial(_place, torque[rows].tolist())
+        check = solve_again(twist.case.formulation, torque[rows], gaps, contact[rows], cross_check, place)
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
 
 
@@ -143,10 +142,8 @@ class Twist:
     """Twist of a drive without deviations, at tooth phase 0 and its ball phase."""
 
     def __init__(self, drive: Drive) -> None:
-        self.system = contact_system(drive)
-        self.formulation = formulate(self.system)
-        self._tube = shell_twist_stiffness(drive, self.system.geometry)
-        self._engine: Engine | None = None
+        self.case = LoadCase.of(drive, rated_torque(drive))
+        self._tube = shell_twist_stiffness(drive, self.case.system.geometry)
 
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:
         """Twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
@@ -155,11 +152,9 @@ class Twist:
         """
         contact, proof = np.empty(len(torque)), EMPTY
         for k, M_g in enumerate(torque.tolist()):
-            self._engine = self._engine or Engine(self.formulation, M_g * N_MM)
-            self._engine.load(M_g * N_MM)
-            gaps, place = self.system.delta_p[None], partial(_place, M_g)
-            answers = solve_states(self.system, self._engine, M_g * N_MM, gaps, place, progress)
-            contact[k] = answers.rotation[0] * ARCSEC
+            self.case.load(M_g)
+            answers = self.case.solve(self.case.system.delta_p[None], partial(_place, [M_g]), progress)
+            contact[k] = answers.rotation_arcsec[0]
             proof += answers.certificate
         return contact, torque * N_MM / self._tube * ARCSEC, proof
 
@@ -175,20 +170,5 @@ def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) 
     return [Segment(T, T_next, (T_next - T) / (x_next - x) * ARCSEC) for (T, x), (T_next, x_next) in pairwise(points)]
 
 
-def _solve_again(formulation: Formulation, torque: Array, contact: Array, solver: str) -> CrossCheck:
-    system, worst = formulation.system, 0.0
-    for M_g, expected in zip(torque.tolist(), contact.tolist(), strict=True):
-        _, free = solve_through_cvxpy(formulation, system.delta_p, M_g * N_MM, solver)
-        difference = abs(float(free[system.free_rotation]) * ARCSEC - expected)
-        if not difference <= CROSS_TOLERANCE:
-            raise UntrustedError(
-                f"two solvers disagree at {_place(M_g, 0)}: {difference:.3g} arcsec between the engine and {solver}, "
-                f"{CROSS_TOLERANCE} allowed",
-                "try another solver for the cross-check (--cross-check osqp)",
-            )
-        worst = max(worst, difference)
-    return CrossCheck(require_solver(solver), len(torque), worst)
-
-
-def _place(M_g: float, _: int) -> str:
-    return f"M_g = {M_g:g} N*m, without deviations"
+def _place(torques: Sequence[float], k: int) -> str:
+    return f"M_g = {torques[k]:g} N*m, without deviations"

@@ -86,10 +86,9 @@ def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviat
     their number is not that of the wheel's teeth.
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
-        return system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
+        return system.gaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
     measured = {"F_i1": teeth.g, "F_i2": teeth.b}
-    silent = {name: 0.0 for name, values in measured.items() if values is not None}
-    rest = drive.model_copy(update={"tolerances": drive.tolerances.model_copy(update=silent)})
+    rest = drive.with_values({f"tolerances.{name}": 0.0 for name, values in measured.items() if values is not None})
     result = gaps(rest, system, states)
     flanks = system.flanks
     seen = np.zeros((len(states), system.n_flanks))

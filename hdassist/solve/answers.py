@@ -55,13 +55,13 @@ EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
 class Answers:
     """What is kept of solved states, shape (states,) unless said otherwise.
 
-    rotation: of the flexspline against the rigid wheel [rad]; zone_moment: moment that each mesh zone takes
-    [N*mm], shape (states, 2); tooth_force: greatest force on a flank [N].
+    rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
+    takes, shape (states, 2); tooth_force_N: greatest force on a flank.
     """
 
-    rotation: Array
-    zone_moment: Array
-    tooth_force: Array
+    rotation_arcsec: Array
+    zone_share: Array
+    tooth_force_N: Array
     certificate: Certificate
 
 
@@ -99,7 +99,7 @@ def solve_states(
         certificate += Certificate(len(forces), fallbacks=fallbacks, **worst)
         if progress:
             progress(len(forces))
-    return Answers(rotation, moment, force, certificate)
+    return Answers(rotation * ARCSEC, moment / torque, force, certificate)
 
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:

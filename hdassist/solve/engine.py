@@ -11,8 +11,7 @@ from hdassist.model.geometry import Array
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.compiled import Compiled, compile_programme
 from hdassist.solve.formulation import Formulation, solve_through_cvxpy
-from hdassist.solve.pivoting import Pivoting
-from hdassist.solve.reference import Flags, Reference
+from hdassist.solve.pivoting import Flags, Pivoting, Reference
 
 MANY = 64  # states from which on a reference pays
 CARRIES = 1e-9  # of the greatest force: more is contact
@@ -20,6 +19,10 @@ CARRIES = 1e-9  # of the greatest force: more is contact
 
 class StateSolver(Protocol):
     """Anything that solves states of one contact system at one torque."""
+
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]."""
+        ...
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Forces [N] (states, M), displacements of the free freedoms [mm, rad] (states, free), fallbacks.
@@ -87,7 +90,12 @@ class ThroughCvxpy:
     """
 
     def __init__(self, formulation: Formulation, torque: float, solver: str) -> None:
-        self._formulation, self._torque, self._solver = formulation, torque, solver
+        self._formulation, self._solver = formulation, solver
+        self.load(torque)
+
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]."""
+        self._torque = torque
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""

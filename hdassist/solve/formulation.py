@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
+import cvxpy as cp
 import numpy as np
 
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
-from hdassist.solve.lightcvxpy import cp
 
 MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 

@@ -6,10 +6,10 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from hdassist.error.cycle import CrossCheck
 from hdassist.errors import HdassistError
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
+from hdassist.solve.loadcase import CrossCheck
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
