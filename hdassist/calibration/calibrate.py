@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import differential_evolution, least_squares
 from scipy.stats import qmc
 
-from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations
+from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level
 from hdassist.calibration.quantities import FINE, MEDIUM, Quantities
 from hdassist.calibration.targets import Targets, Unknown
 from hdassist.errors import HdassistError, UntrustedError
@@ -21,7 +21,7 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 POPULATION = 4  # points of the global search's generation for each unknown
-STARTS = 4  # points that least squares starts from
+STARTS = 4  # points that least squares starts from by default
 APART = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
 STEP = 0.02  # of the range: step of difference quotients, above the roughness of a quick search
 ROUNDS = 12  # steps of a least-squares run at most
@@ -91,7 +91,7 @@ def moved(drive: Drive, unknowns: Sequence[Unknown], values: Sequence[float]) ->
     return drive.with_values({u.path: float(v) for u, v in zip(unknowns, values, strict=True)})
 
 
-def work(targets: Targets, budget: int) -> int:
+def estimate_drives(targets: Targets, budget: int) -> int:
     """Number of drives that a calibration computes, about, for a progress bar."""
     return budget + STARTS * ROUNDS // 2 * (len(targets.unknowns) + 2)
 
@@ -102,20 +102,22 @@ def calibrate(
     evaluations: Evaluations,
     *,
     budget: int = 400,
+    starts: int = STARTS,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Calibration:
     """Find the unknowns of a drive from its targets.
 
     Arguments: evaluations, which computes drives and remembers them; budget, drives that the global search may
-    compute; seed, of that search; progress, told how many drives were computed or remembered.
+    compute; starts, its best points, far from each other, that least squares starts from; seed, of the search;
+    progress, told how many drives were computed or remembered.
     Raises UntrustedError where nothing could be computed or least squares did not come to rest.
     """
     unit = _Unit(targets.unknowns)
     start = tuple(float(drive.value(u.path)) for u in targets.unknowns)
     seen: dict[tuple[float, ...], float] = {}
 
-    def off(points: Iterable[Array], level: str) -> list[Array]:
+    def off(points: Iterable[Array], level: Level) -> list[Array]:
         points = list(points)
         rows = evaluations.off([unit.values(p) for p in points], level)
         if progress:
@@ -127,7 +129,7 @@ def calibrate(
     _search(unit, start, off, budget, seed)
     if min(seen.values()) >= IMPOSSIBLE**2:
         raise UntrustedError("no drive within the bounds could be computed", "look at the bounds, and check the preset")
-    runs = [_settle(point, off) for point in _distant(seen)]
+    runs = [_settle(point, off) for point in _distant(seen, starts)]
     runs.sort(key=lambda run: run.cost)
     if not runs[0].at_rest:
         raise UntrustedError(
@@ -172,7 +174,7 @@ class _Unit:
         return np.where(self.log, np.array(values), 1.0) * (self.high - self.low)
 
 
-_Off = Callable[[Iterable[Array], str], list[Array]]
+_Off = Callable[[Iterable[Array], Level], list[Array]]
 
 
 def _search(unit: _Unit, start: Sequence[float], off: _Off, budget: int, seed: int) -> None:
@@ -198,12 +200,12 @@ def _search(unit: _Unit, start: Sequence[float], off: _Off, budget: int, seed: i
     )
 
 
-def _distant(seen: dict[tuple[float, ...], float]) -> list[Array]:
-    """The best points that lie apart."""
+def _distant(seen: dict[tuple[float, ...], float], count: int) -> list[Array]:
+    """The best points that lie apart, so many at most."""
     chosen: list[Array] = []
     for point in sorted(seen, key=lambda p: seen[p]):
         here = np.array(point)
-        if len(chosen) < STARTS and all(np.abs(here - other).max() > APART for other in chosen):
+        if len(chosen) < count and all(np.abs(here - other).max() > APART for other in chosen):
             chosen.append(here)
     return chosen
 

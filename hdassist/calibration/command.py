@@ -57,7 +57,7 @@ def command(
     goes on. Exit code 5: the fit did not come to rest.
     """
     from hdassist.calibration import page as report
-    from hdassist.calibration.calibrate import calibrate, work
+    from hdassist.calibration.calibrate import calibrate, estimate_drives
     from hdassist.calibration.evaluations import Evaluations
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import DataError, UsageError
@@ -86,7 +86,7 @@ def command(
     begun = time.monotonic()
     try:
         with (
-            out.progress(drive.name, work(wanted, evaluations)) as progress,
+            out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
             workers(jobs) as executor,
         ):
             known = Evaluations(drive, wanted, executor, state)

@@ -10,9 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.calibration.calibrate import Calibration, Fit
-from hdassist.calibration.targets import KINDS, Target
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import unit_of
+from hdassist.calibration.targets import Target
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.console import Look, table
 
@@ -63,7 +61,7 @@ def _targets(result: Calibration, look: Look) -> Table:
         grid.add_column(words, justify="right")
     best = result.best
     for target, found, off, met in zip(result.targets.targets, best.found, best.off, best.met, strict=True):
-        unit = KINDS[target.quantity].unit
+        unit = target.unit
         row = (target.words, unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", "met" if met else "MISSED")
         grid.add_row(*map(look.text, row))
     return grid
@@ -77,7 +75,7 @@ def _values(result: Calibration, look: Look) -> Table:
     columns = (result.targets.unknowns, result.start, result.best.values, result.half_width, result.determined)
     for unknown, start, value, half, share in zip(*columns, strict=True):
         row = (
-            unknown.path, unit_of(field_table()[unknown.path]), f"{start:g}", f"{value:g}", f"{half:.2g}",
+            unknown.path, unknown.unit, f"{start:g}", f"{value:g}", f"{half:.2g}",
             f"{unknown.low:g} to {unknown.high:g}", f"{share:.0%}",
         )  # fmt: skip
         grid.add_row(*map(look.text, row))
@@ -118,7 +116,7 @@ def answer(result: Calibration) -> dict[str, Any]:
         "targets": [
             {
                 "quantity": t.quantity,
-                "unit": KINDS[t.quantity].unit,
+                "unit": t.unit,
                 "asked": dict(t.asked),
                 "value": t.value,
                 "low": t.low if isfinite(t.low) else None,
@@ -130,7 +128,7 @@ def answer(result: Calibration) -> dict[str, Any]:
         "unknowns": [
             {
                 "path": u.path,
-                "unit": unit_of(field_table()[u.path]),
+                "unit": u.unit,
                 "low": u.low,
                 "high": u.high,
                 "start": start,
