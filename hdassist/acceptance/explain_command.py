@@ -29,12 +29,12 @@ def command(
     """
     from hdassist.acceptance import explain_page as report
     from hdassist.acceptance.checks import explained
-    from hdassist.terminal.answers import to_json
+    from hdassist.terminal.answers import json_text
     from hdassist.terminal.output import Output
 
     out = Output.open(output, force=force, ascii=ascii, no_color=no_color)
     found = [explained(code) for code in codes]
     if json:
-        out.text(to_json(report.answer(found)))
+        out.text(json_text(report.answer(found)))
     else:
-        out.human(report.render(found, out.look))
+        out.human(report.render(found, out.style))

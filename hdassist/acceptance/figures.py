@@ -14,7 +14,7 @@ from hdassist.errors import HdassistError
 from hdassist.measuring.measurement import Measurement
 from hdassist.terminal.answers import certificate_object, envelope
 from hdassist.terminal.answers import failure as failed
-from hdassist.terminal.columns import Quantity, as_object
+from hdassist.terminal.quantities import Quantity, as_object
 
 CHECK: tuple[Quantity[Decision], ...] = (
     Quantity("code", "code", "", "", lambda d: d.asked.check.code),
@@ -81,7 +81,7 @@ def _measured(measurements: Mapping[float, Measurement]) -> list[dict[str, Any]]
 def failure(request: Request, error: HdassistError) -> dict[str, Any]:
     """The answer about a drive that has none: its error."""
     return {
-        **failed("accept", request.preset, error),
+        **failed("accept", error, preset=request.preset),
         "serial": request.serial,
         "seed": request.seed,
         "request": asdict(request),

@@ -22,7 +22,7 @@ from hdassist.measuring.measure import require_drift
 from hdassist.measuring.order_grid import DEFAULT, parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
-from hdassist.terminal.answers import to_json
+from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import add_line, put_text, require_writable, write_text
 from hdassist.terminal.jsonlines import read_answers, to_line, to_lines
 from hdassist.terminal.output import Output, complain, note
@@ -119,7 +119,7 @@ def accept_lot(
                     complain(HdassistError(f"{report.title(answer)}: {told['message']}", told["hint"]))
                 if shown:
                     words = f"{report.title(answer)} {figures.status(answer)}" if quiet else report.line(answer, width)
-                    lines.append(out.look.text(words))
+                    lines.append(out.style.text(words))
                     if out.target == "-":
                         out.text(lines[-1] + "\n")
     except KeyboardInterrupt:
@@ -134,9 +134,9 @@ def accept_lot(
     if verbose:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
     if json:
-        out.text(to_json(figures.combined(lot, done)))
+        out.text(json_text(figures.combined(lot, done)))
     elif shown:
-        page = "" if quiet else "\n" + out.page(report.render(lot, done, out.look))
+        page = "" if quiet else "\n" + out.page(report.render(lot, done, out.style))
         out.text(page if out.target == "-" else "\n".join(lines) + "\n" + page)
     out.figures(figures.csv(done))
     files.write_suite(out, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})

@@ -10,8 +10,7 @@ from hdassist.acceptance.decision import Asked
 from hdassist.acceptance.figures import CHECK
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.shares import quantiles, wilson
-from hdassist.terminal.answers import together
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import csv_text, together
 
 Answer = Mapping[str, Any]
 
@@ -57,7 +56,7 @@ def csv(answers: Iterable[Answer]) -> str:
         error = answer["error"]["message"] if "error" in answer else None
         found = answer.get("checks") or [dict.fromkeys(keys)]
         rows += [[*start, *(check[key] for key in keys), answer["exit_code"], error, *end] for check in found]
-    return to_csv(["serial", "preset", *keys, "exit_code", "error", *PROVENANCE], rows)
+    return csv_text(["serial", "preset", *keys, "exit_code", "error", *PROVENANCE], rows)
 
 
 def summary(answers: Sequence[Answer]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.lot_figures import QUANTILE_KEYS, VERDICTS, asked, status, summary
 from hdassist.acceptance.page import number
 from hdassist.preset.yamltext import shown
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
 HEADINGS = ("values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
@@ -53,45 +53,45 @@ def _worst(checks: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     return min(checks, key=lambda c: (order.index(c["verdict"]), (c["margin"] or 0.0) / c["limit"]))
 
 
-def render(lot: Lot, answers: Sequence[Mapping[str, Any]], look: Look) -> RenderableType:
+def render(lot: Lot, answers: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
     """Counts, yield, the spread of values, and what it rests on."""
     told = summary(answers)
     counts = [f"{n} {verdict}" for verdict, n in told["verdicts"].items() if n]
     counts += [f"{told['broken']} broken ({100 * told['broken_share']:.3g} %)"] * bool(told["broken"])
     parts: list[RenderableType] = [
-        Text(look.text(f"{lot.file}: {_drives(told['drives'])}, {', '.join(counts)}"), style="bold")
+        Text(style.text(f"{lot.file}: {_drives(told['drives'])}, {', '.join(counts)}"), style="bold")
     ]
     share = told["yield"]
     if share["with_verdict"]:
         low, high = (100 * end for end in share["interval_95"])
         parts.append(
-            Text(look.text(f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
+            Text(style.text(f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
                            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"))
         )  # fmt: skip
-        parts += [Text(""), _spread(told["checks"], look)]
+        parts += [Text(""), _spread(told["checks"], style)]
         part = sum(row["of_part_only"] for row in told["checks"])
         if part:
-            parts.append(Text(look.text(f"left out of it: {part} values of part of the cycle, or none")))
+            parts.append(Text(style.text(f"left out of it: {part} values of part of the cycle, or none")))
     codes = {c["code"] for a in answers for c in a.get("checks", ()) if c["verdict"] in VERDICTS[1:]}
     remarks = {said["code"] for answer in answers for said in answer.get("remarks", ())}
     for code in sorted(remarks):
         count = sum(any(said["code"] == code for said in answer.get("remarks", ())) for answer in answers)
-        parts.append(Text(look.text(f"remark {code}: {_drives(count)}")))
+        parts.append(Text(style.text(f"remark {code}: {_drives(count)}")))
     if codes:
-        parts.append(Text(look.text(f"what to do: hdassist explain {' '.join(sorted(codes))}")))
+        parts.append(Text(style.text(f"what to do: hdassist explain {' '.join(sorted(codes))}")))
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
-    parts.append(Text(look.text(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")))
+    parts.append(Text(style.text(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")))
     return Group(*parts)
 
 
-def _spread(rows: Sequence[Mapping[str, Any]], look: Look) -> RenderableType:
+def _spread(rows: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
     """A table of values, or sentences where it does not fit."""
     several = len({row["preset"] for row in rows}) > 1
-    cells = [[look.text(text) for text in _cells(row, several)] for row in rows]
-    if look.width < WIDE:
+    cells = [[style.text(text) for text in _cells(row, several)] for row in rows]
+    if style.width < WIDE:
         lines = [f"{row[0]}: " + ", ".join(map(" ".join, zip(HEADINGS, row[1:], strict=True))) for row in cells]
         return Text("\n".join(lines))
-    grid = table(look)
+    grid = table(style)
     for words in ("check", *HEADINGS):
         grid.add_column(words, justify="left" if words == "check" else "right", no_wrap=words != "check")
     for row in cells:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from hdassist.acceptance.accept import Acceptance
 from hdassist.acceptance.decision import GUARD, Asked, Decision
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
 RULES = {
@@ -30,14 +30,14 @@ def number(value: float, asked: Asked) -> str:
     return f"{value:.{max(2, 2 - floor(log10(asked.limit)))}f}"
 
 
-def render(result: Acceptance, look: Look, serial: str = "") -> RenderableType:
+def render(result: Acceptance, style: Style, serial: str = "") -> RenderableType:
     """The verdict, a row for each limit, and what it should not be read without."""
     name = result.drive.name + (f", serial {serial}" if serial else "")
-    parts: list[RenderableType] = [Text(look.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
+    parts: list[RenderableType] = [Text(style.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
     for basis, title in titles(result).items():
         found = [d for d in result.decisions if (d.known.basis if d.known else "measured") == basis]
-        parts += [_table(found, title, look)] * bool(found)
-    parts += [Text(look.text(line)) for line in _notes(result)]
+        parts += [_table(found, title, style)] * bool(found)
+    parts += [Text(style.text(line)) for line in _notes(result)]
     return Group(*parts)
 
 
@@ -51,21 +51,21 @@ def titles(result: Acceptance) -> dict[str, str]:
     }
 
 
-def _table(decisions: Sequence[Decision], title: str, look: Look) -> RenderableType:
+def _table(decisions: Sequence[Decision], title: str, style: Style) -> RenderableType:
     """A row for each decision; sentences in their place where a terminal is too narrow for the numbers."""
     spread = any(decision.expanded is not None for decision in decisions)
     kept = [place for place in range(len(HEADINGS)) if spread or HEADINGS[place] != EXPANDED]
-    rows = [[look.text(row[place]) for place in kept] for row in map(_row, decisions)]
-    headings = [look.text(HEADINGS[place]) for place in kept]
+    rows = [[style.text(row[place]) for place in kept] for row in map(_row, decisions)]
+    headings = [style.text(HEADINGS[place]) for place in kept]
     words = [max(row[0].split(), key=len) for row in rows]  # names of checks may be broken, numbers may not
     needed = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     needed[0] = max(map(len, [headings[0], *words]))
-    edges = 2 if look.ascii else 0
-    if sum(needed) + GAP * (len(needed) - 1) + edges > look.width:
+    edges = 2 if style.ascii else 0
+    if sum(needed) + GAP * (len(needed) - 1) + edges > style.width:
         lines = [", ".join(f"{h} {text}" for h, text in zip(headings[1:], row[1:], strict=True)) for row in rows]
         texts = [Text(f"{row[0]}: {line}") for row, line in zip(rows, lines, strict=True)]
-        return Group(Text(look.text(title), style="bold"), *texts)
-    grid = table(look, title)
+        return Group(Text(style.text(title), style="bold"), *texts)
+    grid = table(style, title)
     for heading in headings:
         left = heading in ("check", "verdict")
         grid.add_column(heading, justify="left" if left else "right", no_wrap=heading != "check")

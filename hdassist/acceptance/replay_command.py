@@ -12,7 +12,7 @@ from hdassist.acceptance.lot_runner import answers as work
 from hdassist.acceptance.replay_page import Replayed
 from hdassist.acceptance.replaying import differences, inputs, request_of
 from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.terminal.answers import to_json
+from hdassist.terminal.answers import json_text
 from hdassist.terminal.jsonlines import read_answers
 from hdassist.terminal.output import Output, complain
 from hdassist.terminal.workers import count, workers
@@ -45,11 +45,11 @@ def replay_answers(
                 progress(1)
             replayed.append(before)
     if json:
-        out.text(to_json(report.answer(replayed)))
+        out.text(json_text(report.answer(replayed)))
     elif quiet:
         out.text(report.brief(replayed) + "\n")
     else:
-        out.text(out.look.text("\n".join(map(report.line, replayed))) + "\n")
+        out.text(out.style.text("\n".join(map(report.line, replayed))) + "\n")
     for one in replayed:
         if one.fault and not one.left_out:
             complain(HdassistError(one.fault, one.hint))

@@ -17,7 +17,7 @@ from hdassist.acceptance.lot_figures import csv
 from hdassist.acceptance.predictions import work
 from hdassist.acceptance.request import FailOn, Request, carry_out, read_measurements
 from hdassist.errors import HdassistError, UsageError
-from hdassist.terminal.answers import combine, to_json
+from hdassist.terminal.answers import combine, json_text
 from hdassist.terminal.jsonlines import to_lines
 from hdassist.terminal.output import Output, complain, note, warn
 from hdassist.terminal.workers import workers
@@ -61,13 +61,13 @@ def accept_presets(
             answers.append(figures.failure(request, fault))
             continue
         answers.append(figures.answer(request, result, fail_on))
-        pages.append(report.brief(result) if quiet else report.render(result, out.look, request.serial))
+        pages.append(report.brief(result) if quiet else report.render(result, out.style, request.serial))
         for text in drive.origin.warnings:
             warn(f"{drive.name}: {text}")
         if verbose:
             note(f"{drive.name}: {time.monotonic() - begun:.1f} s")
     if json:
-        out.text(to_json(combine("accept", answers)))
+        out.text(json_text(combine("accept", answers)))
     elif pages and not files.take_stdout:
         out.human(Group(*pages))
     if pages:

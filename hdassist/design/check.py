@@ -51,7 +51,7 @@ class OperatingPoint:
 
 
 @dataclass(frozen=True)
-class Check:
+class DesignCheck:
     """Design check of a drive: one operating point per torque, in the order of the preset.
 
     measured: wheels in place of first harmonics.
@@ -91,7 +91,7 @@ class Check:
         )
 
 
-def work(drive: Drive, measured: MeasuredTeeth | None = None) -> int:
+def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None) -> int:
     """Number of states that a check solves, for a progress bar."""
     searched = SEARCHES * SEARCHED if searchable(drive) and not measured else 0
     return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
@@ -106,7 +106,7 @@ def check(
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Check:
+) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
     Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; executor, to spread
@@ -129,7 +129,7 @@ def check(
     own = results.pop(1)
     errors, slopes = results[::2], results[1::2]
     limits = [drive.limit(M_g) for M_g in torques]
-    return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
+    return DesignCheck(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
 
 
 _Job = partial[Any]
