@@ -21,7 +21,7 @@ from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.solve.loadcase import CrossCheck
+from hdassist.solve.throughcvxpy import CrossCheck
 
 
 @dataclass(frozen=True)

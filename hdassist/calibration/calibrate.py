@@ -86,11 +86,6 @@ class Calibration:
         return [(names[i], names[k], float(self.correlation[i, k])) for i, k in zip(rows, columns, strict=True)]
 
 
-def moved(drive: Drive, unknowns: Sequence[Unknown], values: Sequence[float]) -> Drive:
-    """The drive with values of unknowns put in."""
-    return drive.with_values({u.path: float(v) for u, v in zip(unknowns, values, strict=True)})
-
-
 def estimate_drives(targets: Targets, budget: int) -> int:
     """Number of drives that a calibration computes, about, for a progress bar."""
     return budget + STARTS * ROUNDS // 2 * (len(targets.unknowns) + 2)
@@ -137,7 +132,7 @@ def calibrate(
             "run again with the same --state and more --evaluations: what was computed is kept",
         )
     sets = [unit.values(run.point) for run in runs]
-    answers = evaluations.run(_fit, [(moved(drive, targets.unknowns, v), targets, v) for v in sets])
+    answers = evaluations.run(_fit, [(drive.with_values(targets.by_path(v)), targets, v) for v in sets])
     # a quick search may not have seen what a thorough one does
     fits = [fit for fit in answers if fit is not None]
     if not fits:

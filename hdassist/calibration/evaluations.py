@@ -92,8 +92,7 @@ class Evaluations:
         Arguments: points, values of the unknowns; level, a name in LEVELS.
         """
         fresh = list(dict.fromkeys(p for p in points if (level, p) not in self._known))
-        paths = [unknown.path for unknown in self._targets.unknowns]
-        tasks = [(self._drive, dict(zip(paths, p, strict=True)), self._targets.targets, LEVELS[level]) for p in fresh]
+        tasks = [(self._drive, self._targets.by_path(p), self._targets.targets, LEVELS[level]) for p in fresh]
         for point, row in zip(fresh, self.run(_off, tasks), strict=True):
             self._known[level, point] = row
             self.computed += 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -11,10 +10,23 @@ from rich.text import Text
 
 from hdassist.calibration.calibrate import Calibration, Fit
 from hdassist.calibration.targets import Target
-from hdassist.terminal.answers import envelope
+from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.runs import Answer
 
 UNSEEN = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
+
+
+def answer(result: Calibration) -> Answer:
+    """What there is to say of a calibration."""
+    return Answer(
+        to_json=lambda: to_json(result),
+        page=lambda style: render(result, style),
+        summary_line=lambda: summary_line(result),
+        about=result.drive.name,
+        warnings=warnings(result),
+        proof=f"{result.evaluations} drives computed",
+    )
 
 
 def warnings(result: Calibration) -> tuple[str, ...]:
@@ -96,13 +108,13 @@ def _sets(result: Calibration, style: Style) -> Table:
     return grid
 
 
-def answer(result: Calibration) -> dict[str, Any]:
+def to_json(result: Calibration) -> Json:
     """The calibration as a JSON object."""
     unknowns, targets = result.targets.unknowns, result.targets.targets
 
-    def one(fit: Fit) -> dict[str, Any]:
+    def one(fit: Fit) -> Json:
         return {
-            "values": {u.path: value for u, value in zip(unknowns, fit.values, strict=True)},
+            "values": result.targets.by_path(fit.values),
             "off_tolerances": list(fit.off),
             "found": list(fit.found),
             "best_phase_deg": list(fit.best_deg),
@@ -148,7 +160,6 @@ def answer(result: Calibration) -> dict[str, Any]:
     }
 
 
-def brief(result: Calibration) -> str:
+def summary_line(result: Calibration) -> str:
     """The answer alone: the values, in the form of --set."""
-    pairs = zip(result.targets.unknowns, result.best.values, strict=True)
-    return "\n".join(f"{unknown.path}={value!r}" for unknown, value in pairs)
+    return "\n".join(f"{path}={value!r}" for path, value in result.targets.by_path(result.best.values).items())

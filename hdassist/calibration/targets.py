@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite
@@ -41,7 +41,7 @@ MEASURES = {path for path, info in FIELDS.items() if kind_of(info) == "number"}
 
 
 @dataclass(frozen=True)
-class Kind:
+class TargetKind:
     """A quantity that can be a target: its unit and meaning, and what it is asked with (key: unit)."""
 
     unit: str
@@ -56,19 +56,19 @@ class Kind:
 
 
 TORQUE = {"M_g": "N*m"}
-KINDS: dict[str, Kind] = {
-    "F_ior": Kind(
+KINDS: dict[str, TargetKind] = {
+    "F_ior": TargetKind(
         "arcsec", "F'_ior, full cycle; at a mounting phase, or as the wheel stands", TORQUE, {"phase": "deg"}
     ),
-    "F_ior_max": Kind("arcsec", "greatest F'_ior over the mounting phase", TORQUE, {}),
-    "F_ior_min": Kind("arcsec", "least F'_ior over the mounting phase", TORQUE, {}),
-    "revolution_range": Kind("arcsec", "range within one cam revolution", TORQUE, {"phi_g0": "deg"}),
-    "self_error": Kind("arcsec", "self error", TORQUE, {}),
-    "torsional_stiffness": Kind(
+    "F_ior_max": TargetKind("arcsec", "greatest F'_ior over the mounting phase", TORQUE, {}),
+    "F_ior_min": TargetKind("arcsec", "least F'_ior over the mounting phase", TORQUE, {}),
+    "revolution_range": TargetKind("arcsec", "range within one cam revolution", TORQUE, {"phi_g0": "deg"}),
+    "self_error": TargetKind("arcsec", "self error", TORQUE, {}),
+    "torsional_stiffness": TargetKind(
         "N*m/rad", "chord of the stiffness curve, the shell's tube included", {"from": "N*m", "to": "N*m"}, {}
     ),
-    "lost_motion": Kind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
-    "trace": Kind(
+    "lost_motion": TargetKind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
+    "trace": TargetKind(
         "arcsec", "error over the cam angle, as trace --csv writes it", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
     ),
 }
@@ -129,6 +129,10 @@ class Targets:
     sha256: str
     unknowns: tuple[Unknown, ...]
     targets: tuple[Target, ...]
+
+    def by_path(self, values: Iterable[float]) -> dict[str, float]:
+        """Values of the unknowns, in their order, by the path of each."""
+        return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
 
 
 def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
@@ -191,7 +195,7 @@ def _bounds(unit: str) -> type[BaseModel]:
     )
 
 
-def _written(kind: Kind) -> type[BaseModel]:
+def _written(kind: TargetKind) -> type[BaseModel]:
     """Model of a target as it is written."""
     keys: dict[str, Any] = {key: (_in(unit) if unit else str, ...) for key, unit in kind.needs.items()}
     keys |= {key: (_in(unit), None) for key, unit in kind.takes.items()}

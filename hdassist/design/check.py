@@ -17,7 +17,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
-from hdassist.solve.loadcase import CrossCheck
+from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import Verdict, worst
 
 

@@ -12,7 +12,7 @@ from rich.text import Text
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.model.geometry import Geometry
 from hdassist.solve.certificate import TOLERANCE
-from hdassist.solve.loadcase import CROSS_TOLERANCE
+from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve

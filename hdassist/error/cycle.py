@@ -19,8 +19,9 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate, Progress
-from hdassist.solve.formulation import Formulation, formulate, require_solver
-from hdassist.solve.loadcase import CrossCheck, LoadCase, solve_again
+from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 BLOCK = 4 * CHUNK  # states whose gaps are held at once

@@ -17,8 +17,9 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress
-from hdassist.solve.loadcase import N_MM, CrossCheck, LoadCase, solve_again
+from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.throughcvxpy import CrossCheck, solve_again
 
 LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec

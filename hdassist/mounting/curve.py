@@ -26,7 +26,7 @@ from hdassist.mounting.positions import MountingCurve, Position, merit, phase_de
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.solve.loadcase import CrossCheck
+from hdassist.solve.throughcvxpy import CrossCheck
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved

@@ -16,7 +16,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
-from hdassist.solve.loadcase import CrossCheck
+from hdassist.solve.throughcvxpy import CrossCheck
 
 FREE_STEP = 5.0  # deg between positions where the seat has no holes
 

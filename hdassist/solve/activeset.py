@@ -12,7 +12,8 @@ from scipy.linalg import lapack
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.solve.compiled import Compiled
-from hdassist.solve.formulation import Formulation, solve_through_cvxpy
+from hdassist.solve.formulation import Formulation
+from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row

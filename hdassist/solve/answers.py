@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 
@@ -11,13 +12,29 @@ from hdassist.errors import UntrustedError
 from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
-from hdassist.solve.engine import StateSolver
 
 CHUNK = 256  # states whose forces are held at once: in the cache
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
+N_MM = 1e3  # N*mm in a N*m
 
 Progress = Callable[[int], None]
+
+
+class StateSolver(Protocol):
+    """Anything that solves states of one contact system at one torque."""
+
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]."""
+        ...
+
+    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces [N] (states, M), displacements of the free freedoms [mm, rad] (states, free), fallbacks.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M). Fallbacks counts the states that the
+        first way gave up; a state that nothing solves is NaN.
+        """
+        ...
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 from hdassist.errors import HdassistError
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
-from hdassist.solve.loadcase import CrossCheck
+from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 

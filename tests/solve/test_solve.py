@@ -16,8 +16,9 @@ from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
-from hdassist.solve.engine import MANY, Engine, ThroughCvxpy
-from hdassist.solve.formulation import formulate, solve_through_cvxpy
+from hdassist.solve.engine import MANY, Engine
+from hdassist.solve.formulation import formulate
+from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_through_cvxpy
 from tests.support import changed
 
 
@@ -172,7 +173,7 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
 
 
 def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
-    import hdassist.solve.loadcase as module
+    import hdassist.solve.throughcvxpy as module
 
     real = module.solve_through_cvxpy
     monkeypatch.setattr(module, "solve_through_cvxpy", lambda *a: (real(*a)[0], real(*a)[1] + 0.02 / ARCSEC))
