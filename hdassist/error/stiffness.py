@@ -27,7 +27,7 @@ NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist 
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
 T_58, D_58 = (168.0, 598.0), 147.32
 BEYOND = 1.5  # of T_2: how far the curve goes by default
-POINTS = 40  # torques to each side
+POINTS = 40  # torques to each side by default
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,9 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_58[0] * scale, T_58[1] * scale
 
 
-def estimate_states() -> int:
-    """Number of states that a stiffness curve solves, about, for a progress bar."""
-    return 2 * (POINTS + 5)
+def estimate_states(points: int = POINTS) -> int:
+    """Number of states that a stiffness curve with so many torques to each side solves, about, for a progress bar."""
+    return 2 * (points + 5)
 
 
 def stiffness(
@@ -99,14 +99,16 @@ def stiffness(
     T_1: float | None = None,
     T_2: float | None = None,
     T_max: float | None = None,
+    points: int = POINTS,
     cross_check: str | None = "CLARABEL",
     progress: Progress | None = None,
 ) -> Stiffness:
     """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
-    T_max, end of the curve, by default 1.5 T_2 [N*m]; cross_check, the solver that solves the ends of the
-    segments again, None for none; progress, told how many states were solved.
+    T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
+    cross_check, the solver that solves the ends of the segments again, None for none; progress, told how many states
+    were solved.
     Raises UsageError for torques out of order, UntrustedError where an answer cannot be trusted.
     """
     first, second = catalogue_torques(drive)
@@ -121,7 +123,7 @@ def stiffness(
         )
     # a segment that the curve ends in is none
     ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
-    side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, POINTS + 1)[1:]])
+    side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
     twist = Twist(drive)
     contact, tube, proof = twist.at(torque, progress)

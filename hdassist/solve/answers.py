@@ -89,11 +89,13 @@ def solve_states(
     delta_p: Array,
     place: Callable[[int], str],
     progress: Progress | None = None,
+    chunk: int = CHUNK,
 ) -> Answers:
     """Solve states of one contact system and prove each answer.
 
     Arguments: torque [N*mm]; delta_p, gaps without force [mm], shape (states, M); place, words for where
-    state k is, for errors; progress, told how many states were solved since the last call.
+    state k is, for errors; progress, told how many states were solved since the last call; chunk, states whose forces
+    are held at once.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
@@ -101,8 +103,8 @@ def solve_states(
     rotation, force = np.empty(count), np.empty(count)
     moment = np.empty((count, 2))
     certificate = EMPTY
-    for first in range(0, count, CHUNK):
-        part = slice(first, min(first + CHUNK, count))
+    for first in range(0, count, chunk):
+        part = slice(first, min(first + chunk, count))
         forces, free, fallbacks = solver.solve(delta_p[part])
         proof = residuals(system, delta_p[part], torque, forces, free)
         _require_proof(proof, place, first)

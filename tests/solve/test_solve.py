@@ -10,8 +10,9 @@ from hdassist import kinematic_error
 from hdassist.error.self_error import self_error
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import activeset, answers
+from hdassist.solve import activeset
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
@@ -227,16 +228,17 @@ def test_a_window_too_narrow_is_outside_the_model(reference):
     assert "window" in error.value.hint
 
 
-def test_progress_counts_every_state(reference, monkeypatch):
-    monkeypatch.setattr(answers, "CHUNK", 7)
-    seen = []
-    states = pitch_locked_states(Kinematics.of(reference), np.arange(30))
+def test_progress_counts_every_state(reference, system, formulation):
+    seen, states = [], pitch_locked_states(Kinematics.of(reference), np.arange(30))
     result = kinematic_error(reference, 80, states=states, cross_check=None, progress=seen.append)
     assert sum(seen) == 30 == result.certificate.states
-    monkeypatch.undo()
-    assert kinematic_error(reference, 80, states=states, cross_check=None).error_arcsec == pytest.approx(
-        result.error_arcsec, abs=1e-9
-    )
+    seen.clear()
+    delta_p = gaps(reference, system, states)
+    few = solve_states(system, Engine(formulation, 80e3), 80e3, delta_p, str, seen.append, chunk=7)
+    assert seen == [7, 7, 7, 7, 2]
+    assert few.certificate.states == 30
+    whole = solve_states(system, Engine(formulation, 80e3), 80e3, delta_p, str)
+    assert whole.rotation_arcsec == pytest.approx(few.rotation_arcsec, abs=1e-9)
 
 
 def test_the_sample_of_the_cross_check_is_seeded(reference):
