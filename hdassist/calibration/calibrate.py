@@ -26,7 +26,7 @@ APART = 0.25  # of an unknown's range: sets that lie further apart in some unkno
 STEP = 0.02  # of the range: step of difference quotients, above the roughness of a quick search
 ROUNDS = 12  # steps of a least-squares run at most
 DIGITS = 4  # of a found value
-TIGHT = 0.95  # correlation from which on two unknowns cannot be told apart
+INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Calibration:
     def indistinct(self) -> list[tuple[str, str, float]]:
         """Pairs of unknowns that these targets cannot tell apart, with their correlation."""
         names = [unknown.path for unknown in self.targets.unknowns]
-        rows, columns = np.nonzero(np.triu(np.abs(self.correlation), 1) > TIGHT)
+        rows, columns = np.nonzero(np.triu(np.abs(self.correlation), 1) > INDISTINCT)
         return [(names[i], names[k], float(self.correlation[i, k])) for i, k in zip(rows, columns, strict=True)]
 
 

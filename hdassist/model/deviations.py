@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import TO_X1, ContactSystem
+from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
@@ -107,11 +107,3 @@ def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int)
     # the nearest tooth; half a pitch goes one way in every state, whatever the last digits say
     shift = np.floor(-turned * z / (2 * np.pi) + 0.5 + 1e-6).astype(np.int64)
     return np.asarray(np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3)
-
-
-def first_harmonic(F_i: float, xi: float, z: int) -> Array:
-    """Deviation of each tooth along +theta [unit of F_i] of a first harmonic, shape (z,).
-
-    Arguments: F_i, peak to peak; xi, its phase [rad]; z, number of teeth, numbered as in ToothDeviations.
-    """
-    return np.asarray(F_i / 2 * np.sin(2 * np.pi * np.arange(z) / z + TO_X1 - xi))

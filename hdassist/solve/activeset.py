@@ -11,7 +11,7 @@ from scipy.linalg import lapack
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.solve.compiled import Compiled
+from hdassist.solve.compiled import ZERO, Compiled
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
@@ -22,7 +22,6 @@ ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 FEW = 4  # states for which a model is not worth its set-up
 STEPS = 12  # of solve_near, after which it is given up
-ZERO = 1e-10  # in the programme's units: what is this far below zero counts as zero
 LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
 
 

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dger
 
 from hdassist.model.geometry import Array
-from hdassist.solve.compiled import Compiled
+from hdassist.solve.compiled import ZERO, Compiled
 
 Flags = NDArray[np.bool_]
 
 ABREAST = 32  # states that a tableau carries along
-ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
 INACCURATE = 1e-8  # in the programme's units: a state that rounding spoils by more is given up
 PIVOTS = 1000  # after which a tableau is made anew, against rounding
 GREEDY = 3  # pivots for each candidate, after which the order is one that cannot cycle

@@ -19,10 +19,10 @@ from hdassist.solve.formulation import Formulation
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 
 # Solvers that take a quadratic programme, of those cvxpy knows.
-ABLE = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
+QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
 
 # Tolerances at which each solver's answers earn their certificate; a name that is not here runs at its defaults.
-TIGHT: dict[str, dict[str, Any]] = {
+TOLERANCES: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
     "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000},
     "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000},
@@ -38,7 +38,7 @@ def require_solver(name: str) -> str:
 
 @cache  # cvxpy looks for every solver anew each time
 def _able() -> list[str]:
-    return sorted(set(cp.installed_solvers()) & ABLE)
+    return sorted(set(cp.installed_solvers()) & QUADRATIC)
 
 
 def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
@@ -54,7 +54,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
         with warnings.catch_warnings():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
-            stated.problem.solve(solver=name, **TIGHT.get(name, {}))
+            stated.problem.solve(solver=name, **TOLERANCES.get(name, {}))
     except cp.SolverError as error:
         raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
     if stated.forces.value is None or stated.equilibrium.dual_value is None:
