@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import differential_evolution, least_squares
+from scipy.optimize import OptimizeResult, differential_evolution, least_squares
 from scipy.stats import qmc
 
 from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level
@@ -124,24 +124,21 @@ def calibrate(
     _search(unit, start, off, budget, seed)
     if min(seen.values()) >= IMPOSSIBLE**2:
         raise UntrustedError("no drive within the bounds could be computed", "look at the bounds, and check the preset")
-    runs = [_settle(point, off) for point in _distant(seen, starts)]
-    runs.sort(key=lambda run: run.cost)
-    if not runs[0].at_rest:
+    runs = sorted((_settle(point, off) for point in _distant(seen, starts)), key=lambda run: run.cost)
+    if not (runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1):
         raise UntrustedError(
             "the fit did not come to rest",
             "run again with the same --state and more --evaluations: what was computed is kept",
         )
-    sets = [unit.values(run.point) for run in runs]
+    sets = [unit.values(run.x) for run in runs]
     answers = evaluations.run(_fit, [(drive.with_values(targets.by_path(v)), targets, v) for v in sets])
     # a quick search may not have seen what a thorough one does
     fits = [fit for fit in answers if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
-    order = sorted(range(len(fits)), key=lambda k: float(np.sum(np.square(fits[k].off))))
-    kept = _far_apart([(unit.point(fits[k].values), fits[k]) for k in order])
-    best = kept[0]
-    jacobian = _jacobian(unit.point(best.values), off)
-    half, determined, correlation = _intervals(jacobian, unit, best.values)
+    kept = _far_apart(sorted(fits, key=lambda fit: float(np.sum(np.square(fit.off)))), unit)
+    jacobian = _jacobian(unit.point(kept[0].values), off)
+    half, determined, correlation = _intervals(jacobian, unit, kept[0].values)
     return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, evaluations.computed, seed)
 
 
@@ -205,15 +202,9 @@ def _distant(seen: dict[tuple[float, ...], float], count: int) -> list[Array]:
     return chosen
 
 
-@dataclass(frozen=True)
-class _Run:
-    point: Array
-    cost: float
-    at_rest: bool
-
-
-def _settle(point: Array, off: _Off) -> _Run:
-    answer = least_squares(
+def _settle(point: Array, off: _Off) -> OptimizeResult:
+    """Least squares from a point; status above 0 where it came to rest."""
+    return least_squares(
         lambda p: off([p], "medium")[0],
         np.clip(point, STEP, 1 - STEP),
         jac=lambda p: _jacobian(p, off),
@@ -223,8 +214,6 @@ def _settle(point: Array, off: _Off) -> _Run:
         gtol=1e-3,
         max_nfev=ROUNDS,
     )
-    met = float(np.abs(answer.fun).max()) <= 1
-    return _Run(np.asarray(answer.x), float(answer.cost), answer.status > 0 or met)
 
 
 def _jacobian(point: Array, off: _Off) -> Array:
@@ -251,12 +240,14 @@ def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
         return None
 
 
-def _far_apart(sets: list[tuple[Array, Fit]]) -> list[Fit]:
-    kept = sets[:1]
-    for point, fit in sets[1:]:
-        if fit.all_met and all(np.abs(point - other).max() > APART for other, _ in kept):
-            kept.append((point, fit))
-    return [fit for _, fit in kept]
+def _far_apart(fits: list[Fit], unit: _Unit) -> list[Fit]:
+    """The first, and of the others those that meet all targets and lie far from what is kept."""
+    kept = fits[:1]
+    for fit in fits[1:]:
+        point = unit.point(fit.values)
+        if fit.all_met and all(np.abs(point - unit.point(other.values)).max() > APART for other in kept):
+            kept.append(fit)
+    return kept
 
 
 def _intervals(
