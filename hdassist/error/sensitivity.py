@@ -53,7 +53,11 @@ def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
 def sensitivities(
     cases: Iterable[tuple[Drive, float]], *, executor: Executor | None = None, progress: Progress | None = None
 ) -> list[Sensitivity | None]:
-    """Sensitivity of several drives, each at a torque [N*m]; executor and progress as in mounting_curve."""
+    """Sensitivity of several drives, each at a torque [N*m]; None where a cycle cannot be searched (rolling balls).
+
+    Arguments: executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it);
+    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    """
     drives, torques = zip(*cases, strict=True)
     results = []
     for result in (executor.map if executor else map)(sensitivity, drives, torques):

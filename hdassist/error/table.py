@@ -63,7 +63,7 @@ class ErrorTable:
     def F_ior(self, scalars: Array) -> Array:
         """F'_ior [arcsec], shape (...,), from the scalars of its states [mm], shape (..., states, 4).
 
-        Raises UntrustedError as rotation does.
+        Raises UntrustedError for deviations that the table does not span.
         """
         return self.range_of(self.rotation(scalars))
 
@@ -102,8 +102,9 @@ def error_tables(
     """Tables of several drives, for each of them one a torque, compared with searches on drives that they span.
 
     Arguments: spans, each drive with others that differ from it at most in deviations and their phases, KNOWN of them
-    are enough; torques M_g [N*m]; executor and progress as in mounting_curve. Raises UntrustedError where an answer
-    cannot be trusted, UsageError for a drive that is not searchable.
+    are enough; torques M_g [N*m]; executor, to spread the work over (any concurrent.futures executor; the numbers do
+    not depend on it); progress, told how many states were solved.
+    Raises UntrustedError where an answer cannot be trusted, UsageError for a drive that is not searchable.
     """
     cases = [(drive, M_g, reach_of(span), tuple(span[:KNOWN])) for drive, span in spans for M_g in torques]
     run = executor.map if executor else map

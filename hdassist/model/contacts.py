@@ -108,7 +108,10 @@ class ContactSystems:
         self._ring: dict[float, tuple[Array, Array]] = {}
 
     def at(self, tau: float, beta: float) -> ContactSystem:
-        """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches], errors as contact_system."""
+        """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
+
+        Raises UntrustedError where no teeth overlap.
+        """
         drive, geometry, bore = self._drive, self._geometry, self._bore
         if tau not in self._flexspline:
             flanks = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)

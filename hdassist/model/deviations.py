@@ -54,7 +54,7 @@ def scalars_of(
     """Scalars (a, b, e_x, e_y) [mm], shape (..., 4), of many drives at once.
 
     Arguments: F'_i1, F'_i2 [um] with their phases xi_g, xi_b; e_hh, e_hg, e_hb [um] with their directions; alpha_g,
-    alpha_b as in deviation_scalars; all angles [rad], all shapes broadcast.
+    alpha_b, how each wheel stands in the cam frame; all angles [rad], all shapes broadcast.
     """
     turned_g, turned_b = np.exp(1j * alpha_g), np.exp(1j * alpha_b)
     g, b, h, cam_g, cam_b = (

@@ -41,5 +41,10 @@ class LoadCase:
         self._solver.load(self._torque)
 
     def solve(self, delta_p: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
-        """Solve states from their gaps without force [mm], shape (states, M); arguments and errors as solve_states."""
+        """Solve states and prove each answer.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M); place, words for where state k is, for errors;
+        progress, told how many states were solved since the last call. Raises UntrustedError where a state is not
+        solved, or its answer is outside the limits of the linear model.
+        """
         return solve_states(self.system, self._solver, self._torque, delta_p, place, progress)
