@@ -110,9 +110,9 @@ def check(
     """Check a drive at the torques of its preset.
 
     Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; solver, a name that
-    cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the extremes
-    and a sample drawn by seed again; executor, to spread the work over (any concurrent.futures executor; the numbers do
-    not depend on it); progress, told how many states were solved.
+    cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
+    extremes and a sample drawn by seed again; executor, to spread the work over (any concurrent.futures executor; the
+    numbers do not depend on it); progress, told how many states were solved.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
     torques = drive.operation.M_g
