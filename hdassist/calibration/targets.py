@@ -170,8 +170,10 @@ def _number(value: Any, unit: str) -> float:
 
 def _tolerance(value: Any, unit: str) -> float:
     if isinstance(value, str) and value.strip().endswith("%"):
-        return Percent(_number(yamltext.resolve(value.strip()[:-1].strip()), ""))
-    return _number(value, unit)
+        share = yamltext.resolve(value.strip()[:-1].strip())
+        # what is no number is not above 0 either, and is told so
+        return Percent(share if isinstance(share, int | float) and not isinstance(share, bool) else 0)
+    return float(_number(value, unit))
 
 
 def _in(unit: str) -> Any:
@@ -298,8 +300,10 @@ class _Reader:
         for key in ("M_g", "from", "to"):
             if given.get(key) == 0 and quantity != "torsional_stiffness":
                 self.findings.add((*path, key), "a torque of 0 leaves the rotation undetermined")
-        trace = self._trace((*path, "file"), given["file"]) if "file" in given else None
-        limits = self._limits(path, {"value": 0.0, **given} if trace else given) if given else None
+        trace = None
+        if "file" in given:
+            trace, given["value"] = self._trace((*path, "file"), given["file"]), 0.0
+        limits = self._limits(path, given) if given else None
         asked = {key: given[key] for key in kind.keys if key in given}
         return Target(quantity, asked, *limits, trace) if limits else None
 
