@@ -65,7 +65,7 @@ def test_what_is_written_is_what_is_meant():
         ("M_g: 80", "M_g: true", "7:32", "must be a number"),
         ("value: 31", "value: .inf", "7:43", "must be a finite number"),
         ("value: 31", "value: 31, low: 3", "7:5", "needs either a value"),
-        ("low: 0.25, high: 2.0", "low: 0, high: 2, tolerance: 0", "8:62", "above 0"),
+        ("low: 0.25, high: 2.0", "low: 0, high: 2, tolerance: 0", "8:64", "above 0"),
         ("schema: hdassist.targets/1", "schema: other", "1:9", "must be hdassist.targets/1"),
         ("name: rig 3", "name: rig 3\nname: rig 4", "3:1", "duplicate key"),
     ],
