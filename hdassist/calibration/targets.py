@@ -12,32 +12,30 @@ targets:
 
 from __future__ import annotations
 
-import csv
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from math import inf, isfinite
+from math import inf
 from pathlib import Path as Folder
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, create_model
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from hdassist.errors import PresetError
+from hdassist.errors import DataError, PresetError
+from hdassist.model.kinematics import Kinematics
 from hdassist.preset import yamltext
-from hdassist.preset.fields import Drive, fields, kind_of, unit_of
-from hdassist.preset.findings import Findings, near
-from hdassist.preset.units import UnitError, convert
-from hdassist.preset.yamltext import BROKEN, Path
+from hdassist.preset.fields import Drive, field_table, measures
+from hdassist.preset.kinds import unit_of
+from hdassist.preset.units import read_number
+from hdassist.preset.yamltext import Findings, Path, Unread, near
+from hdassist.readers.trace import read_trace
 
 SCHEMA = "hdassist.targets/1"
-TRACE_COLUMNS = ("phi_h_deg", "error_arcsec")
-LEAST_POINTS = 10
+LEAST_POINTS = 10  # of a trace
 RANGE_SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
 CLOSED = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-FIELDS = dict(fields())
-MEASURES = {path for path, info in FIELDS.items() if kind_of(info) == "number"}
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ KINDS: dict[str, TargetKind] = {
     ),
     "lost_motion": TargetKind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
     "trace": TargetKind(
-        "arcsec", "error over the cam angle, as trace --csv writes it", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
+        "arcsec", "error over the cam angle, in a file that measure takes", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
     ),
 }
 
@@ -86,14 +84,14 @@ class Unknown:
     @property
     def unit(self) -> str:
         """Unit of the field."""
-        return unit_of(FIELDS[self.path])
+        return unit_of(field_table()[self.path])
 
 
 @dataclass(frozen=True)
 class Target:
     """A quantity that should be a value, or lie in low..high; tolerance is how far off counts as one.
 
-    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured.
+    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured there.
     """
 
     quantity: str
@@ -156,16 +154,10 @@ class Percent(float):
 
 def _number(value: Any, unit: str) -> float:
     """A finite number in a unit, from a number or a text with a unit."""
-    try:
-        if isinstance(value, str):
-            return convert(value, unit)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise UnitError("must be a number", f"in {unit}" if unit else "")
-        if not isfinite(value):
-            raise UnitError("must be a finite number")
-    except UnitError as error:
-        raise PydanticCustomError("number", "{message}", {"message": error.message, "hint": error.hint}) from None
-    return value
+    number = read_number(value, unit)
+    if isinstance(number, Unread):
+        raise PydanticCustomError("unread", "no number", {"unread": number})
+    return number
 
 
 def _tolerance(value: Any, unit: str) -> float:
@@ -232,42 +224,40 @@ class _Reader:
 
     def _checked(self, path: Path, table: dict[str, Any], model: type[BaseModel], needed: str = "") -> dict[str, Any]:
         """Keys given, with their values; none where something is wrong. Arguments: needed, words on a missing key."""
-        given = {key: value for key, value in table.items() if value is not BROKEN}
         try:
-            found = model.model_validate(given)
+            found = model.model_validate(table)
         except ValidationError as error:
             for problem in error.errors(include_url=False):
-                key = str(problem["loc"][0])
-                if problem["type"] != "missing" or key not in table:
-                    self._add((*path, key), problem, model, needed)
+                self._add((*path, str(problem["loc"][0])), problem, model, needed)
             return {}
-        return {key: getattr(found, key) for key in found.model_fields_set} if len(given) == len(table) else {}
+        return {key: getattr(found, key) for key in found.model_fields_set}
 
     def _add(self, path: Path, problem: ErrorDetails, model: type[BaseModel], needed: str) -> None:
         """Add what pydantic found, in the words of somebody who writes targets."""
         keys, context = [info.alias or key for key, info in model.model_fields.items()], problem.get("ctx", {})
-        match problem["type"]:
-            case "missing":
-                self.findings.add(path, f"missing key{needed}", got="")
-            case "extra_forbidden":
-                hint = near(str(path[-1]), keys) or f"known: {', '.join(keys)}"
-                self.findings.add(path, "unknown key", hint, "", key=True)
-            case "literal_error":
-                self.findings.add(path, f"must be {context['expected'].replace(chr(39), '')}")
-            case "string_type":
-                self.findings.add(path, "must be the name of a file" if path[-1] == "file" else "must be text")
-            case _:
-                self.findings.add(path, context["message"], context["hint"])
+        unread = context.get("unread", problem["input"])
+        if problem["type"] == "missing":
+            self.findings.add(path, f"missing key{needed}", got="")
+        elif problem["type"] == "extra_forbidden":
+            self.findings.add(
+                path, "unknown key", near(str(path[-1]), keys) or f"known: {', '.join(keys)}", "", key=True
+            )
+        elif isinstance(unread, Unread):
+            self.findings.refuse(path, unread)
+        elif problem["type"] == "literal_error":
+            self.findings.add(path, f"must be {context['expected'].replace(chr(39), '')}")
+        else:
+            self.findings.add(path, "must be the name of a file" if path[-1] == "file" else "must be text")
 
     def _unknown(self, key: str, value: Any) -> Unknown | None:
         path, add = ("unknowns", key), self.findings.add
-        if key not in MEASURES:
-            add(path, "names no measure of a preset", near(key, MEASURES) or "like gears.j_n", "", key=True)
+        if key not in measures():
+            add(path, "names no measure of a preset", near(key, measures()) or "like gears.j_n", "", key=True)
             return None
         if not isinstance(value, dict):
             add(path, "must be a table of keys", "like {low: 0, high: 20}")
             return None
-        bounds = self._checked(path, value, _bounds(unit_of(FIELDS[key])))
+        bounds = self._checked(path, value, _bounds(unit_of(measures()[key])))
         section, name = key.split(".")
         start = self.drive.value(key)
         if start is None or name not in getattr(self.drive, section).model_fields_set:
@@ -308,30 +298,23 @@ class _Reader:
         return Target(quantity, asked, *limits, trace) if limits else None
 
     def _trace(self, path: Path, name: str) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-        where = self.folder / name
+        """Cam angles [deg], ascending, and errors [arcsec] of a file of a trace."""
+        u = Kinematics.of(self.drive).u
         try:
-            rows = list(csv.DictReader(where.read_text(encoding="utf-8-sig").splitlines()))
-        except (OSError, UnicodeDecodeError) as error:
-            self.findings.add(path, f"cannot be read: {error}")
+            trace = read_trace(self.folder / name, ratio=abs(u), fewest=LEAST_POINTS)
+        except DataError as error:
+            faults = map(str, error.findings) if isinstance(error, PresetError) else (error.message,)
+            for fault in faults:
+                self.findings.add(path, f"cannot be read: {fault}", error.hint)
             return None
-        points = []
-        for line, row in enumerate(rows, 2):
-            try:
-                point = tuple(float(row[column] or "") for column in TRACE_COLUMNS)
-            except (KeyError, ValueError):
-                self.findings.add(path, f"line {line} has no number in one of the columns {', '.join(TRACE_COLUMNS)}")
-                return None
-            points.append(point)
-        angles = [angle for angle, _ in points]
-        if (
-            len(points) < LEAST_POINTS
-            or not all(low < high for low, high in pairwise(angles))
-            or not all(map(isfinite, sum(points, ())))
-            or angles[0] < 0
-        ):
-            self.findings.add(path, f"needs {LEAST_POINTS} or more finite points with growing angles from 0 on")
+        rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in trace.sweeps])
+        rows = rows[np.argsort(trace.cam_deg[rows], kind="stable")]
+        if trace.cam_deg[rows[0]] < 0:
+            self.findings.add(path, f"needs cam angles from 0 on, not {trace.cam_deg[rows[0]]:g} deg")
             return None
-        return tuple(angles), tuple(error for _, error in points)
+        # two encoders give the opposite of F_kpp where both count the same way round, as they do if sense is that of u
+        sign = -trace.sense * np.sign(u) if trace.sense else 1.0
+        return tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
 
     def _limits(self, path: Path, given: dict[str, Any]) -> tuple[float | None, float, float, float] | None:
         """Value, low, high and tolerance of a target."""

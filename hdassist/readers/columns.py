@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import PresetError
-from hdassist.preset.findings import MAX_FINDINGS, in_order
+from hdassist.preset.yamltext import MAX_FINDINGS, in_order
 from hdassist.readers.table import NumberTable, parse
 from hdassist.textfile import decode
 

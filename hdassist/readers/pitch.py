@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import PresetError, UsageError
-from hdassist.preset.findings import in_order
+from hdassist.preset.yamltext import in_order
 from hdassist.readers.pitchsettings import Settings, settle
 from hdassist.readers.table import MAX_BYTES, NumberTable, parse
 from hdassist.readers.toothnumbers import rows_by_tooth

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from hdassist.preset.findings import near
 from hdassist.preset.units import UnitError
-from hdassist.preset.yamltext import Mark
+from hdassist.preset.yamltext import Mark, near
 from hdassist.readers.pitchwords import AMBIGUOUS, KEYS, flank_in, form_in, micrometres, names_teeth, unit_in
 from hdassist.readers.table import NumberTable
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from math import pi
 
-from hdassist.preset.findings import near
+from hdassist.preset.yamltext import near
 
 UNITS = {  # size in arcsec
     "deg": 3600.0, "rad": 648000 / pi, "arcsec": 1.0, "arcmin": 60.0, "mdeg": 3.6, "mrad": 648 / pi,
