@@ -19,8 +19,7 @@ from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.fields import Drive
 from hdassist.preset.library import load_preset
-from hdassist.readers.trace import read_trace
-from hdassist.readers.tracecolumns import TraceForm
+from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)

@@ -30,7 +30,7 @@ def command(
     \b
     Examples:
       hdassist measure run.csv --drive my-drive.yaml
-      hdassist measure run.csv.gz --ratio 100 --error err_mdeg --drift linear
+      hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
       hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2 --budget encoder=0.5
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
 

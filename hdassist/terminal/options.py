@@ -15,7 +15,7 @@ from hdassist.errors import UsageError
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
-    from hdassist.readers.tracecolumns import Shaft, TraceForm
+    from hdassist.readers.trace import Shaft, TraceForm
     from hdassist.terminal.output import Output
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
@@ -166,7 +166,7 @@ class TraceOptions(OptionGroup):
 
     def form(self) -> TraceForm:
         """What is asked of the columns of the file. Raises UsageError for a shaft that is none."""
-        from hdassist.readers.tracecolumns import TraceForm
+        from hdassist.readers.trace import TraceForm
 
         angle_of = shaft(self.angle_of)
         return TraceForm(self.angle, angle_of, self.angle_unit, self.error, self.error_unit, self.second, self.wrap)
