@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from hdassist.error.cycle import CrossCheck, kinematic_error
+from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import QUICK, SEARCHED, THOROUGH, CycleSearch, Effort, searchable, worth_searching
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
@@ -25,6 +25,7 @@ from hdassist.mounting.positions import MountingCurve, Position, merit, phase_de
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.throughcvxpy import CrossCheck
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved

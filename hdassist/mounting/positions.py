@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import CrossCheck
 from hdassist.model.deviations import tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
 
 FREE_STEP = 5.0  # deg between positions where the seat has no holes
 

@@ -20,7 +20,7 @@ from scipy.ndimage import map_coordinates
 from scipy.stats import norm, qmc
 
 from hdassist.error.search import searchable
-from hdassist.error.table import DEVIATIONS, Response, tables, turns
+from hdassist.error.table import DEVIATIONS, ErrorTable, error_tables, turns
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
@@ -115,7 +115,7 @@ class Tables:
     unknowns: Unknowns
     torques: tuple[float, ...]
     models: tuple[Drive, ...]
-    responses: tuple[tuple[Response, ...], ...]
+    responses: tuple[tuple[ErrorTable, ...], ...]
     seed: int
 
     @property
@@ -155,7 +155,7 @@ def tabulated(
     models = [drive, *(drive.with_values(_not_overridden(drive, values)) for values in drive.alternatives)]
     rest = unknowns.drawn(WORLDS, seed)
     spans = [_span(model, rest, unknowns, seed, traced=traced) for model in models]
-    found = tables(list(zip(models, spans, strict=True)), torques, executor=executor, progress=progress)
+    found = error_tables(list(zip(models, spans, strict=True)), torques, executor=executor, progress=progress)
     return Tables(unknowns, tuple(torques), tuple(models), tuple(map(tuple, found)), seed)
 
 
@@ -291,7 +291,7 @@ def _span(model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: 
 
 TOOTH_STEP = 5.0  # um of the fixed wheel's deviation, over which the slope is taken
 
-_World = tuple[Drive, Unknowns, Response, bool, Evidence | None]
+_World = tuple[Drive, Unknowns, ErrorTable, bool, Evidence | None]
 
 
 def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
@@ -310,7 +310,7 @@ def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
 
 
 def _over_offsets(
-    drive: Drive, unknowns: Unknowns, response: Response, evidence: Evidence | None
+    drive: Drive, unknowns: Unknowns, response: ErrorTable, evidence: Evidence | None
 ) -> tuple[Array, float, Array | None]:
     # the scalars are affine in the offset's two components
     names = unknowns.names

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import softmax
 from scipy.stats import chi2, norm
 
-from hdassist.error.table import Response, turns
+from hdassist.error.table import ErrorTable, turns
 from hdassist.errors import UntrustedError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
@@ -31,7 +31,7 @@ class Case:
     """
 
     drive: Drive
-    response: Response
+    response: ErrorTable
     unknowns: Unknowns
     evidence: Evidence
     scale: float
@@ -47,7 +47,7 @@ class Case:
 
 
 def evidence_of(
-    drive: Drive, response: Response, trials: Sequence[Trial], rig: Rig, standard_error_arcsec: float
+    drive: Drive, response: ErrorTable, trials: Sequence[Trial], rig: Rig, standard_error_arcsec: float
 ) -> Evidence:
     """Traces of trials, with slow errors as large as the noise of an F'_ior, the seat's error and the table's."""
     slow = np.linalg.norm((rig.noise_arcsec, standard_error_arcsec, _seat(drive, response, rig)))
@@ -55,7 +55,7 @@ def evidence_of(
     return Evidence.of([trace for trace, _ in traced], [rotation for _, rotation in traced], float(slow))
 
 
-def _seat(drive: Drive, response: Response, rig: Rig) -> float:
+def _seat(drive: Drive, response: ErrorTable, rig: Rig) -> float:
     """What the wheel's centre coming to lie off does to the error [arcsec], root mean square over the cycle."""
     if not rig.reseat_um:
         return 0.0

@@ -15,7 +15,7 @@ from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
-from hdassist.solve.reference import Reference, exchanged
+from hdassist.solve.pivoting import Reference, exchanged
 from tests.process import SMALL
 from tests.support import changed
 
