@@ -72,9 +72,9 @@ def searchable(drive: Drive) -> bool:
     return drive.bearing.ball_motion == "locked"
 
 
-def worth_searching(drive: Drive) -> bool:
-    """Whether a search is possible and solves fewer states than the cycle has."""
-    return searchable(drive) and Kinematics.of(drive).cycle_states >= WORTH
+def worth_searching(drive: Drive, least: int = WORTH) -> bool:
+    """Whether a search is possible and solves fewer states than the cycle has: at least so many."""
+    return searchable(drive) and Kinematics.of(drive).cycle_states >= least
 
 
 class CycleSearch:

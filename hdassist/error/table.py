@@ -96,17 +96,18 @@ def error_tables(
     spans: Sequence[tuple[Drive, Sequence[Drive]]],
     torques: Sequence[float],
     *,
+    compared: int = KNOWN,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[list[ErrorTable]]:
     """Tables of several drives, for each of them one a torque, compared with searches on drives that they span.
 
-    Arguments: spans, each drive with others that differ from it at most in deviations and their phases, KNOWN of them
-    are enough; torques M_g [N*m]; executor, to spread the work over (any concurrent.futures executor; the numbers do
-    not depend on it); progress, told how many states were solved.
+    Arguments: spans, each drive with others that differ from it at most in deviations and their phases; torques M_g
+    [N*m]; compared, how many of those others are enough; executor, to spread the work over (any concurrent.futures
+    executor; the numbers do not depend on it); progress, told how many states were solved.
     Raises UntrustedError where an answer cannot be trusted, UsageError for a drive that is not searchable.
     """
-    cases = [(drive, M_g, reach_of(span), tuple(span[:KNOWN])) for drive, span in spans for M_g in torques]
+    cases = [(drive, M_g, reach_of(span), tuple(span[:compared])) for drive, span in spans for M_g in torques]
     run = executor.map if executor else map
     slabs = [(drive, M_g, reach, slab) for drive, M_g, reach, _ in cases for slab in range(SLABS)]
     solved, parts = [], run(_slab, slabs)

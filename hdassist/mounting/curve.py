@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import QUICK, SEARCHED, THOROUGH, CycleSearch, Effort, searchable, worth_searching
+from hdassist.error.search import QUICK, SEARCHED, THOROUGH, WORTH, CycleSearch, Effort, searchable, worth_searching
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
@@ -60,6 +60,7 @@ def mounting_curve(
     *,
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
+    search_from: int = WORTH,
     weights: Sequence[float] | None = None,
     cross_check: str | None = "CLARABEL",
     seed: int = 0,
@@ -78,10 +79,11 @@ def mounting_curve(
     no position is added.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    every_state, solve all states of all positions; weights of the torques in the choice of the best position, one each;
-    executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it); progress, told
-    how many states were solved. Raises UsageError where the present position is not the first or weights are not one
-    positive number a torque, UntrustedError where an answer cannot be trusted.
+    every_state, solve all states of all positions; search_from, states of a cycle from which on it is searched; weights
+    of the torques in the choice of the best position, one each; executor, to spread the work over (any
+    concurrent.futures executor; the numbers do not depend on it); progress, told how many states were solved. Raises
+    UsageError where the present position is not the first or weights are not one positive number a torque,
+    UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
@@ -90,7 +92,7 @@ def mounting_curve(
     job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
     job.weights = None if weights is None else tuple(weights)
     job.measured = measured
-    if every_state or measured or not worth_searching(drive):
+    if every_state or measured or not worth_searching(drive, search_from):
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
         job.search()
