@@ -9,14 +9,13 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import Card, card_of
 from hdassist.mounting.curve import Alternative
 from hdassist.mounting.page import card_facts
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.robust import Criterion, Robust
-from hdassist.readers.pitch import PitchFile
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
 from hdassist.trials.page import trials_line

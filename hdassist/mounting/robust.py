@@ -14,8 +14,8 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import MountingCurve, merit, rotated
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import Drive, least_of
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import least_of
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
 LEAST_PROBABILITY = 0.95  # of a gain, for a turn to be worth making
