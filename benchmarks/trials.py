@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PAGE = Path(__file__).parents[1] / "docs/trials.md"
+HEADING = "## How good the advice is"
 M_G, HOLES, TRIED, RESEAT = 80.0, 12, (0, 4, 8), 10.0
 NOISES = (1.0, 0.5)
 GOOD = 0.05  # loss below which a hole is as good as the best
@@ -140,7 +141,7 @@ def run(study: Study, cases: int, prior, executor) -> list[list[float]]:
 
 def page(cases: int, results: list[tuple[Study, list[list[float]]]]) -> str:
     lines = [
-        "# How good the advice from trials is",
+        HEADING,
         "",
         "Made by `python -m benchmarks.trials --write`.",
         "",
@@ -194,9 +195,10 @@ def main() -> None:
     text = page(options.cases, results)
     print(text)
     if options.write:
-        # what benchmarks.trial_traces has written stays
-        _, heading, traces = PAGE.read_text(encoding="utf-8").partition("\n## ")
-        PAGE.write_text(f"{text}{heading}{traces}", encoding="utf-8")
+        # what stands before it, and what benchmarks.trial_traces has written, stay
+        before, _, after = PAGE.read_text(encoding="utf-8").partition(HEADING)
+        _, heading, traces = after.partition("\n## ")
+        PAGE.write_text(f"{before}{text}{heading}{traces}", encoding="utf-8")
 
 
 if __name__ == "__main__":

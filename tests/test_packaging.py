@@ -48,8 +48,8 @@ def test_wheel_holds_the_presets_as_they_are(tmp_path):
     site = build(tmp_path, "build_wheel")
     shipped = {p.name: p.read_bytes() for p in (site / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
-    for folder in ("hdassist/mounting", "hdassist/terminal/languages"):  # texts and looks of the assembly card
-        data = [p.name for p in (ROOT / folder).iterdir() if p.suffix in (".yaml", ".css")]
+    for folder in ("hdassist/mounting/templates", "hdassist/terminal/languages"):  # of the assembly card
+        data = [p.name for p in (ROOT / folder).iterdir()]
         assert data
         assert all((site / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
     (metadata,) = site.glob("*.dist-info/METADATA")

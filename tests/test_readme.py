@@ -43,8 +43,9 @@ def test_each_dependency_has_its_reason():
     pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     required = re.search(r"^dependencies = \[(.*?)\]", pyproject, flags=re.DOTALL | re.MULTILINE)
     assert required
-    names = {re.sub(r"[^a-z].*", "", item) for item in re.findall(r'"(.*?)"', required[1])}
-    table = {n.strip() for row in re.findall(r"^\| ([a-z, ]+) \|", README, flags=re.MULTILINE) for n in row.split(",")}
+    names = {re.sub(r"[^a-z0-9].*", "", item) for item in re.findall(r'"(.*?)"', required[1])}
+    rows = re.findall(r"^\| ([a-z0-9, ]+) \|", README, flags=re.MULTILINE)
+    table = {name.strip() for row in rows for name in row.split(",")}
     assert table - {"package"} == names
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdassist.errors import UsageError
-from hdassist.terminal.files import require_writable, write_text
 from hdassist.terminal.options import AnswerOptions, CardOptions, OptionGroup
 
 if TYPE_CHECKING:
@@ -70,6 +69,7 @@ class CardFile:
             if asked.lang is not None or asked.serial is not None:
                 raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
             return None
+        from hdassist.terminal.files import require_writable
         from hdassist.terminal.texts import HOME, texts
 
         say = texts(HOME if asked.lang is None else asked.lang)
@@ -91,6 +91,7 @@ class CardFile:
         """Make the card and write it."""
         from hdassist.mounting import card_render
         from hdassist.mounting.card import card_of
+        from hdassist.terminal.files import write_text
 
         card = card_of(facts, self.say, serial=self.serial, made=date.today())
         if self.kind == ".html":

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import TypeVar
 
@@ -89,9 +89,10 @@ def mounting_curve(
         raise UsageError("the first rotation must be 0, the present position")
     if weights is not None and (len(weights) != len(torques) or not all(0 < w < np.inf for w in weights)):
         raise UsageError(f"weights must be {len(torques)} positive numbers, one for each torque")
-    job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
-    job.weights = None if weights is None else tuple(weights)
-    job.measured = measured
+    job = _Job(
+        drive, tuple(torques), np.array(rotations_deg, dtype=float), measured,
+        None if weights is None else tuple(weights), cross_check, seed, executor, progress,
+    )  # fmt: skip
     if every_state or measured or not worth_searching(drive, search_from):
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
@@ -127,7 +128,7 @@ def alternatives(
     found = []
     for given in drive.alternatives:
         values = {p: v for p, v in given.items() if not is_overridden(p, drive.origin.overrides)}
-        job = _Job(drive.with_values(values), tuple(torques), rotations, None, 0, executor, progress)
+        job = _Job(drive.with_values(values), tuple(torques), rotations, executor=executor, progress=progress)
         if searchable(drive):
             job.search(QUICK)  # which hole is asked, not how good it is
         else:
@@ -136,27 +137,29 @@ def alternatives(
     return found
 
 
+@dataclass
 class _Job:
-    """A mounting curve being made: values, shape (torques, rotations), NaN where nothing is known yet."""
+    """A mounting curve being made: values, shape (torques, rotations), NaN where nothing is known yet.
 
-    def __init__(
-        self,
-        drive: Drive,
-        torques: tuple[float, ...],
-        rotations: Array,
-        cross_check: str | None,
-        seed: int,
-        executor: Executor | None,
-        progress: Progress | None,
-    ) -> None:
-        self.drive, self.torques, self.rotations = drive, torques, rotations
-        self.values = np.full((len(torques), len(rotations)), np.nan)
+    solved, same shape: where every state was solved; the other fields as in mounting_curve.
+    """
+
+    drive: Drive
+    torques: tuple[float, ...]
+    rotations: Array
+    measured: MeasuredTeeth | None = None
+    weights: tuple[float, ...] | None = None
+    cross_check: str | None = None
+    seed: int = 0
+    executor: Executor | None = None
+    progress: Progress | None = None
+    certificate: Certificate = EMPTY
+    cross_checks: list[CrossCheck] = field(default_factory=list)
+    interrupted: bool = False
+
+    def __post_init__(self) -> None:
+        self.values = np.full((len(self.torques), len(self.rotations)), np.nan)
         self.solved = np.zeros(self.values.shape, dtype=bool)
-        self._certificate, self._checks = EMPTY, list[CrossCheck]()
-        self._cross_check, self._seed, self._executor, self._progress = cross_check, seed, executor, progress
-        self._interrupted = False
-        self.weights: tuple[float, ...] | None = None
-        self.measured: MeasuredTeeth | None = None
 
     def search(self, effort: Effort = THOROUGH) -> None:
         """Search the extremes at every position."""
@@ -170,7 +173,7 @@ class _Job:
 
     def refine(self) -> None:
         """Add the bottom of every valley of the curve."""
-        if self._interrupted or len(self.rotations) < 3:
+        if self.interrupted or len(self.rotations) < 3:
             return
         value = merit(self.values, self.values[:, 0], self.weights)
         step = 360 / len(self.rotations)
@@ -187,11 +190,11 @@ class _Job:
     def solve(self, places: Iterable[tuple[int, int]]) -> None:
         """Solve every state at some places (torque, rotation)."""
         places = list(places)
-        tasks = [(*self._there(self.rotations[r]), self.torques[t], self._cross_check, self._seed) for t, r in places]
+        tasks = [(*self._there(self.rotations[r]), self.torques[t], self.cross_check, self.seed) for t, r in places]
         for place, (value, proof, check) in zip(places, self._run(_solved, tasks), strict=False):
             self.values[place], self.solved[place] = value, True
             self._take(proof)
-            self._checks += [check] if check else []
+            self.cross_checks += [check] if check else []
 
     def _there(self, rotation: float) -> tuple[Drive, ToothDeviations | None]:
         """The drive and its measured teeth at a rotation [deg]."""
@@ -229,23 +232,23 @@ class _Job:
             allowed=None if self.drive.mounting.allowed == "all" else self.drive.mounting.allowed,
             weights=self.weights,
             missing=int(np.count_nonzero(~done)),
-            interrupted=self._interrupted,
-            certificate=self._certificate,
-            cross_checks=tuple(self._checks),
+            interrupted=self.interrupted,
+            certificate=self.certificate,
+            cross_checks=tuple(self.cross_checks),
         )
 
     def _run(self, function: Callable[[_Task], _Result], tasks: list[_Task]) -> Iterator[_Result]:
-        if self._interrupted:
+        if self.interrupted:
             return
         try:
-            yield from self._executor.map(function, tasks) if self._executor else map(function, tasks)
+            yield from self.executor.map(function, tasks) if self.executor else map(function, tasks)
         except KeyboardInterrupt:
-            self._interrupted = True
+            self.interrupted = True
 
     def _take(self, proof: Certificate) -> None:
-        self._certificate += proof
-        if self._progress:
-            self._progress(proof.states)
+        self.certificate += proof
+        if self.progress:
+            self.progress(proof.states)
 
 
 def _coarse_first(count: int) -> list[int]:

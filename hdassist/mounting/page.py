@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -14,7 +15,7 @@ from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import CardFacts
 from hdassist.mounting.positions import Chances, MountingCurve, Position
 from hdassist.mounting.robust import Robust
-from hdassist.mounting.seat_page import instruction, seat_text, wheel
+from hdassist.mounting.seat_page import TRADE, instruction, seat_text
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
@@ -26,10 +27,8 @@ SHOWN = 6  # positions that the table of uncertainty lists, best first
 
 
 def _phase_words(advice: Advice) -> str:
-    rigid = advice.drive.mounting.fixed == "rigid"
-    if advice.measured and advice.measured.fixed(advice.drive):
-        return "mark - phi_hb" if rigid else "mark - phi_hg"
-    return "xi_b - phi_hb" if rigid else "xi_g - phi_hg"
+    symbol, cam = ("xi_b", "phi_hb") if advice.drive.mounting.fixed == "rigid" else ("xi_g", "phi_hg")
+    return f"{'mark' if advice.measured and advice.measured.fixed(advice.drive) else symbol} - {cam}"
 
 
 def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
@@ -72,7 +71,7 @@ def exit_code(advice: Advice) -> int:
 def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableType:
     """The instruction, the seat, a plot per torque, and tables of the positions."""
     drive, result = advice.drive, advice.curve
-    words = f"{drive.name}: turning the fixed {wheel(drive)} on its seat{heading(advice.measured)}"
+    words = f"{drive.name}: turning the fixed {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
     parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(instruction(advice.choice)))]
     if plots:
         parts.append(Text(seat_text(advice.choice, style)))
@@ -82,7 +81,7 @@ def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableTyp
         parts.append(_uncertain(advice, advice.robust, style))
     if advice.now:
         parts.append(_slopes(advice, style))
-    turns = "Turns are counter-clockwise seen from the cam side, from where the wheel stands."
+    turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
     parts += [Text(style.text(turns)), Text(_proof(result))]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
@@ -109,71 +108,60 @@ def _proof(result: MountingCurve) -> str:
     return words
 
 
-def _positions(advice: Advice, style: Style) -> Table:
-    result = advice.curve
-    grid = table(style, "positions (best for the torque served worst)")
-    grid.add_column("position")
-    for words in ("hole", "turn, deg", f"phase {_phase_words(advice)}, deg", "F'_ior, arcsec", "against now"):
-        grid.add_column(words, justify="right")
-    named = {"now": result.current, "best": advice.chosen, "second": advice.second, "worst": result.worst}
-    for words, position in named.items():
-        if position is None:
-            continue
-        values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
-        hole = "-" if position.hole is None else f"{position.hole}"
-        grid.add_row(
-            words,
-            hole,
-            f"{position.rotation_deg:g}",
-            f"{position.phase_deg:g}",
-            values,
-            f"{position.change_from(result.current):+.0%}",
-        )
+def _grid(style: Style, title: str, *heads: str, words: int = 1) -> Table:
+    """A table with heads; the first so many columns are words, the others numbers."""
+    grid = table(style, title)
+    for k, head in enumerate(heads):
+        grid.add_column(style.text(head), justify="left" if k < words else "right")
     return grid
 
 
+def _positions(advice: Advice, style: Style) -> Table:
+    result, phase = advice.curve, f"phase {_phase_words(advice)}, deg"
+    title = "positions (best for the torque served worst)"
+    grid = _grid(style, title, "position", "hole", "turn, deg", phase, "F'_ior, arcsec", "against now")
+    named = {"now": result.current, "best": advice.chosen, "second": advice.second, "worst": result.worst}
+    for words, position in named.items():
+        if position is not None:
+            values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
+            change = f"{position.change_from(result.current):+.0%}"
+            grid.add_row(words, *_where(position), f"{position.phase_deg:g}", values, change)
+    return grid
+
+
+def _where(position: Position) -> tuple[str, str]:
+    """Cells of hole and turn."""
+    return "-" if position.hole is None else f"{position.hole}", f"{position.rotation_deg:g}"
+
+
 def _torques(result: MountingCurve, style: Style) -> Table:
-    grid = table(style, "each torque alone")
-    grid.add_column(style.text("torque, N·m"), justify="right", no_wrap=True)
-    for words in ("now, arcsec", "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg"):
-        grid.add_column(words, justify="right")
+    heads = ("torque, N·m", "now, arcsec", "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
+    grid = _grid(style, "each torque alone", *heads, words=0)
+    grid.columns[0].no_wrap = True
     for k, M_g in enumerate(result.torques):
-        best, worst = result.extremes(k)
-        numbers = (
-            f"{result.current.F_ior_arcsec[k]:.2f}",
-            f"{best.F_ior_arcsec[k]:.2f}",
-            f"{best.phase_deg:g}",
-            f"{worst.F_ior_arcsec[k]:.2f}",
-            f"{worst.phase_deg:g}",
-        )
-        grid.add_row(f"{M_g:g}", *numbers)
+        found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
+        grid.add_row(f"{M_g:g}", f"{result.current.F_ior_arcsec[k]:.2f}", *found)
     return grid
 
 
 def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
-    result = advice.curve
     title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
     if any(sampled.standard_error_arcsec):
         errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
         title += f"; interpolated, standard error {errors} arcsec"
-    grid = table(style, title)
-    for words in ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %"):
-        grid.add_column(words, justify="right")
+    heads = ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %")
+    grid = _grid(style, title, *heads, words=0)
     low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
     for k in np.argsort(sampled.value, kind="stable")[:SHOWN]:
-        position = result.at(sampled.places[k])
-        hole = "-" if position.hole is None else f"{position.hole}"
-        numbers = (f"{sampled.merits[:, k].mean():.2f}", f"{low[k]:.2f}", f"{high[k]:.2f}")
         share = f"{sampled.probability_best[k]:.0%}".rstrip("%")
-        grid.add_row(hole, f"{position.rotation_deg:g}", share, *numbers)
+        numbers = (f"{sampled.merits[:, k].mean():.2f}", f"{low[k]:.2f}", f"{high[k]:.2f}")
+        grid.add_row(*_where(advice.curve.at(sampled.places[k])), share, *numbers)
     return grid
 
 
 def _slopes(advice: Advice, style: Style) -> Table:
-    grid = table(style, "what a micrometre more does to F'_ior, arcsec")
-    grid.add_column("position")
-    for words in ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b"):
-        grid.add_column(style.text(words), justify="right")
+    heads = ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b")
+    grid = _grid(style, "what a micrometre more does to F'_ior, arcsec", "position", *heads)
     for words, values in (("now", advice.now), ("best", advice.best)):
         for M_g, slope in zip(advice.curve.torques, values, strict=True):
             grid.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
@@ -204,7 +192,7 @@ def to_json(advice: Advice, seed: int) -> Json:
         "second": None if second is None else _position(second),
         "worst": _position(result.worst),
         "weights": None if result.weights is None else list(result.weights),
-        "uncertainty": _robust(advice),
+        "uncertainty": _robust(advice, advice.robust) if advice.robust else None,
         "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
         "gain": advice.gain,
         "certificate": certificate_object(result.certificate, result.cross_checks),
@@ -213,22 +201,14 @@ def to_json(advice: Advice, seed: int) -> Json:
 
 
 def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> Json:
-    told = {
-        f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in ("j_n", "W_0", "g_b")
-    }
-    return {
-        "rotation_deg": position.rotation_deg,
-        "phase_deg": position.phase_deg,
-        "hole": position.hole,
-        "F_ior_arcsec": list(position.F_ior_arcsec),
-        **({"sensitivity": told} if slopes else {}),
-    }
+    if not slopes:
+        return asdict(position)
+    fields = ("j_n", "W_0", "g_b")
+    told = {f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in fields}
+    return {**asdict(position), "sensitivity": told}
 
 
-def _robust(advice: Advice) -> Json | None:
-    sampled, result = advice.robust, advice.curve
-    if sampled is None:
-        return None
+def _robust(advice: Advice, sampled: Robust) -> Json:
     low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
     return {
         "samples": len(sampled.merits),
@@ -238,8 +218,8 @@ def _robust(advice: Advice) -> Json | None:
         "probability_gain": sampled.probability_gain,
         "positions": [
             {
-                "rotation_deg": result.at(place).rotation_deg,
-                "hole": result.at(place).hole,
+                "rotation_deg": advice.curve.at(place).rotation_deg,
+                "hole": advice.curve.at(place).hole,
                 "probability_best": float(sampled.probability_best[k]),
                 "expected_relative": float(sampled.merits[:, k].mean()),
                 "relative_5_percent": float(low[k]),

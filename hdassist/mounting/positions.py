@@ -123,7 +123,8 @@ class MountingCurve:
         """Which positions the wheel can be mounted in, shape (rotations,)."""
         if not self.holes:
             return np.ones(len(self.rotation_deg), dtype=bool)
-        return np.array([_is_usable(hole_of(float(r), self.holes), self.allowed) for r in self.rotation_deg])
+        holes = [hole_of(float(rotation), self.holes) for rotation in self.rotation_deg]
+        return np.array([hole is not None and (self.allowed is None or hole in self.allowed) for hole in holes])
 
     @property
     def current(self) -> Position:
@@ -147,8 +148,8 @@ class MountingCurve:
 
     def extremes(self, torque: int) -> tuple[Position, Position]:
         """Best and worst position for one torque alone, by its place."""
-        best, worst = self._extremes(torque)
-        return self.at(best), self.at(worst)
+        values = self.F_ior_arcsec[torque]
+        return self.at(int(np.argmin(values))), self.at(int(np.argmax(values)))
 
     @property
     def decisive(self) -> set[int]:
@@ -160,10 +161,6 @@ class MountingCurve:
         """Places of the usable positions, best first."""
         places = np.flatnonzero(self.usable)
         return [int(p) for p in places[np.argsort(self.relative[places], kind="stable")]]
-
-    def _extremes(self, torque: int) -> tuple[int, int]:
-        values = self.F_ior_arcsec[torque]
-        return int(np.argmin(values)), int(np.argmax(values))
 
 
 def merit(F_ior: Array, now: Array, weights: Sequence[float] | None = None) -> Array:
@@ -185,10 +182,6 @@ def hole_words(rotation_deg: float, holes: int) -> str:
     """A position in words: hole 4 (120 deg), or the angle alone."""
     hole = hole_of(rotation_deg, holes)
     return f"{rotation_deg:g} deg" if hole is None else f"hole {hole} ({rotation_deg:g} deg)"
-
-
-def _is_usable(hole: int | None, allowed: tuple[int, ...] | None) -> bool:
-    return hole is not None and (allowed is None or hole in allowed)
 
 
 def seat_positions(drive: Drive, free_step: float = FREE_STEP) -> list[float]:

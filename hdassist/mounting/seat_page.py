@@ -11,6 +11,7 @@ from hdassist.preset.fields import Drive
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, texts
 
+TRADE = {"rigid": "rigid wheel (circular spline)", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
 WIDE, HIGH = 41, 15  # of the drawing, in characters
 NUMBERED = 24  # holes that have room for their number
 REACH = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand

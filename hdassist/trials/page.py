@@ -10,7 +10,7 @@ from rich.text import Text
 
 from hdassist.mounting.card import DIGITS, CardFacts
 from hdassist.mounting.positions import hole_of, hole_words
-from hdassist.mounting.seat_page import turn, wheel
+from hdassist.mounting.seat_page import TRADE, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.answers import Json, envelope
@@ -209,7 +209,8 @@ def _basis(advice: TrialAdvice) -> str:
     draws = len(known.prior.model) // (len(known.model_share) * len(SCALES))
     drawn = f", with the offset that turns with the cam and what is uncertain drawn {draws} times" if draws > 1 else ""
     words = (
-        f"Positions are turns from where the wheel stood at 0, counter-clockwise seen from the cam side. Offsets up to "
+        f"Positions are turns of the {TRADE[advice.drive.mounting.fixed]} from where it stood at 0, counter-clockwise "
+        "seen from the cam side (that of the wave generator). Offsets up to "
         f"{known.prior.size_um[-1]:.0f} um were weighed{drawn}, and with the model's scale: the drive shows {mean:.2f} "
         f"of the computed F'_ior, standard deviation {spread:.2f} (before the trials: 1.00, {SCALE:.2f}, assumed)"
     )

@@ -45,7 +45,7 @@ def test_the_facts():
     made = card(CARDS["plain"], serial="17-042")
     assert dict(made.subject)["drive"] == "small"
     assert dict(made.subject)["serial number"] == "17-042"
-    assert dict(made.subject)["teeth"] == "flexspline 60, rigid wheel 62; module 0.5 mm"
+    assert dict(made.subject)["teeth"] == "flexspline 60, rigid wheel (circular spline) 62; module 0.5 mm"
     assert made.instruction == instruction(CARDS["plain"].choice)
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
     # hole 8 is the best; 7 lies clockwise of it and is the second best, 3 the worst
