@@ -94,11 +94,9 @@ def command(
                 seed=seed,
                 progress=progress,
             )
-        return answer(result, convention, plots=plot)
+        return answer(result, plots=plot)
 
-    answers = run_each(
-        "compare", files, one, options, failed=lambda name, error: failure("compare", error, file=name)
-    )  # fmt: skip
+    answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
     for text in drive.origin.warnings:
         warn(text)
     raise typer.Exit(give("compare", answers, options, out))

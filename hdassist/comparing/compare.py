@@ -59,15 +59,17 @@ class Mirror:
 class Comparison:
     """A measured trace beside what a drive should do.
 
-    M_g [N*m]; found: the measured side; unchanged: the drive as it is, with the alignment of the record; standard
-    uncertainties of that [deg], None where it was given; predicted_arcsec at the bins, levels and drift as the residual
-    has none; residual_arcsec at the bins; orders, measured and predicted; ranges [arcsec] limited to the orders over
-    the angles visited; singles: one explanation of each vector; joint; both none where nothing is called for.
+    M_g [N*m]; convention: how the file was read; found: the measured side; unchanged: the drive as it is, with the
+    alignment of the record; standard uncertainties of that [deg], None where it was given; predicted_arcsec at the
+    bins, levels and drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; ranges
+    [arcsec] limited to the orders over the angles visited; singles: one explanation of each vector; joint; both none
+    where nothing is called for.
     """
 
     drive: Drive
     measurement: Measurement
     M_g: float
+    convention: RecordConvention
     unchanged: Explanation
     start_uncertainty_deg: float | None
     zero_uncertainty_deg: float | None
@@ -179,6 +181,7 @@ def compare(
         drive=drive,
         measurement=measurement,
         M_g=M_g,
+        convention=convention,
         unchanged=now,
         start_uncertainty_deg=_angle_uncertainty(base, 0, now) if free_start else None,
         zero_uncertainty_deg=_angle_uncertainty(base, int(free_start), now) if free_zero else None,

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.comparing.compare import UNTOLD, Comparison, RecordConvention
+from hdassist.comparing.compare import UNTOLD, Comparison
 from hdassist.comparing.findings import Explanation, as_good
 from hdassist.comparing.record import OrderPair
 from hdassist.comparing.vectors import VECTORS
@@ -26,12 +26,12 @@ BEYOND = (
 )
 
 
-def answer(result: Comparison, convention: RecordConvention, *, plots: bool) -> Answer:
-    """What there is to say of a comparison; convention, how the file was read; plots, whether curves are drawn."""
+def answer(result: Comparison, *, plots: bool) -> Answer:
+    """What there is to say of a comparison; plots, whether curves are drawn."""
     return Answer(
-        to_json=lambda: to_json(result, convention),
-        page=lambda style: render(result, convention, style, plots=plots),
-        summary_line=lambda: summary_line(result, convention),
+        to_json=lambda: to_json(result),
+        page=lambda style: render(result, style, plots=plots),
+        summary_line=lambda: summary_line(result),
         figures=lambda: figures(result),
         about=result.measurement.trace.file,
         warnings=result.warnings,
@@ -44,8 +44,9 @@ def overrides_of(found: Explanation | None) -> list[str]:
     return [f"{path}={value:.10g}" for path, value in found.overrides] if found else []
 
 
-def swapping_options(result: Comparison, convention: RecordConvention) -> str:
+def swapping_options(result: Comparison) -> str:
     """Options that read a mirrored file the other way round: its error, its cam angle, or both."""
+    convention = result.convention
     error = "output-cam" if convention.error_is == "cam-output" else "cam-output"
     sense = "cw" if convention.cam_sense == "ccw" else "ccw"
     options = {"error_is": f"--error-is {error}", "cam_sense": f"--cam-sense {sense}"}
@@ -63,14 +64,14 @@ def turned(angle: float) -> float:
     return float((np.degrees(angle) + 180) % 360 - 180)
 
 
-def verdict_line(result: Comparison, convention: RecordConvention) -> str:
+def verdict_line(result: Comparison) -> str:
     """The conclusion in a sentence."""
     kind, best = result.conclusion.kind, result.conclusion.best
     if kind == "agrees":
         return "agrees: the difference is not clear of the noise; no change of the preset is called for"
     if kind == "mirrored" and result.mirror:
         rms = f"{result.mirror.rms_arcsec:.2f} instead of {result.difference_rms_arcsec:.2f} arcsec rms"
-        options = swapping_options(result, convention)
+        options = swapping_options(result)
         return f"mirrored: read the other way round the file fits clearly better, {rms}: {options}"
     if best is None:
         return "unexplained: no deviation explains the difference"
@@ -83,23 +84,23 @@ def verdict_line(result: Comparison, convention: RecordConvention) -> str:
     return f"unexplained: the best single deviation, {name}, explains {share}; the rest is clear of noise"
 
 
-def summary_line(result: Comparison, convention: RecordConvention) -> str:
+def summary_line(result: Comparison) -> str:
     """The answer alone: what was concluded, and the overrides that say it."""
     kind = result.conclusion.kind
     if kind == "mirrored":
-        return f"mirrored {swapping_options(result, convention)}"
+        return f"mirrored {swapping_options(result)}"
     sets = [] if kind == "unexplained" else overrides_of(result.conclusion.best)
     return " ".join([kind, *(f"--set {text}" for text in sets)])
 
 
-def render(result: Comparison, convention: RecordConvention, style: Style, *, plots: bool = True) -> RenderableType:
+def render(result: Comparison, style: Style, *, plots: bool = True) -> RenderableType:
     """Conclusion, both curves in one plot, ranges, orders and what would explain the difference."""
     trace = result.measurement.trace
     head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.found.bins.span:.2f} cam turns"
     notes = [*result.measurement.notes, _alignment(result), _sign(result)]
     parts: list[RenderableType] = [
         Text(style.text(head), style="bold"),
-        Text(style.text(verdict_line(result, convention)), style="bold"),
+        Text(style.text(verdict_line(result)), style="bold"),
         Text(style.text("\n".join(f"note: {text}" for text in notes))),
     ]
     if plots:
@@ -264,7 +265,7 @@ def _advice(result: Comparison) -> list[str]:
     return lines
 
 
-def to_json(result: Comparison, convention: RecordConvention) -> Json:
+def to_json(result: Comparison) -> Json:
     """The comparison as a JSON object."""
     found, trace, best = result.found, result.measurement.trace, result.conclusion.best
     start, alignment = start_name(result), result.unchanged.alignment
@@ -310,7 +311,7 @@ def to_json(result: Comparison, convention: RecordConvention) -> Json:
             "F_ior_arcsec": best.F_ior_arcsec if best else None,
         },
         "mirrored": result.mirror
-        and {"option": swapping_options(result, convention), "difference_rms_arcsec": result.mirror.rms_arcsec},
+        and {"option": swapping_options(result), "difference_rms_arcsec": result.mirror.rms_arcsec},
         "singles": [_explained(result, single) for single in result.singles],
         "joint": result.joint and _explained(result, result.joint),
         "certificate": certificate_object(result.certificate),

@@ -58,15 +58,11 @@ def command(
 
     def one(name: str) -> Answer:
         trace = read_trace(name, form, gearing.ratio if gearing else None)
-        result = measure(
-            trace, drive=drive, ratio=ratio, orders=orders, drift=traces.drift, stated=stated, seed=seed
-        )  # fmt: skip
+        result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=traces.drift, stated=stated, seed=seed)
         done.append(result)
         return answer(result, drive, plots=plot)
 
-    answers = run_each(
-        "measure", files, one, options, failed=lambda name, error: failure("measure", error, file=name)
-    )  # fmt: skip
+    answers = run_each("measure", files, one, options, failed=lambda name, fault: failure("measure", fault, file=name))
     several = repeats(done)
     more, below = ({"repeat_runs": several}, [repeats_line(several)]) if several else ({}, [])
     raise typer.Exit(give("measure", answers, options, out, more=more, below=below))

@@ -9,9 +9,7 @@ from hdassist import load_preset, trace
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.decision import Asked, Known, decide
 from hdassist.errors import DataError, UntrustedError, UsageError
-from hdassist.measuring.cycle import Gearing, gearing_of
 from hdassist.measuring.measure import measure
-from hdassist.measuring.orders import order_grid, parse_orders
 from hdassist.measuring.uncertainty import combined, parse_stated
 from tests.process import SMALL
 from tests.rigs import Curve, drive_error, recorded, slow_noise, turn_range, whole_range
@@ -175,38 +173,6 @@ def test_a_part_of_the_cycle_is_a_bound():
     (unknown,) = measure(recorded(EVEN, wave(EVEN))).directions
     assert unknown.is_bound
     assert unknown.coverage is None
-
-
-def test_gearings():
-    assert gearing_of(None, 100) == Gearing(100, 100)
-    odd = gearing_of(None, -99.5)
-    assert odd == Gearing(99.5, 199)
-    assert odd is not None
-    assert odd.cycle_output == 2
-    assert gearing_of(load_preset("vzp160"), None) == Gearing(100, 100)
-    for ratio in (99.7, 3.0, float("nan")):
-        with pytest.raises(UsageError, match="must be a multiple"):
-            gearing_of(None, ratio)
-    with pytest.raises(UsageError, match="knows the ratio"):
-        gearing_of(load_preset("vzp160"), 100)
-
-
-def test_declared_orders():
-    assert parse_orders("1-3, 6") == (1, 2, 3, 6)
-    assert parse_orders("2.02") == (2.02,)
-    assert parse_orders(None) is None
-    for wrong in ("", "0", "3-1", "x", "1;2", "1-", "-1", "1e9", "1.5-3"):
-        with pytest.raises(UsageError):
-            parse_orders(wrong)
-
-
-def test_lines_follow_what_the_record_resolves():
-    assert order_grid((1.0, 2.0), 3.0, 100).tolist() == [1, 2]
-    assert len(order_grid((1.0, 2.0), 100.0, 100)) == 6 + 2 * 13
-    part = order_grid((1.0, 2.0), 20.0, 100)
-    assert np.diff(part).min() == pytest.approx(1 / 20)
-    assert order_grid((2.0, 2.02), 10.0, 100).tolist() == pytest.approx([0.1, 1.9, 2.0, 2.1])
-    assert order_grid((2.01, 2.02), 10.0, 100, beats=False).tolist() == [2.01]
 
 
 @pytest.mark.parametrize(
