@@ -12,8 +12,7 @@ from hdassist.acceptance.request import Request
 from hdassist.errors import DataError, Finding, HdassistError, PresetError
 from hdassist.preset.library import preset_names
 from hdassist.preset.yamltext import shown
-from hdassist.readers.cells import Cell
-from hdassist.readers.texttable import TextTable, read_text_table
+from hdassist.readers.table import Cell, TextTable, few, read_texts
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
@@ -55,7 +54,7 @@ def read_lot(path: str, base: Request) -> Lot:
     Raises DataError: a file or folder that cannot be read or has no drive; PresetError: names of columns that cannot
     be meant. What is wrong with a row is kept with it.
     """
-    return _of_folder(Path(path), base) if Path(path).is_dir() else _of_table(read_text_table(path), base)
+    return _of_folder(Path(path), base) if Path(path).is_dir() else _of_table(read_texts(path), base)
 
 
 def _of_table(table: TextTable, base: Request) -> Lot:
@@ -65,7 +64,7 @@ def _of_table(table: TextTable, base: Request) -> Lot:
     notes = [f"{len(rows)} drives"]
     inside = [number for number in table.remarks if number > table.names_line]
     if inside:
-        notes.append(f"left out as remarks: line {', '.join(map(str, inside))}")
+        notes.append(f"left out as remarks: line {few(inside, 20)}")
     left = [table.names[index].text for index in range(len(columns)) if columns[index] is None]
     if any(left):
         notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")

@@ -16,7 +16,7 @@ from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near
-from hdassist.readers.texttable import TextTable
+from hdassist.readers.table import TextTable
 
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
