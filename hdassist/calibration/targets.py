@@ -29,7 +29,7 @@ from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Findings, Path, Unread, near
+from hdassist.preset.yamltext import Findings, Path, Unread, in_order, near
 from hdassist.readers.trace import read_trace
 
 SCHEMA = "hdassist.targets/1"
@@ -143,7 +143,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     reader = _Reader(Findings(document, file), drive, Folder(file).parent)
     result = reader.read(document.data) if document.complete else None
     if reader.findings.items or result is None:
-        raise PresetError(reader.findings.sorted())
+        raise PresetError(in_order(reader.findings.items))
     name, unknowns, targets = result
     return Targets(name, hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
 

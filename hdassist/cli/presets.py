@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,13 +74,7 @@ def list_(options: TableOptions) -> None:
 
 @app.command()
 @o.with_groups
-def show(
-    preset: o.Preset,
-    *,
-    resolved: Resolved = False,
-    drives: o.DriveOptions,
-    options: TableOptions,
-) -> None:
+def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions, options: TableOptions) -> None:
     """A preset as it is written, or every value that is really used.
 
     \b
@@ -176,7 +170,7 @@ def new(
     from hdassist.preset.write import new_preset
     from hdassist.terminal.files import write_text
 
-    write_text("-" if output is None else output, new_preset(name), force)
+    write_text(output, new_preset(name), force)
 
 
 @app.command()
@@ -195,14 +189,14 @@ def schema(
     from hdassist.terminal.answers import json_text
     from hdassist.terminal.files import write_text
 
-    write_text("-" if output is None else output, json_text(preset_schema()), force)
+    write_text(output, json_text(preset_schema()), force)
 
 
-def _print_json(answer: Mapping[str, Any]) -> None:
+def _print_json(answer: dict[str, Any]) -> None:
     from hdassist.terminal.answers import json_text
     from hdassist.terminal.files import write_text
 
-    write_text("-", json_text(dict(answer)), force=False)
+    write_text("-", json_text(answer), force=False)
 
 
 def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions) -> None:

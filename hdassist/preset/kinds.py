@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from math import inf, isfinite
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -12,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from hdassist.preset.units import read_count, read_measure, read_number
+from hdassist.preset.units import read_count, read_number
 from hdassist.preset.yamltext import Unread
 
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
@@ -64,7 +63,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
         what = "a whole number" if kind == "count" else "a number"
         return Unread(f"must be {what}", f"leave the key out for its default, {info.default}")
     if kind == "number":
-        return read_measure(value, unit)
+        return read_number(value, unit, spread=True)
     if kind == "count":
         return read_count(value)
     if kind == "numbers":
@@ -148,40 +147,35 @@ def choices_of(info: FieldInfo) -> tuple[str, ...]:
     return tuple(map(str, get_args(info.annotation)))
 
 
+def bounds_of(info: FieldInfo) -> dict[str, float]:
+    """Bounds of a field, or of each item of it, as far as it has them: ge and le, in its range; gt, just out of it."""
+    bounds: dict[str, float] = {}
+    parts: list[Any] = [info]
+    for part in parts:  # grows by what is in it
+        if isinstance(part, FieldInfo):
+            bounds |= {name: getattr(x, name) for x in part.metadata for name in ("ge", "gt", "le") if hasattr(x, name)}
+        parts += [part.annotation] if isinstance(part, FieldInfo) else get_args(part)
+    return bounds
+
+
 def range_of(info: FieldInfo, unit: str = "") -> str:
     """Range of a field, or of each item of it, in words and with the unit; empty where there is none."""
-    limits = list(_bounds(info))
-    low, above, high = (
-        next((plain(getattr(limit, name)) for limit in limits if hasattr(limit, name)), "")
-        for name in ("ge", "gt", "le")
-    )
-    if not high:
-        return f"{low} {unit}".rstrip() + " or more" if low else ""
-    return f"{f'above {above}, up' if above else low} to {high} {unit}".rstrip()
-
-
-def _bounds(info: FieldInfo) -> Iterator[object]:
-    yield from info.metadata
-    waiting: list[object] = [info.annotation]
-    while waiting:
-        annotation = waiting.pop()
-        for extra in getattr(annotation, "__metadata__", ()):
-            yield from extra.metadata if isinstance(extra, FieldInfo) else ()
-        waiting.extend(get_args(annotation))
-
-
-def least_of(info: FieldInfo) -> float:
-    """Least value that a field takes."""
-    bounds = (getattr(limit, "ge", None) for limit in _bounds(info))
-    return next((float(bound) for bound in bounds if bound is not None), -inf)
+    bounds = {name: plain(bound) for name, bound in bounds_of(info).items()}
+    low = f"above {bounds['gt']}, up" if "gt" in bounds else bounds.get("ge", "")
+    if "le" in bounds:
+        return f"{low} to {bounds['le']} {unit}".rstrip()
+    return f"{low} {unit}".rstrip() + " or more" if low else ""
 
 
 def in_range(info: FieldInfo, value: float) -> bool:
     """Whether a number is within the range of a field."""
-    return isfinite(value) and all(
-        getattr(bound, "ge", -inf) <= value <= getattr(bound, "le", inf) and value > getattr(bound, "gt", -inf)
-        for bound in _bounds(info)
-    )
+    bounds = bounds_of(info)
+    return isfinite(value) and least_of(info) <= value <= bounds.get("le", inf) and value > bounds.get("gt", -inf)
+
+
+def least_of(info: FieldInfo) -> float:
+    """Least value that a field takes."""
+    return bounds_of(info).get("ge", -inf)
 
 
 def plain(number: float) -> str:

@@ -8,33 +8,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from hdassist.errors import Finding, PresetError, UsageError
+from hdassist.errors import PresetError, UsageError
 from hdassist.preset import overrides as sets
-from hdassist.preset.fields import (
-    SCHEMA,
-    Drive,
-    Origin,
-    Source,
-    field_table,
-    sections,
-    spreads,
-)
+from hdassist.preset import yamltext
+from hdassist.preset.fields import SCHEMA, Drive, Origin, Source, field_table, sections, spreads
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.rules import conflicts
-from hdassist.preset.yamltext import (
-    MAX_FINDINGS,
-    OVERRIDE,
-    Document,
-    Findings,
-    Path,
-    Unread,
-    in_order,
-    near,
-    path_text,
-    read,
-    resolve,
-    shown,
-)
+from hdassist.preset.yamltext import OVERRIDE, Document, Findings, Path, Unread, in_order, near, shown
 
 
 def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Drive:
@@ -45,20 +25,21 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
-    own = read(text, file)
+    own = yamltext.read(text, file)
     drive, findings = _drive(sets.apply(own, parsed) if own.complete else own, file)
     if findings.items or drive is None:
-        found = findings.sorted()
+        found = in_order(findings.items)
         only_overrides = all(finding.file == OVERRIDE for finding in found)
         if only_overrides or (overrides and not _drive(own, file)[1].items):
             raise UsageError("\n".join(map(str, found)))
         raise PresetError(found)
+    _warn(drive, findings)
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     drive._origin = Origin(
         file=file,
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
-        warnings=tuple(str(warning) for warning in _warnings(drive, findings)),
+        warnings=tuple(map(str, in_order(findings.warnings))),
     )
     return drive
 
@@ -124,7 +105,7 @@ def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
     if path[0] == "source" and len(path) > 2:
         info = Source.model_fields.get(str(path[2]))
     if kind == "extra_forbidden":
-        hint = "" if len(findings.items) > MAX_FINDINGS else _unknown_hint(path, value)
+        hint = "" if len(findings.items) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
         findings.add(path, "unknown key", hint, "", key=True)
     elif isinstance(value, Unread):
         findings.refuse(path, value)
@@ -139,7 +120,7 @@ def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
         findings.add(path, "must have 1 to 200 characters")
     elif info is not None:
         unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
-        converted = isinstance(resolve(findings.written(path)), str)  # written in another unit
+        converted = isinstance(yamltext.resolve(findings.written(path)), str)  # written in another unit
         hint = f"that is {value:g} {unit}" if converted else ""
         findings.add(path, f"out of range: {range_of(info, unit)}", hint)
 
@@ -191,17 +172,14 @@ def _valid(drive: Drive | None, data: dict[str, Any], findings: Findings) -> dic
     return valid
 
 
-def _warnings(drive: Drive, findings: Findings) -> list[Finding]:
-    """Limits at torques that are not computed; those of the file may be more than the torques of one run."""
-    warnings = []
-    used = set(drive.operation.M_g)
+def _warn(drive: Drive, findings: Findings) -> None:
+    """Warn of limits at torques that are not computed; those of a file may be more than the torques of one run."""
     narrowed = findings.where(("operation", "M_g"))[0] == OVERRIDE
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
     message = "a limit for a torque that is not in operation.M_g: accept looks at it, check does not"
     for section, name in sets.PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
-            file, mark = findings.where(path, key=True)
-            if key != "all" and float(key) not in used and (file == OVERRIDE or not narrowed):
-                warnings.append(Finding(file, *mark, path_text(path), message, hint=f"M_g: {torques}"))
-    return in_order(warnings)
+            counts = not narrowed or findings.where(path)[0] == OVERRIDE
+            if key != "all" and float(key) not in drive.operation.M_g and counts:
+                findings.warn(path, message, f"M_g: {torques}")

@@ -7,13 +7,14 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.fields import SCHEMA, Drive, fields, sections
-from hdassist.preset.kinds import Section, is_optional, kind_of, unit_of
+from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections
+from hdassist.preset.kinds import Section, bounds_of, choices_of, is_optional, kind_of, unit_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
 Schema = dict[str, Any]
 NUMBER = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
+BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum"}
 KEYS = {"limits": rf"^(all|[-+]?{NUMBER})$", "orders": rf"^[+]?{NUMBER}$"}
 
 
@@ -23,20 +24,17 @@ def preset_schema() -> Schema:
     It says what one field may be; what fields must satisfy together only the validation of hdassist says.
     """
     schema = Drive.model_json_schema()
-    definitions = schema.pop("$defs")
     tables = dict(sections())
     properties: Schema = {"schema": {"const": SCHEMA, "description": "form of this file"}}
     for name, info in Drive.model_fields.items():
-        if name in tables:
-            properties[name] = _section(definitions[tables[name].__name__], tables[name], info)
-        else:
-            properties[name] = {k: v for k, v in schema["properties"][name].items() if k in _KEPT}
+        said = _without(("title", "unit", "default", "items"), schema["properties"][name])
+        properties[name] = _section(tables[name], info) if name in tables else said
     properties["uncertainty"] |= _measures({"type": "number", "minimum": 0})
     properties["alternatives"] |= {"type": ["array", "null"], "items": _measures({"type": "number"})}
     properties["source"] |= {
         "type": ["object", "null"],
         "propertyNames": {"enum": [path for path, _ in fields()]},
-        "additionalProperties": _bare(definitions["Source"]),
+        "additionalProperties": _without(("title", "unit"), schema["$defs"]["Source"]),
     }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -49,69 +47,58 @@ def preset_schema() -> Schema:
     }
 
 
-_KEPT = ("type", "description", "minLength", "maxLength")
-
-
-def _section(definition: Schema, model: type[Section], info: FieldInfo) -> Schema:
+def _section(model: type[Section], info: FieldInfo) -> Schema:
+    required = [name for name, field in model.model_fields.items() if field.is_required()]
     table: Schema = {
         "type": "object" if info.is_required() else ["object", "null"],
-        "description": definition["description"],
+        "description": model.__doc__,
         "additionalProperties": False,
-        "properties": {
-            name: _field(definition["properties"][name], field) for name, field in model.model_fields.items()
-        },
+        "properties": {name: _field(field) for name, field in model.model_fields.items()},
     }
-    return table | ({"required": definition["required"]} if "required" in definition else {})
+    return table | ({"required": required} if required else {})
 
 
-def _field(declared: Schema, info: FieldInfo) -> Schema:
+def _field(info: FieldInfo) -> Schema:
     unit, kind = unit_of(info), kind_of(info)
-    about = {"description": f"{info.description} [{unit}]" if unit else info.description}
-    about |= {key: declared[key] for key in ("default", "examples") if key in declared}
+    about: Schema = {"description": f"{info.description} [{unit}]" if unit else info.description}
+    about |= {} if info.is_required() else {"default": info.default}
+    about |= {"examples": info.examples} if info.examples else {}
     if kind == "choice":
-        return about | {"enum": declared["enum"]}
+        return about | {"enum": list(choices_of(info))}
     if kind == "holes":
         hole = {"type": "integer", "minimum": 0}
         return about | {"anyOf": [{"const": "all"}, hole, {"type": "array", "items": hole, "minItems": 1}]}
+    bounds = {BOUNDS[name]: bound for name, bound in bounds_of(info).items()}
+    one = _quantity({"type": "integer" if kind == "count" else "number"} | bounds, unit)
     if kind == "numbers":
-        one = _quantity(declared["items"], unit)
         return about | {"anyOf": [*one, {"type": "array", "items": {"anyOf": one}, "minItems": 1}]}
     if kind in KEYS:
-        one = _quantity(declared["additionalProperties"], unit)
-        limits = {
-            "type": "object", "propertyNames": {"pattern": KEYS[kind]}, "additionalProperties": {"anyOf": one}
-        }  # fmt: skip
+        keys, limit = {"pattern": KEYS[kind]}, {"anyOf": one}
+        limits = {"type": "object", "propertyNames": keys, "additionalProperties": limit}
         return about | ({"anyOf": [*one, limits]} if kind == "limits" else limits)
-    number = declared.get("anyOf", [declared])[0]
-    choices = _quantity(number, unit) + ([{"type": "null"}] if is_optional(info) else [])
+    if is_optional(info):
+        one.append({"type": "null"})
     if kind == "number":
-        choices.append({"type": "string", "pattern": spread_pattern(unit)})
-    return about | (choices[0] if len(choices) == 1 else {"anyOf": choices})
+        one.append({"type": "string", "pattern": spread_pattern(unit)})
+    return about | (one[0] if len(one) == 1 else {"anyOf": one})
 
 
 def _quantity(number: Schema, unit: str) -> list[Schema]:
     """A number in its range, or a text with a unit."""
-    limits = ("type", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
-    bare = {key: number[key] for key in limits if key in number}
-    text = {"type": "string", "pattern": pattern_for(unit)} if units_for(unit) else None
-    return [bare, text] if text else [bare]
+    return [number, {"type": "string", "pattern": pattern_for(unit)}] if units_for(unit) else [number]
 
 
 def _measures(number: Schema) -> Schema:
     """A table of measures by path, each a number or a text with a unit."""
-    entries = {
-        path: {"anyOf": _quantity(number, unit_of(info))} for path, info in fields() if kind_of(info) == "number"
-    }
+    entries = {path: {"anyOf": _quantity(number, unit_of(info))} for path, info in measures().items()}
     return {"type": ["object", "null"], "additionalProperties": False, "properties": entries}
 
 
-def _bare(definition: Schema) -> Schema:
-    """A definition without the titles that only repeat the names of the fields."""
-    properties = {
-        name: {key: value for key, value in field.items() if key not in ("title", "unit")}
-        for name, field in definition["properties"].items()
-    }
-    return {key: value for key, value in definition.items() if key != "title"} | {"properties": properties}
+def _without(keys: tuple[str, ...], said: Any) -> Any:
+    """What pydantic says, without keys that only repeat what is said elsewhere."""
+    if not isinstance(said, dict):
+        return said
+    return {key: _without(keys, value) for key, value in said.items() if key not in keys}
 
 
 @dataclass(frozen=True)

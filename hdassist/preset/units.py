@@ -140,28 +140,21 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     return value, spread
 
 
-def read_number(value: Any, unit: str) -> float | Unread:
-    """A number in a unit, from what a preset gives: a number, or a text with a unit; else why it is none."""
+def read_number(value: Any, unit: str, *, spread: bool = False) -> float | Unread:
+    """A number in a unit, from what a preset gives: a number, or a text with a unit; else why it is none.
+
+    spread: an uncertainty may stand behind it, which is left to `read_spread`.
+    """
     if isinstance(value, Unread):
         return value
     if isinstance(value, str):
         try:
-            return convert(value, unit)
+            return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
         except UnitError as error:
             return Unread(error.message, error.hint)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value if isfinite(value) else Unread("must be a finite number")
     return Unread("must be a number", f"in {unit}" if unit else "")
-
-
-def read_measure(value: Any, unit: str) -> float | Unread:
-    """A number as `read_number` takes it, or one with its uncertainty, which is left to `read_spread`."""
-    if not (isinstance(value, str) and is_spread(value)):
-        return read_number(value, unit)
-    try:
-        return read_spread(value, unit)[0]
-    except UnitError as error:
-        return Unread(error.message, error.hint)
 
 
 def read_count(value: Any) -> int | Unread:

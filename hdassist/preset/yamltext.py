@@ -266,6 +266,7 @@ class Findings:
         self.file = file
         self.places = document.places
         self.items = list(document.findings)
+        self.warnings: list[Finding] = []
         self.bad: set[Path] = set()
 
     def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
@@ -274,10 +275,15 @@ class Findings:
         Without `got` the finding says how the value is written.
         """
         self.bad.add(path)
+        self.items.append(self._finding(path, message, hint, self.written(path) if got is None else got, key))
+
+    def warn(self, path: Path, message: str, hint: str) -> None:
+        """Note what is not wrong with a key, but perhaps not meant."""
+        self.warnings.append(self._finding(path, message, hint, "", key=True))
+
+    def _finding(self, path: Path, message: str, hint: str, got: str, key: bool) -> Finding:
         file, mark = self.where(path, key)
-        self.items.append(
-            Finding(file, *mark, path_text(path), message, self.written(path) if got is None else got, hint)
-        )
+        return Finding(file, *mark, path_text(path), message, got, hint)
 
     def refuse(self, path: Path, unread: Unread) -> None:
         """Note why a value cannot be read, unless a finding says it already."""
@@ -306,10 +312,6 @@ class Findings:
     def is_bad(self, path: Path) -> bool:
         """Whether a path, or a table around it, has a finding."""
         return any(path[:n] in self.bad for n in range(1, len(path) + 1))
-
-    def sorted(self) -> list[Finding]:
-        """Every finding in order; the first hundred of very many."""
-        return in_order(self.items)
 
 
 def in_order(items: Iterable[Finding]) -> list[Finding]:

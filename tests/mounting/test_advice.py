@@ -100,6 +100,7 @@ def test_the_instruction_takes_the_shorter_way():
     assert turn(free.at(1)) == "90 deg counter-clockwise"
 
 
+@pytest.mark.moves("mounting.first_hole")
 def test_the_seat_shows_where_holes_lie():
     drive = load_preset(SMALL)
     curve = curve_of([20.0, 9.0, 30.0, 8.0], holes=4)

@@ -3,10 +3,17 @@
 The sizes are about half of what was seen; the signs are physics, each with its reason.
 """
 
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from hdassist import kinematic_error
+from hdassist.acceptance.accept import Stated, accept
+from hdassist.acceptance.decision import Known
+from hdassist.acceptance.limits import limits_of
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
@@ -14,7 +21,8 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
 from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.preset.fields import Drive, fields
+from hdassist.preset.fields import Acceptance, Drive, field_table, fields
+from hdassist.preset.kinds import is_optional, kind_of
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict
 from tests.support import changed, solve_state, wind_up
@@ -98,22 +106,22 @@ MOVES = [
     ("numerics.n_max", 20, heavy, -0.5, "fewer modes, less compliance"),
     ("numerics.n_2", 50, light, +0.25, "a seat on fewer nodes yields between them"),
 ]
-ELSEWHERE = {
-    "gears.z_g", "gears.z_b", "bearing.d_ball", "bearing.ball_motion", "phases.phi_hg", "mounting.fixed",
-    "mounting.mark_kind", "operation.M_g", "operation.rated", "acceptance.F_ior", "numerics.n_beta",
-    # tests/acceptance/test_accept.py
-    "acceptance.turn_range", "acceptance.self_error", "acceptance.order_amplitude", "acceptance.lost_motion",
-    "acceptance.K_1", "acceptance.K_2", "acceptance.K_3", "acceptance.rule", "acceptance.margin",
-    "mounting.holes", "numerics.n_phase",
-    "numerics.nominal_curve",
-    "mounting.first_hole",
-    "mounting.allowed", "numerics.window",
-}  # fmt: skip
+LIMITS = [
+    path
+    for path, info in fields()
+    if path.startswith("acceptance.") and (kind_of(info) in ("limits", "orders") or is_optional(info))
+]
+
+
+def marked() -> set[str]:
+    """Fields that a test somewhere moves on its own: it bears @pytest.mark.moves("section.field", ...)."""
+    texts = (file.read_text(encoding="utf-8") for file in Path(__file__).parents[1].rglob("test_*.py"))
+    marks = [mark for text in texts for mark in re.findall(r"^@pytest\.mark\.moves\(([^)]*)\)", text, re.MULTILINE)]
+    return {path for mark in marks for path in re.findall(r"\w+\.\w+", mark)}
 
 
 def test_no_field_is_left_out():
-    moved = {path for path, *_ in MOVES} | ELSEWHERE
-    assert moved == {path for path, _ in fields()}
+    assert {path for path, *_ in MOVES} | {*LIMITS} | marked() == {path for path, _ in fields()}
 
 
 @pytest.mark.parametrize(
@@ -124,6 +132,7 @@ def test_field_moves_the_answer(reference, path, value, measure, least, why):
     assert moved * np.sign(least) >= abs(least), why
 
 
+@pytest.mark.moves("gears.z_g", "gears.z_b")
 def test_teeth_set_size_and_ratio(reference):
     more = changed(reference, gears__z_g=202, gears__z_b=204)
     assert Kinematics.of(more).u == Kinematics.of(reference).u - 1
@@ -144,6 +153,7 @@ def test_clearance_is_felt_as_the_geometry_says(reference):
     )
 
 
+@pytest.mark.moves("bearing.d_ball")
 def test_ball_diameter_sets_the_cage(reference):
     rolling = changed(reference, bearing__ball_motion="rolling")
     turn = np.array([0.1])
@@ -152,16 +162,19 @@ def test_ball_diameter_sets_the_cage(reference):
     assert float(slow[0]) > 0.005
 
 
+@pytest.mark.moves("numerics.nominal_curve")
 def test_the_nominal_curve_moves_the_teeth(reference):
     # some micrometres at the flanks, a few arcsec of twist at a light load
     other = changed(reference, numerics__nominal_curve="inextensible")
     assert 0.5 < abs(twist(other) - twist(reference)) < 6
 
 
+@pytest.mark.moves("bearing.ball_motion")
 def test_rolling_balls_add_error(reference):
     assert error(changed(reference, bearing__ball_motion="rolling")) - error(reference) > 0.09
 
 
+@pytest.mark.moves("numerics.n_beta")
 @pytest.mark.slow
 def test_ball_positions_converge(reference):
     rolling = changed(reference, bearing__ball_motion="rolling")
@@ -171,11 +184,13 @@ def test_ball_positions_converge(reference):
     assert fine < coarse / 4
 
 
+@pytest.mark.moves("phases.phi_hg")
 def test_direction_of_the_offset_that_goes_with_the_flexspline(reference):
     drive = changed(reference, tolerances__e_hg=60.0)
     assert abs(error(changed(drive, phases__phi_hg=180.0)) - error(drive)) > 0.5
 
 
+@pytest.mark.moves("mounting.fixed")
 def test_fixed_wheel_reverses_the_error(reference):
     other = changed(reference, mounting__fixed="flexspline")
     assert Kinematics.of(other).u == 101
@@ -188,6 +203,7 @@ def test_fixed_wheel_reverses_the_error(reference):
     assert one.range_arcsec > 5
 
 
+@pytest.mark.moves("mounting.mark_kind")
 def test_marks_are_no_phases(reference):
     # turning both marks by what their kind means gives the same drive
     for kind, angle in (("runout", 180.0), ("pitch", -90.0)):
@@ -196,17 +212,20 @@ def test_marks_are_no_phases(reference):
         assert abs(error(changed(reference, mounting__mark_kind=kind)) - error(reference)) > 1
 
 
+@pytest.mark.moves("numerics.window")
 def test_a_wider_window_changes_nothing_and_a_narrow_one_is_refused(reference):
     assert light(changed(reference, numerics__window=60.0)) == pytest.approx(light(reference), abs=1e-6)
     assert contact_system(changed(reference, numerics__window=15.0)).n_flanks == 2 * 2 * 17
 
 
+@pytest.mark.moves("numerics.n_phase")
 def test_more_phases_find_more_of_the_self_error(reference):
     coarse, fine = (self_error(changed(reference, numerics__n_phase=n), [80.0])[0] for n in (2, 6))
     assert fine.certificate.states == 36
     assert fine.range_arcsec > coarse.range_arcsec + 0.1
 
 
+@pytest.mark.moves("mounting.holes")
 @pytest.mark.parametrize(("holes", "hole"), [(12, 5), (36, 15), (8, None), (0, None)])
 def test_holes_number_the_positions(reference, holes, hole):
     assert len(seat_positions(changed(reference, mounting__holes=holes))) == (holes or 72)
@@ -243,8 +262,46 @@ def test_limits_and_torques_set_the_verdict(reference, limits, verdicts):
     assert report.verdict == (Verdict.FAIL if "FAIL" in verdicts else verdicts[0])
 
 
+@pytest.mark.moves("operation.rated")
 def test_rated_torque_warns(reference):
     drive = changed(reference, operation__rated=500.0)
     points = (point(drive, 80.0, 1.0, 1.0), point(drive, 800.0, 1.0, 1.0))
     assert DesignCheck(drive, points).warnings == ("800 N*m is above the rated torque of 500 N*m",)
     assert DesignCheck(reference, points).warnings == ()
+
+
+def with_acceptance(drive: Drive, **values: object) -> Drive:
+    return drive.model_copy(update={"acceptance": Acceptance(**values)})
+
+
+@pytest.mark.parametrize("path", LIMITS)
+def test_each_limit_decides(reference, path):
+    kind, name = kind_of(field_table()[path]), path.split(".")[1]
+    drive = with_acceptance(reference, **{name: {"limits": {"80": 20.0}, "orders": {"2": 20.0}}.get(kind, 20.0)})
+    asked = limits_of(drive)[0]
+    verdicts = [accept(drive, stated={asked: Stated(value, 0.0)}, measured_only=True).verdict for value in (19.0, 21.0)]
+    assert verdicts == (["FAIL", "PASS"] if name.startswith("K_") else ["PASS", "FAIL"])
+
+
+@pytest.mark.moves("operation.M_g")
+def test_limits_hold_at_each_torque(reference):
+    drive = with_acceptance(changed(reference, operation__M_g=(40.0, -70.0)), F_ior={"all": 30.0})
+    assert [asked.M_g for asked in limits_of(drive)] == [40, -70]
+    assert wind_up(reference, 40) < wind_up(reference, 70)
+
+
+@pytest.mark.moves("acceptance.rule", "acceptance.margin")
+def test_rule_of_measured_and_margin_of_predicted_values(reference):
+    def verdict(known: Known, **values: object) -> Verdict:
+        drive = with_acceptance(reference, lost_motion=60.0, **values)
+        stated = {asked: Stated(known.value, known.uncertainty) for asked in limits_of(drive) if known.uncertainty}
+        return accept(drive, stated=stated, predictions=SimpleNamespace(known=lambda _: known)).verdict
+
+    measured, predicted = Known(59.0, 1.0, "stated"), Known(59.0, 0.0, "predicted")
+    assert [verdict(measured, rule=rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
+    assert [verdict(predicted, margin=margin) for margin in (1.0, 5.0)] == ["PASS", "INCONCLUSIVE"]
+
+
+@pytest.mark.moves("mounting.allowed")
+def test_holes_that_are_not_allowed_are_no_positions(reference):
+    assert seat_positions(changed(reference, mounting__allowed=(2, 5))) == [0, 60, 150]

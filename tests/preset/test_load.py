@@ -84,6 +84,14 @@ def test_units_and_single_items(old: str, new: str, section: str, name: str, val
     assert getattr(getattr(load((old, new)), section), name) == value
 
 
+def test_the_model_itself_reads_units_and_uncertainties() -> None:
+    data = load().model_dump() | {"phases": {"xi_b": "1 rad ± 30 arcmin"}, "operation": {"M_g": "0.8 kN*m"}}
+    drive = Drive.model_validate(data)
+    assert drive.operation.M_g == (800,)
+    assert drive.uncertainty == {"phases.xi_b": 0.5}
+    assert Drive.model_validate(drive.model_dump()) == drive
+
+
 def test_limits_are_read_per_torque_for_all_and_with_units() -> None:
     drive = load(more="acceptance: {F_ior: {80: 0.5 arcmin, 800.0: 12, all: 60}}\n")
     assert [drive.limit(torque) for torque in (80, 800, 5)] == [30, 12, 60]
@@ -155,6 +163,15 @@ def test_optional_fields_may_be_empty() -> None:
         ([("cam: {W_0: 0.96}", "cam: 0.96")], "", ["my.yaml:6:6: cam: must be a table of keys (got 0.96)"]),
         ([("[80, 800]", "2e7")], "",
          ["my.yaml:8:18: operation.M_g: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
+        ([("[80, 800]", "all")], "", ["my.yaml:8:18: operation.M_g: must be a number (got all; in N*m)"]),
+        ([("m: 0.8", "m: 0.8 ± 1e999")], "",
+         ["my.yaml:3:32: gears.m: must be a finite number (got 0.8 ± 1e999)"]),
+        ([("m: 0.8", "m: x")], "alternatives: [{gears.j_n: 300, x: 4}]\n", [
+            "my.yaml:3:32: gears.m: must be a number (got x; in mm)",
+            "my.yaml:9:28: alternatives[0].gears.j_n: out of range: 0 to 200 um (got 300)",
+            "my.yaml:9:33: alternatives[0].x: names no measure of a preset "
+            "(got x; write section.key, like gears.z_g)",
+        ]),
         ([("[80, 800]", "{a: 1}")], "",
          ["my.yaml:8:18: operation.M_g: must be a list of numbers (got a table of keys)"]),
         ([("[80, 800]", "[80, [1]]")], "",

@@ -1,4 +1,4 @@
-"""The JSON Schema accepts what presets accept, and refuses what one field alone makes wrong."""
+"""The JSON Schema accepts what presets accept; a resolved preset says every value and where it is from."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hdassist.errors import UsageError
 from hdassist.preset.fields import fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.load import load_text
-from hdassist.preset.schema import preset_schema
+from hdassist.preset.schema import ResolvedField, preset_schema, resolved
 from hdassist.preset.write import new_preset
 from hdassist.preset.yamltext import read
 
@@ -98,3 +98,37 @@ def test_schema_and_validation_agree(path: str, written: str, value: Any, good: 
     except UsageError:
         valid = False
     assert valid is good
+
+
+SOURCES = """
+source:
+  gears.z_g: {kind: given, ref: sheet 1}
+  gears.m: {kind: assumed, ref: usual}
+  cam.W_0: {kind: identified, ref: measured}
+  numerics.n_2: {kind: assumed, ref: enough}
+"""
+
+
+def rows(*overrides: str) -> dict[str, ResolvedField]:
+    return {row.path: row for row in resolved(load_text(new_preset("x") + SOURCES, "f", overrides))}
+
+
+def test_every_field_has_one_row_with_its_declaration() -> None:
+    assert list(rows()) == [path for path, _ in fields()]
+    row = rows()["cam.W_0"]
+    assert (row.value, row.unit) == (0.96, "mm")
+    assert row.meaning == "radial deformation of the flexspline at the major axis"
+
+
+def test_kinds_of_origin() -> None:
+    found = rows("gears.m=0.79", "acceptance.F_ior.80=30", "material={nu: 0.29}")
+    kinds = {path: (row.kind, row.ref) for path, row in found.items()}
+    assert kinds["gears.z_g"] == ("given", "sheet 1")
+    assert kinds["gears.z_b"] == ("given", "")
+    assert kinds["cam.W_0"] == ("identified", "measured")
+    assert kinds["gears.m"] == ("override", "--set")
+    assert kinds["acceptance.F_ior"] == ("override", "--set")
+    assert kinds["material.nu"] == ("override", "--set")
+    assert kinds["numerics.n_2"] == ("default", "enough")
+    assert kinds["gears.alpha"] == ("default", "")
+    assert rows()["gears.m"].kind == "assumed"
