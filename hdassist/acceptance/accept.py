@@ -22,7 +22,7 @@ from hdassist.acceptance.decision import Asked, Decision, Known, decide
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.errors import DataError, UsageError
-from hdassist.measuring.measurement import Direction, Measurement
+from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -172,13 +172,13 @@ def _decisive(found: Sequence[Decision]) -> Decision:
     return min(found, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
-def _of_direction(asked: Asked, found: Direction) -> Known | None:
+def _of_direction(asked: Asked, found: SweepResult) -> Known | None:
     if asked.check == F_IOR:
         extent = found.range.value, found.uncertainty_arcsec
     elif asked.check == TURN_RANGE:
         extent = found.revolution.value, found.revolution_uncertainty_arcsec
     else:
-        orders = [o for o in found.orders if abs(o.per_cam_rev - (asked.order or 0.0)) <= 0.5 / found.cells.span]
+        orders = [o for o in found.orders if abs(o.per_cam_rev - (asked.order or 0.0)) <= 0.5 / found.bins.span]
         if not orders:
             return None
         order = min(orders, key=lambda o: abs(o.per_cam_rev - (asked.order or 0.0)))

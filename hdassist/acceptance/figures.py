@@ -11,7 +11,7 @@ from hdassist.acceptance.accept import Acceptance
 from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.request import FailOn, Request, exit_code
 from hdassist.errors import HdassistError
-from hdassist.measuring.measurement import Measurement
+from hdassist.measuring.measure import Measurement
 from hdassist.terminal.answers import certificate_object, envelope
 from hdassist.terminal.answers import failure as failed
 from hdassist.terminal.quantities import Quantity, as_object

@@ -11,8 +11,7 @@ from hdassist.acceptance.limits import limits_of
 from hdassist.errors import UsageError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.fields import Drive
-from hdassist.preset.spread import is_spread, read_spread
-from hdassist.preset.units import UnitError
+from hdassist.preset.units import UnitError, is_spread, read_spread
 
 ORDER_PREFIX = "order_"
 NAMES = [check.field for check in CHECKS if check != ORDER]

@@ -12,10 +12,10 @@ from typing import Literal
 
 from hdassist.acceptance.limit_parser import is_named
 from hdassist.errors import Finding, PresetError, UsageError
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import is_number
-from hdassist.preset.findings import near
+from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import is_number
 from hdassist.preset.overrides import path_of
+from hdassist.preset.yamltext import near
 from hdassist.readers.table import TextTable
 
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)

@@ -19,7 +19,7 @@ from hdassist.acceptance.replaying import still_stands
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import HdassistError, UsageError
 from hdassist.measuring.measure import require_drift
-from hdassist.measuring.order_grid import DEFAULT, parse_orders
+from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.terminal.answers import json_text
@@ -146,7 +146,7 @@ def accept_lot(
 def _require_sound(base: Request) -> None:
     """Raise what is wrong with the options before every row says it: UsageError, or what a common preset has wrong."""
     parse_stated(base.reading.budget)
-    parse_orders(base.reading.orders or DEFAULT)
+    parse_orders(base.reading.orders or None)
     require_drift(base.reading.drift)
     base.reading.require_sound()
     limits = limit_overrides(base.limits)

@@ -14,8 +14,8 @@ from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.predictions import Predictions
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import gearing_of
-from hdassist.measuring.measure import measure
-from hdassist.measuring.measurement import Measurement
+from hdassist.measuring.measure import Measurement, measure
+from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.fields import Drive
 from hdassist.preset.library import load_preset
@@ -75,7 +75,7 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
         torque: measure(
             read_trace(path, reading, ratio),
             drive=drive,
-            orders=reading.orders,
+            orders=parse_orders(reading.orders or None),
             drift=reading.drift,
             stated=stated,
             seed=request.seed,

@@ -23,10 +23,10 @@ import numpy as np
 from hdassist.errors import DataError, PresetError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset import yamltext
-from hdassist.preset.convert import Converter, field_table
-from hdassist.preset.fields import Drive, kind_of, unit_of
-from hdassist.preset.findings import Findings, near
-from hdassist.preset.yamltext import Path
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import kind_of, unit_of
+from hdassist.preset.units import read_number
+from hdassist.preset.yamltext import Findings, Path, Unread, near
 from hdassist.readers.trace import read_trace
 
 SCHEMA = "hdassist.targets/1"
@@ -131,7 +131,13 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
 class _Reader:
     def __init__(self, findings: Findings, drive: Drive, folder: Folder) -> None:
         self.findings, self.drive, self.folder = findings, drive, folder
-        self.number = Converter(findings).number
+
+    def number(self, path: Path, value: Any, unit: str) -> float | None:
+        number = read_number(value, unit)
+        if not isinstance(number, Unread):
+            return number
+        self.findings.refuse(path, number)
+        return None
 
     def read(self, data: Any) -> tuple[str, list[Unknown], list[Target]] | None:
         if not isinstance(data, dict):

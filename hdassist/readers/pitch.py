@@ -35,8 +35,8 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
 from hdassist.model.wheels import PitchFile
-from hdassist.preset.findings import near
 from hdassist.preset.units import UnitError
+from hdassist.preset.yamltext import near
 from hdassist.readers.table import NumberTable, few, read_numbers
 from hdassist.readers.words import (
     AMBIGUOUS,

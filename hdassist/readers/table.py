@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError
-from hdassist.preset.findings import MAX_FINDINGS, in_order
-from hdassist.preset.yamltext import NUMBER, shown
+from hdassist.preset.yamltext import MAX_FINDINGS, NUMBER, in_order, shown
 from hdassist.textfile import MAX_LINE, Source, TextFile
 
 MAX_BYTES = 5_000_000

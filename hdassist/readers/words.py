@@ -6,8 +6,8 @@ import re
 from collections.abc import Container
 from math import pi
 
-from hdassist.preset.findings import near
 from hdassist.preset.units import UnitError, convert
+from hdassist.preset.yamltext import near
 
 ANGLES = {  # size in arcsec
     "deg": 3600.0, "rad": 648000 / pi, "arcsec": 1.0, "arcmin": 60.0, "mdeg": 3.6, "mrad": 648 / pi,

@@ -204,7 +204,6 @@ def test_faults_of_both_files_come_at_once(tmp_path):
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "must be an angle"),
         (["trace", SMALL, "--pitch-sense", "cw"], "say how to read"),
-        (["mount", SMALL, "--pitch-b", "wheel.csv", "--trial", "h0:20"], "trials cannot be combined"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9"], "--samples 0"),
     ],
 )
