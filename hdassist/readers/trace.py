@@ -121,10 +121,11 @@ def read_trace(
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
     step = _step(readings) * column.other_size
-    error, sense = readings * column.other_size, 0
     if column.other_is == "second":
-        output = _angle(table, column.other, error / ARCSEC, form.wrap, notes)
+        output = _angle(table, column.other, readings * (column.other_size / ARCSEC), form.wrap, notes)
         error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
+    else:
+        error, sense = readings * column.other_size, 0
     try:
         moves = sweeps(cam)
     except AngleError as wrong:

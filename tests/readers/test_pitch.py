@@ -175,7 +175,7 @@ def test_a_flank_is_chosen_among_columns() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        # what the table refuses stands in test_numbertable; here that it arrives
+        # what the table refuses stands in test_table; here that it arrives
         ("", "1:1: the file is empty (was the measurement saved?)"),
         ("1\n2\n", "1:1: 1 column, needs 2: tooth number, deviation "
          "(got 1; columns stand apart by ; or , or tabs or blanks)"),
