@@ -97,7 +97,7 @@ def command(
     from hdassist.acceptance.lot import is_lot
     from hdassist.acceptance.lot_command import Files, accept_lot
     from hdassist.acceptance.replay_command import replay_answers
-    from hdassist.acceptance.request import Reading, Request
+    from hdassist.acceptance.request import LimitText, Reading, Request, TraceFile
     from hdassist.acceptance.single import accept_presets
     from hdassist.errors import UsageError
     from hdassist.terminal.output import Output
@@ -111,7 +111,8 @@ def command(
         raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
     if (preset or resume) and not lots:
         raise UsageError(f"{'--preset' if preset else '--resume'} is for lots", "hdassist accept LOT.csv")
-    if [*presets, *(text.rpartition(":")[2] for text in measured), replay].count("-") > 1:
+    traces = tuple(map(TraceFile.parse, measured))
+    if [*presets, *(trace.file for trace in traces), replay].count("-") > 1:
         raise UsageError("standard input can be read once only")
     if preset == "-":
         raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
@@ -123,8 +124,8 @@ def command(
         angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap, orders, drift, tuple(budget)
     )
     base = Request(
-        preset, serial, (*overrides, *rules), tuple(limit), tuple(measured), tuple(value), reading, measured_only,
-        cross_check, seed,
+        preset, serial, (*overrides, *rules), tuple(LimitText.parse(text, "--limit") for text in limit), traces,
+        tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed,
     )  # fmt: skip
     if replay is not None:
         if lots or csv or fail_on != "fail" or files != Files() or base != Request(""):

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from hdassist.acceptance import lot_figures as figures
 from hdassist.acceptance import lot_page as report
+from hdassist.acceptance.answer import Accepted, Answer, Unanswered, as_object, read_answers
 from hdassist.acceptance.junit import junit
-from hdassist.acceptance.limit_parser import limit_overrides
 from hdassist.acceptance.lot import Lot, read_lot
 from hdassist.acceptance.lot_runner import answers as work
-from hdassist.acceptance.replaying import still_stands
+from hdassist.acceptance.page import csv
+from hdassist.acceptance.replay import still_stands
 from hdassist.acceptance.request import FailOn, Request
-from hdassist.errors import HdassistError, UsageError
+from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.measuring.measure import require_drift
 from hdassist.measuring.order_grid import DEFAULT, parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.terminal.answers import to_json
 from hdassist.terminal.files import add_line, put_text, require_writable, write_text
-from hdassist.terminal.jsonlines import read_answers, to_line, to_lines
+from hdassist.terminal.jsonlines import to_line, to_lines
 from hdassist.terminal.output import Output, complain, note
 from hdassist.terminal.workers import count, workers
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
-
-Answer = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -71,12 +68,12 @@ class Files:
         """Whether there is a file that a drive without an answer stands in too."""
         return self.lines is not None or self.junit is not None
 
-    def write_lines(self, out: Output, lines: str) -> None:
+    def write_lines(self, out: Output, answers: Sequence[Answer]) -> None:
         """Write all lines at once."""
         if self.lines is not None:
-            write_text(self.lines, lines, out.force)
+            write_text(self.lines, to_lines(map(as_object, answers)), out.force)
 
-    def write_suite(self, out: Output, name: str, answers: list[Answer], facts: dict[str, Any]) -> None:
+    def write_suite(self, out: Output, name: str, answers: Sequence[Answer], facts: Mapping[str, object]) -> None:
         """Write the JUnit suite."""
         if self.junit is not None:
             write_text(self.junit, junit(name, answers, facts), out.force)
@@ -114,33 +111,32 @@ def accept_lot(
         with closing(_all(lot, kept, out, files, fail_on, jobs, debug)) as answers:
             for answer in answers:
                 done.append(answer)
-                if "error" in answer:
-                    told = answer["error"]
-                    complain(HdassistError(f"{report.title(answer)}: {told['message']}", told["hint"]))
+                if isinstance(answer, Unanswered):
+                    complain(HdassistError(f"{report.title(answer)}: {answer.error.message}", answer.error.hint))
                 if shown:
-                    words = f"{report.title(answer)} {figures.status(answer)}" if quiet else report.line(answer, width)
+                    words = f"{report.title(answer)} {answer.status}" if quiet else report.line(answer, width)
                     lines.append(out.look.text(words))
                     if out.target == "-":
                         out.text(lines[-1] + "\n")
     except KeyboardInterrupt:
-        known = len(kept) + sum(answer["serial"] not in kept for answer in done)
+        known = len(kept) + sum(answer.serial not in kept for answer in done)
         where = f"are kept in {files.lines}: the same command with --resume goes on"
         note(f"{known} of {len(lot.rows)} rows {where if files.to_file else 'are done, none is kept: --jsonl FILE'}")
         raise
     if files.to_file is not None:
         if kept:
-            put_text(files.to_file, to_lines(done))  # in the order of the rows
+            put_text(files.to_file, to_lines(map(as_object, done)))  # in the order of the rows
         note(f"wrote {files.to_file}")
     if verbose:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
     if json:
-        out.text(to_json(figures.combined(lot, done)))
+        out.text(to_json(report.combined(lot, done)))
     elif shown:
         page = "" if quiet else "\n" + out.page(report.render(lot, done, out.look))
         out.text(page if out.target == "-" else "\n".join(lines) + "\n" + page)
-    out.figures(figures.csv(done))
+    out.figures(csv(done))
     files.write_suite(out, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
-    return worst_exit_code(answer["exit_code"] for answer in done)
+    return worst_exit_code(answer.exit_code for answer in done)
 
 
 def _require_sound(base: Request) -> None:
@@ -149,28 +145,31 @@ def _require_sound(base: Request) -> None:
     parse_orders(base.reading.orders or DEFAULT)
     require_drift(base.reading.drift)
     base.reading.require_sound()
-    limits = limit_overrides(base.limits)
     if base.preset:
         base.load()
-    for place, text in enumerate((*base.overrides, *limits), 1):
+    for place, text in enumerate((*base.overrides, *(limit.override for limit in base.limits)), 1):
         parse(text, place)
 
 
-def _kept(lot: Lot, files: Files, fail_on: FailOn, force: bool) -> dict[str, Answer]:
+def _kept(lot: Lot, files: Files, fail_on: FailOn, force: bool) -> dict[str, Accepted]:
     """Answers by serial that are there from before and still stand.
 
     Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
+    DataError: one of them contradicts itself.
     """
     assert files.lines is not None
     if not Path(files.lines).exists() or not Path(files.lines).stat().st_size:
         return {}
-    before = {answer.get("serial"): answer for answer in read_answers(files.lines) if "error" not in answer}
+    before = {answer.serial: answer for answer in read_answers(files.lines) if isinstance(answer, Accepted)}
     there = len(before)
     kept = {}
     for row in lot.rows:
         answer = before.pop(row.serial, None)
         if answer is not None and not row.fault and still_stands(answer, row.request, __version__, fail_on):
-            kept[row.serial] = {**answer, "place": row.place}
+            if fault := answer.contradiction:
+                hint = "it was changed: take its line out, and the row is done again"
+                raise DataError(f"{files.lines}: {report.title(answer)}: {fault}", hint)
+            kept[row.serial] = replace(answer, place=row.place)
     if there and not kept and not force:
         words = f"{files.lines}: not one of its answers is of these drives, files, options and version"
         raise UsageError(words, "--force begins anew")
@@ -180,21 +179,21 @@ def _kept(lot: Lot, files: Files, fail_on: FailOn, force: bool) -> dict[str, Ans
 
 
 def _all(
-    lot: Lot, kept: dict[str, Answer], out: Output, files: Files, fail_on: FailOn, jobs: int, debug: bool
+    lot: Lot, kept: dict[str, Accepted], out: Output, files: Files, fail_on: FailOn, jobs: int, debug: bool
 ) -> Generator[Answer, None, None]:
     """Answers in the order of the rows, known or worked out, added to the file of lines as they come."""
     known = [None if row.fault else kept.get(row.serial) for row in lot.rows]
     to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
     if files.to_file is not None:
-        put_text(files.to_file, to_lines(filter(None, known)))
+        put_text(files.to_file, to_lines(as_object(answer) for answer in known if answer))
     with out.progress(lot.file, len(to_do)) as progress, workers(jobs) as executor:
-        found = work(to_do, executor, fail_on, ahead=count(jobs) + 1, debug=debug)
-        for answer in known:
-            if answer is None:
-                answer = next(found)
-                if files.to_file is not None:
-                    add_line(files.to_file, to_line(answer))
+        found = work(to_do, executor, fail_on, jobs=count(jobs), debug=debug)
+        for before in known:
+            answer: Answer = before or next(found)
+            if before is None:
                 progress(1)
+                if files.to_file is not None:
+                    add_line(files.to_file, to_line(as_object(answer)))
             if files.lines == "-":
-                write_text("-", to_line(answer) + "\n", out.force)
+                write_text("-", to_line(as_object(answer)) + "\n", out.force)
             yield answer

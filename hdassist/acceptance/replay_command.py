@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
-from hdassist.acceptance import replay_page as report
-from hdassist.acceptance.lot import LotRow
+from hdassist.acceptance.answer import Accepted, as_object, read_answers
 from hdassist.acceptance.lot_runner import answers as work
-from hdassist.acceptance.replay_page import Replayed
-from hdassist.acceptance.replaying import differences, inputs, request_of
+from hdassist.acceptance.replay import RELATIVE, Replayed, differences, looked_at
 from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.terminal.answers import to_json
-from hdassist.terminal.jsonlines import read_answers
+from hdassist.terminal.answers import to_json, together
 from hdassist.terminal.output import Output, complain
 from hdassist.terminal.workers import count, workers
 from hdassist.verdict import worst_exit_code
+from hdassist.version import __version__
 
 
 def replay_answers(
@@ -32,11 +30,11 @@ def replay_answers(
         raise DataError(f"{path}: no answers in the file")
     if len(presets) > 1 or (presets and len(recorded) > 1):
         raise UsageError("a preset for --replay takes the place of that of one answer")
-    looked = [_look(answer, presets) for answer in recorded]
+    looked = [looked_at(answer, *presets) for answer in recorded]
     to_do = [row for row, _ in looked if row is not None]
     with out.progress("replay", len(to_do)) as progress, workers(jobs) as executor:
         # what makes an exit code of verdicts is no part of what is compared
-        found = work(to_do, executor, "fail", ahead=count(jobs) + 1, debug=debug)
+        found = work(to_do, executor, "fail", jobs=count(jobs), debug=debug)
         replayed = []
         for row, before in looked:
             if row is not None:
@@ -45,36 +43,64 @@ def replay_answers(
                 progress(1)
             replayed.append(before)
     if json:
-        out.text(to_json(report.answer(replayed)))
+        out.text(to_json(answer(replayed)))
     elif quiet:
-        out.text(report.brief(replayed) + "\n")
+        out.text(brief(replayed) + "\n")
     else:
-        out.text(out.look.text("\n".join(map(report.line, replayed))) + "\n")
+        out.text(out.look.text("\n".join(map(line, replayed))) + "\n")
     for one in replayed:
         if one.fault and not one.left_out:
             complain(HdassistError(one.fault, one.hint))
     return worst_exit_code(one.exit_code for one in replayed)
 
 
-def _look(answer: dict[str, Any], presets: Sequence[str]) -> tuple[LotRow | None, Replayed]:
-    """What is to be done again, and what is known of it before; nothing where its files are not the same."""
-    if Replayed(answer).left_out:
-        return None, Replayed(answer, fault="its row was wrong in itself: nothing was asked")
-    try:
-        request = request_of(answer)
-        request = replace(request, preset=presets[0]) if presets else request
-        files = tuple(inputs(answer, request))
-    except DataError as fault:
-        return None, Replayed(answer, fault=fault.message, hint=fault.hint)
-    place = str(answer.get("place") or "")
-    if "error" in answer:  # it never got as far as its hashes
-        return LotRow(request.serial, request, place), Replayed(answer, files)
-    for one in files:
-        if one.now is None:
-            hint = "paths count from the folder in which the answer was made"
-            return None, Replayed(answer, files, fault=f"{one.file} cannot be read", hint=hint)
-        if one.now != one.recorded:
-            then, now = str(one.recorded)[:12], one.now[:12]
-            words = f"{one.file} has changed: sha256 {then}... when the answer was made, {now}... now"
-            return None, Replayed(answer, files, fault=words, hint="hdassist accept makes a new answer")
-    return LotRow(request.serial, request, place), Replayed(answer, files)
+def line(one: Replayed) -> str:
+    """One answer: whether it agrees, and what it says."""
+    recorded = one.recorded
+    said = recorded.status if isinstance(recorded, Accepted) else "no answer"
+    by = f", by version {recorded.version}" if recorded.version != __version__ else ""
+    lines = [f"{recorded.serial or recorded.preset.name}: {one.words} ({said} of {recorded.time}{by})"]
+    lines += [f"  {one.fault}"] if one.fault else []
+    for difference in one.differences:
+        what = f"{difference.check}, {difference.key}" if difference.check else difference.key
+        lines.append(f"  {what}: {_shown(difference.recorded)} then, {_shown(difference.now)} now")
+    return "\n".join(lines)
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else "none" if value is None else str(value)
+
+
+def brief(replayed: Sequence[Replayed]) -> str:
+    """The answer alone."""
+    words = [one.words for one in replayed]
+    return words[0] if len(set(words)) == 1 else ", ".join(f"{words.count(w)} {w}" for w in dict.fromkeys(words))
+
+
+def answer(replayed: Sequence[Replayed]) -> dict[str, Any]:
+    """One object, of one answer or with a list of them."""
+    objects = [_object(one) for one in replayed]
+    return objects[0] if len(objects) == 1 else together("accept-replay", objects)
+
+
+def _object(one: Replayed) -> dict[str, Any]:
+    recorded = as_object(one.recorded)
+    now = as_object(one.now) if one.now else {}
+    return {
+        "schema": "hdassist.accept-replay/1",
+        "version": __version__,
+        "preset": recorded["preset"],
+        "exit_code": one.exit_code,
+        "warnings": [],
+        "serial": one.recorded.serial,
+        "agrees": None if one.now is None else not one.differences,
+        "recorded": {key: recorded.get(key) for key in ("version", "time", "verdict", "exit_code")},
+        "verdict": now.get("verdict"),
+        "time": now.get("time"),
+        "tolerance_relative": RELATIVE,
+        "differences": [asdict(difference) for difference in one.differences],
+        "inputs": [
+            {"file": one.file, "recorded_sha256": one.recorded, "sha256": one.now} for one in one.inputs
+        ],
+        **({"error": {"message": one.fault, "hint": one.hint}} if one.fault else {}),
+    }  # fmt: skip

@@ -16,7 +16,7 @@ import pytest
 
 from hdassist.acceptance import lot_runner as lotwork
 from hdassist.acceptance.lot_command import Files, accept_lot
-from hdassist.acceptance.request import Request
+from hdassist.acceptance.request import LimitText, Request
 from hdassist.terminal.output import Output
 from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
 from tests.rigs import drive_error, text
@@ -128,7 +128,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
 
     monkeypatch.setattr(lotwork, "carry_out", broken)
     monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have the patch
-    base = Request(SMALL, limits=("F_ior=40",), measured_only=True)
+    base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
     found = accept_lot(
         str(tmp_path / "lot.csv"), base, Output.open(), Files(), fail_on="fail", jobs=2, json=False, quiet=True,
         verbose=False, debug=False,
