@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Literal, TypeAlias
@@ -307,6 +308,16 @@ def as_object(answer: Answer) -> dict[str, Any]:
     if told["place"] is None:
         del told["place"]
     return told
+
+
+def to_line(answer: Answer) -> str:
+    """An answer on one line, without its end; never NaN or Infinity."""
+    return json.dumps(as_object(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+
+
+def to_lines(answers: Iterable[Answer]) -> str:
+    """Answers as the text of a file of JSON Lines."""
+    return "".join(to_line(answer) + "\n" for answer in answers)
 
 
 def read_answers(path: str) -> list[Answer]:

@@ -10,31 +10,31 @@ from rich.padding import Padding
 from rich.text import Text
 
 from hdassist.acceptance.checks import CODES, Check, Explained
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
 
-def render(found: Sequence[Explained], look: Look) -> RenderableType:
+def render(found: Sequence[Explained], style: Style) -> RenderableType:
     """What each tests, what goes wrong and what to change; all codes, a line each, where none is asked for."""
     if not found:
-        grid = table(look, "checks and remarks: hdassist explain CODE")
+        grid = table(style, "checks and remarks: hdassist explain CODE")
         for words in ("code", "what it is", "limit in the preset"):
             grid.add_column(words, overflow="fold")
         for item in CODES.values():
             grid.add_row(
-                item.code, look.text(item.words), f"acceptance.{item.field}" if isinstance(item, Check) else ""
+                item.code, style.text(item.words), f"acceptance.{item.field}" if isinstance(item, Check) else ""
             )
         return grid
-    return Group(*(part for item in found for part in _one(item, look)))
+    return Group(*(part for item in found for part in _one(item, style)))
 
 
-def _one(item: Explained, look: Look) -> list[RenderableType]:
-    parts: list[RenderableType] = [Text(look.text(f"{item.code}: {item.words}"), style="bold")]
+def _one(item: Explained, style: Style) -> list[RenderableType]:
+    parts: list[RenderableType] = [Text(style.text(f"{item.code}: {item.words}"), style="bold")]
     if isinstance(item, Check):
         how, unit = "greatest" if item.upper else "least", item.unit.replace("*", "·")
-        parts.append(Text(look.text(f"  limit: acceptance.{item.field}, the {how} value allowed, {unit}")))
+        parts.append(Text(style.text(f"  limit: acceptance.{item.field}, the {how} value allowed, {unit}")))
     for title, text in (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change)):
-        parts += [Text(f"  {title}"), Padding(Text(look.text(text)), (0, 0, 0, 4))]
+        parts += [Text(f"  {title}"), Padding(Text(style.text(text)), (0, 0, 0, 4))]
     return [*parts, Text("")]
 
 

@@ -17,7 +17,7 @@ from hdassist.acceptance.lot_summary import QUANTILES, VERDICTS, summary
 from hdassist.acceptance.page import bound, number, sentence
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.answers import together
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.verdict import SEVERITY
 from hdassist.version import __version__
 
@@ -45,22 +45,22 @@ def _decisive(checks: Sequence[CheckRecord]) -> CheckRecord:
     return min(checks, key=lambda check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit))
 
 
-def render(lot: Lot, answers: Sequence[Answer], look: Look) -> RenderableType:
+def render(lot: Lot, answers: Sequence[Answer], style: Style) -> RenderableType:
     """Counts, yield, the spread of values, and what it rests on."""
     told = summary(answers)
     counts = [f"{n} {verdict}" for verdict, n in told["verdicts"].items() if n]
     counts += [f"{told['broken']} broken ({100 * told['broken_share']:.3g} %)"] * bool(told["broken"])
     parts: list[RenderableType] = [
-        Text(look.text(f"{lot.file}: {_drives(told['drives'])}, {', '.join(counts)}"), style="bold")
+        Text(style.text(f"{lot.file}: {_drives(told['drives'])}, {', '.join(counts)}"), style="bold")
     ]
     share = told["yield"]
     if share["with_verdict"]:
         low, high = (100 * end for end in share["interval_95"])
         parts.append(
-            Text(look.text(f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
+            Text(style.text(f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
                            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"))
         )  # fmt: skip
-        parts += [Text(""), _spread(told["checks"], look)]
+        parts += [Text(""), _spread(told["checks"], style)]
     accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     part = sum(row["of_part_only"] for row in told["checks"])
     lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
@@ -70,17 +70,17 @@ def render(lot: Lot, answers: Sequence[Answer], look: Look) -> RenderableType:
     lines += [f"what to do: hdassist explain {' '.join(sorted(codes))}"] * bool(codes)
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
     lines.append(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")
-    return Group(*parts, *(Text(look.text(line)) for line in lines))
+    return Group(*parts, *(Text(style.text(line)) for line in lines))
 
 
-def _spread(rows: Sequence[Mapping[str, Any]], look: Look) -> RenderableType:
+def _spread(rows: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
     """A table of values, or sentences where it does not fit."""
     several = len({row["preset"] for row in rows}) > 1
-    cells = [[look.text(text) for text in _cells(row, several)] for row in rows]
-    if look.width < WIDE:
+    cells = [[style.text(text) for text in _cells(row, several)] for row in rows]
+    if style.width < WIDE:
         lines = [f"{row[0]}: " + ", ".join(map(" ".join, zip(HEADINGS, row[1:], strict=True))) for row in cells]
         return Text("\n".join(lines))
-    grid = table(look)
+    grid = table(style)
     for words in ("check", *HEADINGS):
         grid.add_column(words, justify="left" if words == "check" else "right", no_wrap=words != "check")
     for row in cells:

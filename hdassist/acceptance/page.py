@@ -12,8 +12,8 @@ from rich.text import Text
 from hdassist.acceptance.accept import Acceptance
 from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
 from hdassist.acceptance.decision import GUARD, Limit
-from hdassist.terminal.console import Look, table
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import csv_text
+from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
 RULES = {
@@ -33,15 +33,15 @@ def number(value: float, limit: Limit) -> str:
     return f"{value:.{max(2, 2 - floor(log10(limit.bound)))}f}"
 
 
-def render(result: Acceptance, look: Look, serial: str = "") -> RenderableType:
+def render(result: Acceptance, style: Style, serial: str = "") -> RenderableType:
     """The verdict, a row for each limit, and what it should not be read without."""
     name = result.drive.name + (f", serial {serial}" if serial else "")
-    parts: list[RenderableType] = [Text(look.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
+    parts: list[RenderableType] = [Text(style.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
     checks = [CheckRecord.of(decision) for decision in result.decisions]
     for basis, title in _titles(result).items():
         found = [check for check in checks if (check.basis or "measured") == basis]
-        parts += [_table(found, title, look)] * bool(found)
-    parts += [Text(look.text(line)) for line in _notes(result)]
+        parts += [_table(found, title, style)] * bool(found)
+    parts += [Text(style.text(line)) for line in _notes(result)]
     return Group(*parts)
 
 
@@ -55,21 +55,21 @@ def _titles(result: Acceptance) -> dict[str, str]:
     }
 
 
-def _table(checks: Sequence[CheckRecord], title: str, look: Look) -> RenderableType:
+def _table(checks: Sequence[CheckRecord], title: str, style: Style) -> RenderableType:
     """A row for each check; sentences in their place where a terminal is too narrow for the numbers."""
     spread = any(check.expanded_uncertainty is not None for check in checks)
     kept = [place for place in range(len(HEADINGS)) if spread or HEADINGS[place] != EXPANDED]
-    rows = [[look.text(row[place]) for place in kept] for row in map(_row, checks)]
-    headings = [look.text(HEADINGS[place]) for place in kept]
+    rows = [[style.text(row[place]) for place in kept] for row in map(_row, checks)]
+    headings = [style.text(HEADINGS[place]) for place in kept]
     words = [max(row[0].split(), key=len) for row in rows]  # names of checks may be broken, numbers may not
     needed = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     needed[0] = max(map(len, [headings[0], *words]))
-    edges = 2 if look.ascii else 0
-    if sum(needed) + GAP * (len(needed) - 1) + edges > look.width:
+    edges = 2 if style.ascii else 0
+    if sum(needed) + GAP * (len(needed) - 1) + edges > style.width:
         lines = [", ".join(f"{h} {text}" for h, text in zip(headings[1:], row[1:], strict=True)) for row in rows]
         texts = [Text(f"{row[0]}: {line}") for row, line in zip(rows, lines, strict=True)]
-        return Group(Text(look.text(title), style="bold"), *texts)
-    grid = table(look, title)
+        return Group(Text(style.text(title), style="bold"), *texts)
+    grid = table(style, title)
     for heading in headings:
         left = heading in ("check", "verdict")
         grid.add_column(heading, justify="left" if left else "right", no_wrap=heading != "check")
@@ -132,4 +132,4 @@ def csv(answers: Iterable[Answer]) -> str:
             rows += [[*start, *astuple(check), answer.exit_code, None, *end] for check in answer.checks]
         else:
             rows.append([*start, *[None] * len(keys), answer.exit_code, answer.error.message, *end])
-    return to_csv(["serial", "preset", *keys, "exit_code", "error", *PROVENANCE], rows)
+    return csv_text(["serial", "preset", *keys, "exit_code", "error", *PROVENANCE], rows)

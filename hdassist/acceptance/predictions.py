@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.error.stiffness import work as stiffness_work
+from hdassist.error.stiffness import estimate_states as stiffness_states
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -33,7 +33,7 @@ class Needed:
         """Number of states that this solves, for a progress bar."""
         states = len(self.cycles) * Kinematics.of(drive).cycle_states
         states += len(self.self_errors) * drive.numerics.n_phase**2
-        return states + (stiffness_work() if self.stiffness else 0)
+        return states + (stiffness_states() if self.stiffness else 0)
 
 
 @dataclass(frozen=True)

@@ -7,24 +7,24 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from hdassist.acceptance.answer import Accepted, as_object, read_answers
+from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot_runner import answers as work
 from hdassist.acceptance.replay import RELATIVE, Replayed, differences, looked_at
 from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.terminal.answers import to_json, together
-from hdassist.terminal.output import Output, complain
+from hdassist.terminal.answers import json_text, together
+from hdassist.terminal.output import complain
 from hdassist.terminal.workers import count, workers
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
 
-def replay_answers(
-    path: str, presets: Sequence[str], out: Output, *, jobs: int, json: bool, quiet: bool, debug: bool
-) -> int:
+def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
     """Do the answers of a file again; returns the exit code.
 
-    Arguments: path of --json or --jsonl; presets, one at most, in place of the recorded one; the others as on the
-    command line. Raises DataError: no file of answers; UsageError: several presets, or one for several answers.
+    Arguments: path of --json or --jsonl; presets, one at most, in place of the recorded one; run.
+    Raises DataError: no file of answers; UsageError: several presets, or one for several answers.
     """
+    out, options = run.out, run.options
     recorded = read_answers(path)
     if not recorded:
         raise DataError(f"{path}: no answers in the file")
@@ -32,9 +32,9 @@ def replay_answers(
         raise UsageError("a preset for --replay takes the place of that of one answer")
     looked = [looked_at(answer, *presets) for answer in recorded]
     to_do = [row for row, _ in looked if row is not None]
-    with out.progress("replay", len(to_do)) as progress, workers(jobs) as executor:
+    with out.progress("replay", len(to_do)) as progress, workers(run.jobs) as executor:
         # what makes an exit code of verdicts is no part of what is compared
-        found = work(to_do, executor, "fail", jobs=count(jobs), debug=debug)
+        found = work(to_do, executor, "fail", jobs=count(run.jobs), debug=options.debug)
         replayed = []
         for row, before in looked:
             if row is not None:
@@ -42,12 +42,12 @@ def replay_answers(
                 before = replace(before, now=now, differences=tuple(differences(before.recorded, now)))
                 progress(1)
             replayed.append(before)
-    if json:
-        out.text(to_json(answer(replayed)))
-    elif quiet:
+    if options.json:
+        out.text(json_text(answer(replayed)))
+    elif options.quiet:
         out.text(brief(replayed) + "\n")
     else:
-        out.text(out.look.text("\n".join(map(line, replayed))) + "\n")
+        out.text(out.style.text("\n".join(map(line, replayed))) + "\n")
     for one in replayed:
         if one.fault and not one.left_out:
             complain(HdassistError(one.fault, one.hint))

@@ -63,7 +63,7 @@ def command(
     from hdassist.errors import DataError, UsageError
     from hdassist.preset.library import load_preset, read_preset
     from hdassist.preset.rewrite import with_found_values
-    from hdassist.terminal.answers import to_json
+    from hdassist.terminal.answers import json_text
     from hdassist.terminal.files import require_writable, write_text
     from hdassist.terminal.output import Output, note, warn
     from hdassist.terminal.workers import workers
@@ -102,9 +102,9 @@ def command(
     for words in report.warnings(result):
         warn(words)
     if json:
-        out.text(to_json(report.answer(result)))
+        out.text(json_text(report.answer(result)))
     else:
-        out.human(report.brief(result) if quiet else report.render(result, out.look))
+        out.human(report.brief(result) if quiet else report.render(result, out.style))
     if write is not None:
         sets = [dict(zip(paths, fit.values, strict=True)) for fit in result.fits]
         ref = f"hdassist calibrate, {wanted.name or targets.name}"

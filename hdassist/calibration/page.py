@@ -14,7 +14,7 @@ from hdassist.calibration.targets import KINDS, Target
 from hdassist.preset.convert import field_table
 from hdassist.preset.fields import unit_of
 from hdassist.terminal.answers import envelope
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 
 UNSEEN = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 
@@ -33,15 +33,15 @@ def warnings(result: Calibration) -> tuple[str, ...]:
     return tuple(words)
 
 
-def render(result: Calibration, look: Look) -> RenderableType:
+def render(result: Calibration, style: Style) -> RenderableType:
     """Targets met or missed, values found with their intervals, and the sets that do as well."""
     heading = f"{result.drive.name}: {len(result.targets.unknowns)} values from {len(result.targets.targets)} targets"
     parts: list[RenderableType] = [
-        Text(look.text(f"{heading} ({result.targets.name})" if result.targets.name else heading), style="bold"),
-        _targets(result, look),
-        _values(result, look),
-        _sets(result, look),
-        Text(look.text(
+        Text(style.text(f"{heading} ({result.targets.name})" if result.targets.name else heading), style="bold"),
+        _targets(result, style),
+        _values(result, style),
+        _sets(result, style),
+        Text(style.text(
             "Interval: half-widths as the tolerances are; the bounds count as knowledge. Fitted targets are no "
             "evidence for the model: what was not fitted is."
         )),
@@ -56,8 +56,8 @@ def _wanted(target: Target) -> str:
     return f"{low} to {high}" if low and high else f"{low} or more" if low else f"{high} or less"
 
 
-def _targets(result: Calibration, look: Look) -> Table:
-    grid = table(look, "targets")
+def _targets(result: Calibration, style: Style) -> Table:
+    grid = table(style, "targets")
     grid.add_column("target", overflow="fold")
     for words in ("unit", "wanted", "found", "off, tolerances", ""):
         grid.add_column(words, justify="right")
@@ -65,12 +65,12 @@ def _targets(result: Calibration, look: Look) -> Table:
     for target, found, off, met in zip(result.targets.targets, best.found, best.off, best.met, strict=True):
         unit = KINDS[target.quantity].unit
         row = (target.words, unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", "met" if met else "MISSED")
-        grid.add_row(*map(look.text, row))
+        grid.add_row(*map(style.text, row))
     return grid
 
 
-def _values(result: Calibration, look: Look) -> Table:
-    grid = table(look, "values")
+def _values(result: Calibration, style: Style) -> Table:
+    grid = table(style, "values")
     grid.add_column("field", overflow="fold")
     for words in ("unit", "start", "found", "+-", "bounds", "determined"):
         grid.add_column(words, justify="right")
@@ -80,19 +80,19 @@ def _values(result: Calibration, look: Look) -> Table:
             unknown.path, unit_of(field_table()[unknown.path]), f"{start:g}", f"{value:g}", f"{half:.2g}",
             f"{unknown.low:g} to {unknown.high:g}", f"{share:.0%}",
         )  # fmt: skip
-        grid.add_row(*map(look.text, row))
+        grid.add_row(*map(style.text, row))
     return grid
 
 
-def _sets(result: Calibration, look: Look) -> Table:
-    grid = table(look, "sets that were kept, and the mounting phase each finds best, deg")
+def _sets(result: Calibration, style: Style) -> Table:
+    grid = table(style, "sets that were kept, and the mounting phase each finds best, deg")
     grid.add_column("field", overflow="fold")
     for k in range(len(result.fits)):
         grid.add_column("best" if k == 0 else f"other {k}", justify="right")
     for row, unknown in enumerate(result.targets.unknowns):
         grid.add_row(unknown.path, *(f"{fit.values[row]:g}" for fit in result.fits))
     for row, M_g in enumerate(result.drive.operation.M_g):
-        grid.add_row(look.text(f"best phase at {M_g:g} N·m"), *(f"{fit.best_deg[row]:.0f}" for fit in result.fits))
+        grid.add_row(style.text(f"best phase at {M_g:g} N·m"), *(f"{fit.best_deg[row]:.0f}" for fit in result.fits))
     worst = (max(map(abs, fit.off)) for fit in result.fits)
     grid.add_row("furthest target, tolerances", *(f"{off:.2f}" for off in worst))
     return grid

@@ -217,9 +217,9 @@ def _json(answer: dict[str, Any]) -> str:
 
 
 def _print(text: str) -> None:
-    from hdassist.terminal.console import Look
+    from hdassist.terminal.console import Style
 
-    sys.stdout.write(Look.of(sys.stdout).text(text))
+    sys.stdout.write(Style.of(sys.stdout).text(text))
     sys.stdout.flush()  # before anything on standard error that belongs behind it
 
 
@@ -239,11 +239,11 @@ def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool
 
     out = Output.open(ascii=ascii, no_color=no_color)
     grid = _table(out, head, rows)
-    wide = console(sys.stdout, replace(out.look, width=10_000))
+    wide = console(sys.stdout, replace(out.style, width=10_000))
     need = Measurement.get(wide, wide.options, grid)
     if not sys.stdout.isatty():
-        out = replace(out, look=replace(out.look, width=need.maximum))
-    elif need.minimum > out.look.width:
+        out = replace(out, style=replace(out.style, width=need.maximum))
+    elif need.minimum > out.style.width:
         grid = _table(out, head[:-1], [row[:-1] for row in rows])
         note(f"the column {head[-1]!r} needs a wider terminal, or a pipe")
     out.human(grid)
@@ -254,14 +254,14 @@ def _table(out: Output, head: Sequence[str], rows: Sequence[Sequence[str]]) -> T
 
     from hdassist.terminal.console import table
 
-    grid = table(out.look)
+    grid = table(out.style)
     for column, title in enumerate(head):
         words = [len(word) for row in rows for word in row[column].split()]
         last = title in ("description", "reference")
         wraps = last or title == "value"  # a list of numbers wraps between its numbers
         grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else max([0, *words]))
     for row in rows:
-        grid.add_row(*(Text(out.look.text(cell)) for cell in row))
+        grid.add_row(*(Text(out.style.text(cell)) for cell in row))
     return grid
 
 

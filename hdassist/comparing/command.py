@@ -84,7 +84,7 @@ def command(
     from hdassist.preset.library import load_preset
     from hdassist.readers.trace import read_trace
     from hdassist.readers.tracecolumns import TraceForm
-    from hdassist.terminal.answers import combine, to_json
+    from hdassist.terminal.answers import combine, json_text
     from hdassist.terminal.output import Output, complain, warn
     from hdassist.verdict import worst_exit_code
 
@@ -119,13 +119,13 @@ def command(
             continue
         done.append(result)
         answers.append(figures.answer(result, reading))
-        pages.append(report.brief(result, reading) if quiet else report.render(result, reading, out.look, plots=plot))
+        pages.append(report.brief(result, reading) if quiet else report.render(result, reading, out.style, plots=plot))
         for text in result.warnings:
             warn(f"{name}: {text}")
     for text in drive.origin.warnings:
         warn(text)
     if json:
-        out.text(to_json(combine("compare", answers)))
+        out.text(json_text(combine("compare", answers)))
     elif pages:
         from rich.console import Group
 

@@ -11,9 +11,8 @@ from hdassist.comparing.compare import Reading
 from hdassist.comparing.comparison import Comparison, Explanation, OrderPair
 from hdassist.comparing.vectors import VECTORS
 from hdassist.model.kinematics import Kinematics
-from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import certificate_object, csv_text, envelope
+from hdassist.terminal.quantities import Quantity, as_object
 
 ORDER: tuple[Quantity[OrderPair], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
@@ -145,4 +144,4 @@ def csv(results: Sequence[Comparison]) -> str:
         )  # fmt: skip
         name = result.measurement.trace.file
         rows += [[name, *values] for values in zip(*(column.tolist() for column in columns), strict=True)]
-    return to_csv(["file", "sweep", "cam_deg", "measured_arcsec", "predicted_arcsec", "residual_arcsec"], rows)
+    return csv_text(["file", "sweep", "cam_deg", "measured_arcsec", "predicted_arcsec", "residual_arcsec"], rows)

@@ -12,7 +12,7 @@ from hdassist.comparing.figures import options, start_name, turned
 from hdassist.comparing.findings import as_good
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.orders import UNKNOWN
-from hdassist.terminal.console import Look, table
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import two_curves
 
 SHOWN = 12  # orders in the table, the greatest
@@ -53,22 +53,22 @@ def brief(result: Comparison, reading: Reading) -> str:
     return " ".join([result.finding.kind, *sets])
 
 
-def render(result: Comparison, reading: Reading, look: Look, *, plots: bool = True) -> RenderableType:
+def render(result: Comparison, reading: Reading, style: Style, *, plots: bool = True) -> RenderableType:
     """Conclusion, both curves in one plot, ranges, orders and what would explain the difference."""
     trace = result.measurement.trace
     head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.found.cells.span:.2f} cam turns"
-    parts: list[RenderableType] = [Text(look.text(head), style="bold")]
-    parts.append(Text(look.text(conclusion(result, reading)), style="bold"))
+    parts: list[RenderableType] = [Text(style.text(head), style="bold")]
+    parts.append(Text(style.text(conclusion(result, reading)), style="bold"))
     notes = [*result.measurement.notes, _place(result), _sign(result)]
-    parts.append(Text(look.text("\n".join(f"note: {text}" for text in notes))))
+    parts.append(Text(style.text("\n".join(f"note: {text}" for text in notes))))
     if plots:
-        parts.append(Text(_plot(result, look)))
-    parts += [Text(look.text(_ranges(result))), _orders(result, look)]
+        parts.append(Text(_plot(result, style)))
+    parts += [Text(style.text(_ranges(result))), _orders(result, style)]
     if result.singles:
-        parts.append(_singles(result, look))
+        parts.append(_singles(result, style))
     if result.joint and result.joint.changes:
-        parts.append(_joint(result.joint, look))
-    parts += [Text(look.text(words)) for words in _advice(result)]
+        parts.append(_joint(result.joint, style))
+    parts += [Text(style.text(words)) for words in _advice(result)]
     proof = result.certificate
     parts.append(Text(f"certificate: {proof.states} states, greatest residual {proof.max_residual:.1e} of its scale"))
     return Group(*(line for part in parts for line in (part, Text(""))))
@@ -98,7 +98,7 @@ def _sign(result: Comparison) -> str:
     return f"{same}; its cam angle grows {sense}, seen from the cam side. Curves and phases below are the file's."
 
 
-def _plot(result: Comparison, look: Look) -> str:
+def _plot(result: Comparison, style: Style) -> str:
     cells = result.found.cells
     worst = result.largest_at_turns
     span = result.found.cells.turns
@@ -107,7 +107,7 @@ def _plot(result: Comparison, look: Look) -> str:
     shown = sweep & (span >= low) & (span <= low + 2 * AROUND)
     predicted = result.predicted_arcsec[shown]
     return two_curves(
-        look, span[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
+        style, span[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
         x_label="cam angle, turns: around the largest difference", y_label="error, arcsec",
     )  # fmt: skip
 
@@ -128,9 +128,9 @@ def _ranges(result: Comparison) -> str:
     )
 
 
-def _orders(result: Comparison, look: Look) -> Table:
+def _orders(result: Comparison, style: Style) -> Table:
     title = f"orders: amplitude·cos(order·angle + phase), arcsec and deg, the {SHOWN} greatest of {len(result.orders)}"
-    grid = table(look, title)
+    grid = table(style, title)
     for words in ("order", "measured", "phase", "predicted", "phase", "difference", "cause"):
         grid.add_column(words, justify="left" if words == "cause" else "right", overflow="fold")
     greatest = sorted(result.orders, key=lambda o: -max(o.amplitude_arcsec, o.predicted_arcsec))[:SHOWN]
@@ -138,8 +138,8 @@ def _orders(result: Comparison, look: Look) -> Table:
         measured = _number(o.amplitude_arcsec, o.uncertainty_arcsec, 2)
         difference = _number(o.difference_arcsec, o.difference_uncertainty_arcsec, 2)
         grid.add_row(
-            f"{o.per_cam_rev:.2f}", look.text(measured), f"{o.phase_deg:.0f}", f"{o.predicted_arcsec:.2f}",
-            f"{o.predicted_phase_deg:.0f}", look.text(difference), "-" if o.cause == UNKNOWN else o.cause,
+            f"{o.per_cam_rev:.2f}", style.text(measured), f"{o.phase_deg:.0f}", f"{o.predicted_arcsec:.2f}",
+            f"{o.predicted_phase_deg:.0f}", style.text(difference), "-" if o.cause == UNKNOWN else o.cause,
         )  # fmt: skip
     return grid
 
@@ -148,11 +148,11 @@ def _number(value: float | None, uncertainty: float | None, digits: int = 1) -> 
     return "-" if value is None or uncertainty is None else f"{value:.{digits}f} ± {uncertainty:.{digits}f}"
 
 
-def _singles(result: Comparison, look: Look) -> Table:
+def _singles(result: Comparison, style: Style) -> Table:
     title = "one deviation fitted alone, the best first; ±: standard; left: chi-square per degree of freedom"
-    grid = table(look, title)
+    grid = table(style, title)
     for words in ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec"):
-        grid.add_column(look.text(words), justify="left" if words == "deviation" else "right", overflow="fold")
+        grid.add_column(style.text(words), justify="left" if words == "deviation" else "right", overflow="fold")
     now = f"{result.chi_square / result.freedom:.2f}"
     grid.add_row("none: as the preset", "", "", "", now, f"{result.F_ior_arcsec:.2f}")
     for single in sorted(result.singles, key=lambda s: s.chi_square):
@@ -169,7 +169,7 @@ def _singles(result: Comparison, look: Look) -> Table:
             _whole(single),
         ]
         cells = cells if single.clear else ["not clear of noise", "", *cells[2:4], ""]
-        grid.add_row(*(look.text(text) for text in (name, *cells)))
+        grid.add_row(*(style.text(text) for text in (name, *cells)))
     return grid
 
 
@@ -177,10 +177,10 @@ def _whole(found: Explanation) -> str:
     return "-" if found.F_ior_arcsec is None else f"{found.F_ior_arcsec:.2f}"
 
 
-def _joint(joint: Explanation, look: Look) -> Table:
+def _joint(joint: Explanation, style: Style) -> Table:
     left = f"left {joint.chi_square / joint.freedom:.2f}"
     title = f"all deviations fitted together: {100 * joint.share:.1f} % explained, {left}, F'_ior {_whole(joint)}"
-    grid = table(look, title)
+    grid = table(style, title)
     for words in ("deviation", "size, um", "direction, deg"):
         grid.add_column(words, justify="left" if words == "deviation" else "right", overflow="fold")
     told = {change.vector: change for change in joint.changes}
@@ -188,7 +188,7 @@ def _joint(joint: Explanation, look: Look) -> Table:
         change = told.get(k)
         size = _number(change.size_um, change.size_uncertainty_um) if change else "not told"
         turn = _number(change.direction_deg, change.direction_uncertainty_deg) if change else "not told"
-        grid.add_row(VECTORS[k].size.split(".")[1], look.text(size), look.text(turn))
+        grid.add_row(VECTORS[k].size.split(".")[1], style.text(size), style.text(turn))
     return grid
 
 

@@ -90,7 +90,7 @@ class Check:
         )
 
 
-def work(drive: Drive, measured: MeasuredTeeth | None = None) -> int:
+def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None) -> int:
     """Number of states that a check solves, for a progress bar."""
     searched = SEARCHES * SEARCHED if searchable(drive) and not measured else 0
     return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -14,11 +13,11 @@ from hdassist.design.check import Check, OperatingPoint
 from hdassist.error.cycle import CROSS_TOLERANCE
 from hdassist.model.geometry import Geometry
 from hdassist.solve.certificate import TOLERANCE
-from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.console import Look, table
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import Json, certificate_object, envelope
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
+from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.wheels_page import heading, pitch_object
 
 LABEL_WIDTH = 30  # columns of a table's words; numbers take 12 each
@@ -63,16 +62,30 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 )
 
 
-def render(check: Check, look: Look, *, plots: bool = True) -> RenderableType:
+def answer(check: Check, *, seed: int, plots: bool) -> Answer:
+    """What there is to say of a check; seed, of its sample that was solved again; plots, whether curves are drawn."""
+    return Answer(
+        to_json=lambda: to_json(check, seed),
+        page=lambda style: render(check, style, plots=plots),
+        summary_line=lambda: summary_line(check),
+        figures=lambda: figures(check),
+        about=check.drive.name,
+        warnings=check.warnings,
+        proof=check.certificate,
+        exit_code=check.verdict.exit_code,
+    )
+
+
+def render(check: Check, style: Style, *, plots: bool = True) -> RenderableType:
     """Tables, and a plot per torque of the error over the full cycle."""
-    parts: list[RenderableType] = [_heading(check, look), _geometry(check, look), *_points(check, look)]
+    parts: list[RenderableType] = [_heading(check, style), _geometry(check, style), *_points(check, style)]
     if plots:
-        parts += [Text(_plot(point, look)) for point in check.points]
-    parts.append(_certificate(check, look))
+        parts += [Text(_plot(point, style)) for point in check.points]
+    parts.append(_certificate(check, style))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def answer(check: Check, seed: int) -> dict[str, Any]:
+def to_json(check: Check, seed: int) -> Json:
     """The check as a JSON object."""
     k = check.kinematics
     return {
@@ -91,29 +104,29 @@ def answer(check: Check, seed: int) -> dict[str, Any]:
     }
 
 
-def csv(checks: list[Check]) -> str:
-    """One row per drive and torque."""
-    rows = [[c.drive.name, *(q.value(p) for q in (*POINT, *SLOPES))] for c in checks for p in c.points]
-    return to_csv(["preset", *(q.key for q in (*POINT, *SLOPES))], rows)
+def figures(check: Check) -> Figures:
+    """One row per torque."""
+    rows = [[check.drive.name, *(q.value(point) for q in (*POINT, *SLOPES))] for point in check.points]
+    return ["preset", *(q.key for q in (*POINT, *SLOPES))], rows
 
 
-def brief(check: Check) -> str:
-    """The answer alone: torque, F'_ior with the self error, verdict."""
+def summary_line(check: Check) -> str:
+    """The answer alone: torque, F'_ior, verdict."""
     lines = (f"{p.M_g:g} N*m: F'_ior {p.error.F_ior_arcsec:.2f} arcsec, {p.verdict}" for p in check.points)
     return "\n".join(lines)
 
 
-def _heading(check: Check, look: Look) -> Text:
+def _heading(check: Check, style: Style) -> Text:
     k = check.kinematics
     where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
     words = f"{check.drive.name}: {k.z_g}/{k.z_b} teeth, fixed: {where}{heading(check.measured)}"
-    return Text(look.text(words), style="bold")
+    return Text(style.text(words), style="bold")
 
 
-def _geometry(check: Check, look: Look) -> Table:
+def _geometry(check: Check, style: Style) -> Table:
     drive, k, g = check.drive, check.kinematics, Geometry.of(check.drive)
     ratio = "u_hg" if k.fixed == "rigid" else "u_hb"
-    grid = table(look, "geometry and kinematics", header=False)
+    grid = table(style, "geometry and kinematics", header=False)
     for _ in range(2):
         grid.add_column(overflow="fold")
         grid.add_column(justify="right", no_wrap=True)
@@ -132,33 +145,33 @@ def _geometry(check: Check, look: Look) -> Table:
     return grid
 
 
-def _points(check: Check, look: Look) -> Iterator[Table]:
+def _points(check: Check, style: Style) -> Iterator[Table]:
     moving = "phi_g" if check.kinematics.fixed == "rigid" else "phi_b"
     still = "phi_b" if moving == "phi_g" else "phi_g"
     shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
-    yield from _columns(check, look, "kinematic error", shown)
+    yield from _columns(check, style, "kinematic error", shown)
     if any(point.sensitivity for point in check.points):
-        yield from _columns(check, look, "what a micrometre more does to F'_ior", SLOPES)
+        yield from _columns(check, style, "what a micrometre more does to F'_ior", SLOPES)
 
 
-def _columns(check: Check, look: Look, title: str, shown: Sequence[Quantity[OperatingPoint]]) -> Iterator[Table]:
+def _columns(check: Check, style: Style, title: str, shown: Sequence[Quantity[OperatingPoint]]) -> Iterator[Table]:
     """One column per torque; as many tables as the width needs."""
-    many = max(1, (look.width - LABEL_WIDTH) // (NUMBER_WIDTH + 2))
+    many = max(1, (style.width - LABEL_WIDTH) // (NUMBER_WIDTH + 2))
     for first in range(0, len(check.points), many):
         points = check.points[first : first + many]
-        grid = table(look, title)
-        grid.add_column(look.text(POINT[0].words), overflow="fold")
+        grid = table(style, title)
+        grid.add_column(style.text(POINT[0].words), overflow="fold")
         for point in points:
             grid.add_column(POINT[0].text(point), justify="right", no_wrap=True, min_width=8)
         for quantity in shown:
-            grid.add_row(look.text(quantity.words), *(quantity.text(point) for point in points))
+            grid.add_row(style.text(quantity.words), *(quantity.text(point) for point in points))
         yield grid
 
 
-def _plot(point: OperatingPoint, look: Look) -> str:
+def _plot(point: OperatingPoint, style: Style) -> str:
     turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
     return curve(
-        look,
+        style,
         turns,
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
@@ -166,10 +179,10 @@ def _plot(point: OperatingPoint, look: Look) -> str:
     )
 
 
-def _certificate(check: Check, look: Look) -> Table:
+def _certificate(check: Check, style: Style) -> Table:
     certificate = check.certificate
     crosses = certificate_object(certificate, check.cross_checks)["cross_check"]
-    grid = table(look, "certificate: every state of the cycle solved", header=False)
+    grid = table(style, "certificate: every state of the cycle solved", header=False)
     grid.add_column(overflow="fold")
     grid.add_column(justify="right", no_wrap=True)
     grid.add_column(overflow="fold")
@@ -186,5 +199,5 @@ def _certificate(check: Check, look: Look) -> Table:
             f"<= {CROSS_TOLERANCE:g}",
         ),
     ):
-        grid.add_row(look.text(words), value, look.text(limit))
+        grid.add_row(style.text(words), value, style.text(limit))
     return grid

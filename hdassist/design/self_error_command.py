@@ -5,19 +5,8 @@ from __future__ import annotations
 from hdassist.terminal import options as o
 
 
-def command(
-    preset: o.Preset,
-    torque: o.Torques = [],  # noqa: B006 (typer copies it)
-    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
-    json: o.Json = False,
-    csv: o.Csv = None,
-    output: o.Target = "-",
-    force: o.Force = False,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
-    quiet: o.Quiet = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
-) -> None:
+@o.with_groups
+def command(preset: o.Preset, drives: o.LoadedDriveOptions, options: o.FigureOptions) -> None:
     """Self error: what a drive without deviations does over tooth phase and ball phase.
 
     \b
@@ -27,21 +16,16 @@ def command(
 
     F'_ior looks at positions in which teeth and balls stand alike; this is what lies between them.
     """
-    from hdassist.design import self_error_page as report
+    from hdassist.design.self_error_page import answer
     from hdassist.error.self_error import self_error
-    from hdassist.preset.library import load_preset
-    from hdassist.terminal.answers import to_json
-    from hdassist.terminal.output import Output, warn
+    from hdassist.terminal.runs import Answer, give, run_each
 
-    out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
-    drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
-    torques = drive.operation.M_g
-    with out.progress(drive.name, len(torques) * drive.numerics.n_phase**2) as progress:
-        results = self_error(drive, torques, progress=progress)
-    for text in drive.origin.warnings:
-        warn(text)
-    if json:
-        out.text(to_json(report.answer(drive, results)))
-    else:
-        out.human(report.brief(results) if quiet else report.render(drive, results, out.look))
-    out.figures(report.csv(results))
+    out = options.open()
+
+    def one(name: str) -> Answer:
+        drive = drives.load(name)
+        torques = drive.operation.M_g
+        with out.progress(drive.name, len(torques) * drive.numerics.n_phase**2) as progress:
+            return answer(drive, self_error(drive, torques, progress=progress))
+
+    give("self-error", run_each("self-error", [preset], one, options, keep_failures=False), options, out)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import reduce
 from operator import add
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from hdassist.error.self_error import SelfError
 from hdassist.preset.fields import Drive
-from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.console import Look, table
-from hdassist.terminal.csvtext import to_csv
+from hdassist.solve.answers import Certificate
+from hdassist.terminal.answers import Json, certificate_object, envelope
+from hdassist.terminal.console import Style, table
+from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.runs import Answer, Figures
 
 POINT: tuple[Quantity[SelfError], ...] = (
     Quantity("M_g_Nm", "torque M_g", "N·m", "g", lambda e: e.M_g),
@@ -25,41 +25,57 @@ POINT: tuple[Quantity[SelfError], ...] = (
 )
 
 
-def render(drive: Drive, results: Sequence[SelfError], look: Look) -> RenderableType:
+def answer(drive: Drive, results: Sequence[SelfError]) -> Answer:
+    """What there is to say of the self error at each torque."""
+    return Answer(
+        to_json=lambda: to_json(drive, results),
+        page=lambda style: render(drive, results, style),
+        summary_line=lambda: summary_line(results),
+        figures=lambda: figures(results),
+        about=drive.name,
+        warnings=drive.origin.warnings,
+        proof=_proof(results),
+    )
+
+
+def _proof(results: Sequence[SelfError]) -> Certificate:
+    """The worst residuals of all torques."""
+    return reduce(add, (result.certificate for result in results))
+
+
+def render(drive: Drive, results: Sequence[SelfError], style: Style) -> RenderableType:
     """One row per torque, and the certificate."""
-    grid = table(look, f"{drive.name}: error of the drive without deviations")
+    grid = table(style, f"{drive.name}: error of the drive without deviations")
     for quantity in POINT:
-        grid.add_column(look.text(quantity.words), justify="right")
+        grid.add_column(style.text(quantity.words), justify="right")
     for result in results:
         grid.add_row(*(quantity.text(result) for quantity in POINT))
-    proof = reduce(add, (result.certificate for result in results))
     phases = drive.numerics.n_phase
-    words = f"certificate: {phases} x {phases} phases at each torque; {proof}"
-    return Group(grid, Text(""), Text(look.text(words)))
+    words = f"certificate: {phases} x {phases} phases at each torque; {_proof(results)}"
+    return Group(grid, Text(""), Text(style.text(words)))
 
 
-def answer(drive: Drive, results: Sequence[SelfError]) -> dict[str, Any]:
+def to_json(drive: Drive, results: Sequence[SelfError]) -> Json:
     """The self error as a JSON object; rotation_arcsec by tooth phase, then ball phase."""
-    proof = reduce(add, (result.certificate for result in results))
     return {
         **envelope("self-error", drive, 0, drive.origin.warnings),
         "operating_points": [
             {**as_object(POINT, result), "rotation_arcsec": result.rotation_arcsec.tolist()} for result in results
         ],
-        "certificate": certificate_object(proof, []),
+        "certificate": certificate_object(_proof(results)),
     }
 
 
-def csv(results: Sequence[SelfError]) -> str:
+def figures(results: Sequence[SelfError]) -> Figures:
     """One row per torque and pair of phases."""
     rows = []
     for result in results:
         phases = len(result.rotation_arcsec)
         for i, line in enumerate(result.rotation_arcsec.tolist()):
             rows += [[result.M_g, i / phases, k / phases, value] for k, value in enumerate(line)]
-    return to_csv(["M_g_Nm", "tau", "beta", "rotation_arcsec"], rows)
+    return ["M_g_Nm", "tau", "beta", "rotation_arcsec"], rows
 
 
-def brief(results: Sequence[SelfError]) -> str:
+def summary_line(results: Sequence[SelfError]) -> str:
     """The answer alone: torque and self error."""
     return "\n".join(f"{result.M_g:g} N*m: self error {result.range_arcsec:.2f} arcsec" for result in results)

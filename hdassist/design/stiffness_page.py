@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -11,11 +10,11 @@ from rich.text import Text
 
 from hdassist.error.stiffness import LOST_MOTION, Segment, Stiffness
 from hdassist.preset.fields import Drive
-from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.console import Look, table
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
+from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.runs import Answer, Figures
 
 ARCMIN = pi / 10800  # rad
 
@@ -27,33 +26,43 @@ WHOLE: tuple[Quantity[Stiffness], ...] = (
 )  # fmt: skip
 
 
+def answer(drive: Drive, result: Stiffness, *, plots: bool) -> Answer:
+    """What there is to say of a drive's stiffness; plots, whether the curve is drawn."""
+    return Answer(
+        to_json=lambda: to_json(drive, result),
+        page=lambda style: render(drive, result, style, plots=plots),
+        summary_line=lambda: summary_line(result),
+        figures=lambda: figures(result),
+        about=drive.name,
+        warnings=warnings(drive, result),
+        proof=result.certificate,
+    )
+
+
 def warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     unrated = f"no operation.rated in the preset: {result.rated:g} N*m, the greatest of operation.M_g, stands for it"
     return (*drive.origin.warnings, *([unrated] if drive.operation.rated is None else []))
 
 
-def render(drive: Drive, result: Stiffness, look: Look, *, plots: bool = True) -> RenderableType:
+def render(drive: Drive, result: Stiffness, style: Style, *, plots: bool = True) -> RenderableType:
     """The curve, the segments of both sides, lost motion and play."""
     parts: list[RenderableType] = [
-        Text(look.text(f"{drive.name}: twist of the drive without deviations, the cam held"), style="bold")
+        Text(style.text(f"{drive.name}: twist of the drive without deviations, the cam held"), style="bold")
     ]
     if plots:
-        drawn = curve(look, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
+        drawn = curve(style, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
         parts.append(Text(drawn))
-    parts += [*([_segments(result, look)] if result.positive else []), _whole(result, look)]
-    proof = certificate_object(result.certificate, [result.cross_check] if result.cross_check else [])
-    words = f"certificate: {result.certificate}"
-    if cross := proof["cross_check"]:
-        words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
+    parts += [*([_segments(result, style)] if result.positive else []), _whole(result, style)]
+    words = f"certificate: {result.certificate}{cross_checked([result.cross_check])}"
     parts.append(Text(words))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _segments(result: Stiffness, look: Look) -> Table:
-    grid = table(look, "torsional stiffness")
+def _segments(result: Stiffness, style: Style) -> Table:
+    grid = table(style, "torsional stiffness")
     for words in ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", "K the other way, 1e4 N·m/rad"):
-        grid.add_column(look.text(words), justify="left" if words == "segment" else "right")
+        grid.add_column(style.text(words), justify="left" if words == "segment" else "right")
     for k, (plus, minus) in enumerate(zip(result.positive, result.negative, strict=True), 1):
         span = f"{plus.start:.4g} to {plus.end:.4g}"
         arcmin = plus.stiffness * ARCMIN
@@ -62,16 +71,16 @@ def _segments(result: Stiffness, look: Look) -> Table:
     return grid
 
 
-def _whole(result: Stiffness, look: Look) -> Table:
-    grid = table(look, "near zero", header=False)
+def _whole(result: Stiffness, style: Style) -> Table:
+    grid = table(style, "near zero", header=False)
     grid.add_column()
     grid.add_column(justify="right")
     for quantity in WHOLE:
-        grid.add_row(look.text(quantity.words), quantity.text(result))
+        grid.add_row(style.text(quantity.words), quantity.text(result))
     return grid
 
 
-def answer(drive: Drive, result: Stiffness) -> dict[str, Any]:
+def to_json(drive: Drive, result: Stiffness) -> Json:
     """The curve and what is read off it as a JSON object."""
 
     def segments(side: tuple[Segment, ...]) -> list[dict[str, float]]:
@@ -88,17 +97,18 @@ def answer(drive: Drive, result: Stiffness) -> dict[str, Any]:
             "contact_arcsec": result.contact_arcsec.tolist(),
             "tube_arcsec": result.tube_arcsec.tolist(),
         },
-        "certificate": certificate_object(result.certificate, [result.cross_check] if result.cross_check else []),
+        "certificate": certificate_object(result.certificate, [result.cross_check]),
     }
 
 
-def csv(result: Stiffness) -> str:
+def figures(result: Stiffness) -> Figures:
     """One row per torque."""
     columns = (result.torque, result.twist_arcsec, result.contact_arcsec, result.tube_arcsec)
-    return to_csv(["torque_Nm", "twist_arcsec", "contact_arcsec", "tube_arcsec"], zip(*map(list, columns), strict=True))
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    return ["torque_Nm", "twist_arcsec", "contact_arcsec", "tube_arcsec"], rows
 
 
-def brief(result: Stiffness) -> str:
+def summary_line(result: Stiffness) -> str:
     """The answer alone: the segments, and lost motion."""
     lines = [f"K{k}: {s.stiffness / 1e4:.3g}e4 N*m/rad" for k, s in enumerate(result.positive, 1)]
     return "\n".join([*lines, f"lost motion: {result.lost_motion_arcsec:.2f} arcsec"])

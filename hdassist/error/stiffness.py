@@ -90,7 +90,7 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_58[0] * scale, T_58[1] * scale
 
 
-def work() -> int:
+def estimate_states() -> int:
     """Number of states that a stiffness curve solves, about, for a progress bar."""
     return 2 * (POINTS + 5)
 

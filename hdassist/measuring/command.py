@@ -60,7 +60,7 @@ def command(
     from hdassist.preset.library import load_preset
     from hdassist.readers.trace import read_trace
     from hdassist.readers.tracecolumns import TraceForm
-    from hdassist.terminal.answers import combine, to_json
+    from hdassist.terminal.answers import combine, json_text
     from hdassist.terminal.output import Output, complain, warn
     from hdassist.verdict import worst_exit_code
 
@@ -86,13 +86,13 @@ def command(
             continue
         done.append(result)
         answers.append(figures.answer(result, drive))
-        pages.append(report.brief(result) if quiet else report.render(result, drive, out.look, plots=plot))
+        pages.append(report.brief(result) if quiet else report.render(result, drive, out.style, plots=plot))
         for text in result.warnings:
             warn(f"{name}: {text}")
     repeats = figures.repeats(done)
     if json:
         together = combine("measure", answers)
-        out.text(to_json({**together, "repeat_runs": repeats} if repeats else together))
+        out.text(json_text({**together, "repeat_runs": repeats} if repeats else together))
     elif pages:
         from rich.console import Group
 

@@ -11,8 +11,8 @@ from hdassist.errors import HdassistError
 from hdassist.measuring.measurement import Direction, Measurement
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.preset.fields import Drive
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import csv_text
+from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.version import __version__
 
 SCHEMA = "hdassist.measure/1"
@@ -128,7 +128,7 @@ def csv(results: Sequence[Measurement]) -> str:
             columns = (cells.sweep, 360 * cells.turns, fitted + found.fit.residual, fitted)
             sets = zip(*(column.tolist() for column in columns), strict=True)
             rows += [[result.trace.file, found.direction, *values] for values in sets]
-    return to_csv(["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows)
+    return csv_text(["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows)
 
 
 def repeats(results: Sequence[Measurement]) -> dict[str, Any] | None:

@@ -60,7 +60,7 @@ class CardFile:
         if not (number == "" or number.isprintable()) or len(number) > SERIAL:
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
         require_writable(path, out.force)
-        return cls(path, kind, say, number.strip(), ascii or (path == "-" and out.look.ascii), out.force)
+        return cls(path, kind, say, number.strip(), ascii or (path == "-" and out.style.ascii), out.force)
 
     def replaces(self, out: Output) -> bool:
         """Whether the card takes the place of the answer on stdout."""

@@ -11,7 +11,7 @@ from rich.text import Text
 from hdassist.mounting.card import Card, Lines
 from hdassist.mounting.card_tables import Table
 from hdassist.mounting.seat import drawing
-from hdassist.terminal.console import PLAIN, Look, console, table
+from hdassist.terminal.console import PLAIN, Style, console, table
 
 COLUMNS = 78
 BOX = "[ ] "
@@ -56,9 +56,9 @@ def _wrapped(text: str, first: str = "", further: str = "") -> str:
 
 
 def _table(content: Table, ascii: bool, blank: str = "-") -> str:
-    look = Look(ascii=ascii, codes=False, width=COLUMNS)
-    grid = table(Look(ascii=False, codes=False, width=COLUMNS), content.title)
-    grid.box, grid.show_edge = table(look).box, look.ascii
+    style = Style(ascii=ascii, codes=False, width=COLUMNS)
+    grid = table(Style(ascii=False, codes=False, width=COLUMNS), content.title)
+    grid.box, grid.show_edge = table(style).box, style.ascii
     for k, words in enumerate(content.head):
         cells = " / ".join([words.replace(" ", " / "), *(row[k] for row in content.rows), blank])
         longest = max(map(len, cells.split(" / " if k else None)))  # numbers stay whole
@@ -66,7 +66,7 @@ def _table(content: Table, ascii: bool, blank: str = "-") -> str:
     for row in content.rows:
         grid.add_row(*(Text(cell or blank) for cell in row))
     page = io.StringIO()
-    console(page, look).print(grid)
+    console(page, style).print(grid)
     return page.getvalue().rstrip() + (f"\n{_wrapped(content.note)}" if content.note else "")
 
 

@@ -124,7 +124,7 @@ def command(
     from hdassist.mounting.advice import advise, work
     from hdassist.mounting.card_command import CardFile
     from hdassist.preset.library import load_preset
-    from hdassist.terminal.answers import to_json
+    from hdassist.terminal.answers import json_text
     from hdassist.terminal.output import Output, note, warn
     from hdassist.terminal.wheels import PitchFiles
     from hdassist.terminal.workers import workers
@@ -132,7 +132,7 @@ def command(
     out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
     page = CardFile.open(card, lang, serial, out=out, ascii=ascii, instead=not (json or quiet))
     pitch = PitchFiles.asked(
-        [preset], b=(pitch_b, mark_b), g=(pitch_g, mark_g), form=pitch_form, sense=pitch_sense, flank=pitch_flank
+        [preset], o.PitchOptions(pitch_b, pitch_g, mark_b, mark_g, pitch_form, pitch_sense, pitch_flank)
     )
     drive = load_preset(preset, [*overrides, *o.torque_overrides(torque)])
     measured = pitch.read(drive)
@@ -180,9 +180,9 @@ def command(
     if verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     if json:
-        out.text(to_json(report.answer(advice, seed)))
+        out.text(json_text(report.answer(advice, seed)))
     elif not (page and page.replaces(out)):
-        out.human(report.brief(advice) if quiet else report.render(advice, out.look, plots=plot))
+        out.human(report.brief(advice) if quiet else report.render(advice, out.style, plots=plot))
     out.figures(report.csv(advice))
     if page:
         page.write(advice)

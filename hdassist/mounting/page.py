@@ -14,9 +14,8 @@ from hdassist.error.sensitivity import Sensitivity
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import MountingCurve, Position
 from hdassist.mounting.seat import circle, instruction, wheel
-from hdassist.terminal.answers import certificate_object, envelope
-from hdassist.terminal.console import Look, table
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import certificate_object, csv_text, envelope
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
@@ -53,32 +52,32 @@ def exit_code(advice: Advice) -> int:
     return 130 if advice.curve.interrupted else 0
 
 
-def render(advice: Advice, look: Look, *, plots: bool = True) -> RenderableType:
+def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableType:
     """The instruction, the seat, a plot per torque, and tables of the positions."""
     drive, result = advice.drive, advice.curve
     words = f"{drive.name}: turning the fixed {wheel(drive)} on its seat{heading(advice.measured)}"
-    parts: list[RenderableType] = [Text(look.text(words), style="bold"), Text(look.text(instruction(advice)))]
+    parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(instruction(advice)))]
     if plots:
-        parts.append(Text(circle(advice, look)))
-        parts += [Text(drawn) for drawn in _curves(advice, look)]
-    parts += [_positions(advice, look), _torques(result, look)]
+        parts.append(Text(circle(advice, style)))
+        parts += [Text(drawn) for drawn in _curves(advice, style)]
+    parts += [_positions(advice, style), _torques(result, style)]
     if advice.robust:
-        parts += [_uncertain(advice, look)]
+        parts += [_uncertain(advice, style)]
     if advice.now:
-        parts.append(_slopes(advice, look))
+        parts.append(_slopes(advice, style))
     turns = "Turns are counter-clockwise seen from the cam side, from where the wheel stands."
-    parts += [Text(look.text(turns)), Text(_proof(result))]
+    parts += [Text(style.text(turns)), Text(_proof(result))]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _curves(advice: Advice, look: Look) -> list[str]:
+def _curves(advice: Advice, style: Style) -> list[str]:
     result = advice.curve
     order = np.argsort(result.phase_deg)
     if len(order) < 2:
         return []
     label = f"phase {_phase_words(advice)}, deg"
     return [
-        curve(look, result.phase_deg[order], values[order], x_label=label, y_label=f"F'_ior at {M_g:g} N·m, arcsec")
+        curve(style, result.phase_deg[order], values[order], x_label=label, y_label=f"F'_ior at {M_g:g} N·m, arcsec")
         for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
     ]
 
@@ -103,9 +102,9 @@ def _named(advice: Advice) -> list[tuple[str, Position]]:
     return [*rows, ("worst", result.worst)]
 
 
-def _positions(advice: Advice, look: Look) -> Table:
+def _positions(advice: Advice, style: Style) -> Table:
     result = advice.curve
-    grid = table(look, "positions (best for the torque served worst)")
+    grid = table(style, "positions (best for the torque served worst)")
     grid.add_column("position")
     for words in ("hole", "turn, deg", f"phase {_phase_words(advice)}, deg", "F'_ior, arcsec", "against now"):
         grid.add_column(words, justify="right")
@@ -117,9 +116,9 @@ def _positions(advice: Advice, look: Look) -> Table:
     return grid
 
 
-def _torques(result: MountingCurve, look: Look) -> Table:
-    grid = table(look, "each torque alone")
-    grid.add_column(look.text("torque, N·m"), justify="right", no_wrap=True)
+def _torques(result: MountingCurve, style: Style) -> Table:
+    grid = table(style, "each torque alone")
+    grid.add_column(style.text("torque, N·m"), justify="right", no_wrap=True)
     for words in ("now, arcsec", "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg"):
         grid.add_column(words, justify="right")
     for k, M_g in enumerate(result.torques):
@@ -135,14 +134,14 @@ def _torques(result: MountingCurve, look: Look) -> Table:
     return grid
 
 
-def _uncertain(advice: Advice, look: Look) -> Table:
+def _uncertain(advice: Advice, style: Style) -> Table:
     sampled, result = advice.robust, advice.curve
     assert sampled is not None
     title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
     if any(sampled.standard_error_arcsec):
         errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
         title += f"; interpolated, standard error {errors} arcsec"
-    grid = table(look, title)
+    grid = table(style, title)
     for words in ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %"):
         grid.add_column(words, justify="right")
     low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
@@ -158,11 +157,11 @@ def _uncertain(advice: Advice, look: Look) -> Table:
 SHOWN = 6  # positions that the table of uncertainty lists, best first
 
 
-def _slopes(advice: Advice, look: Look) -> Table:
-    grid = table(look, "what a micrometre more does to F'_ior, arcsec")
+def _slopes(advice: Advice, style: Style) -> Table:
+    grid = table(style, "what a micrometre more does to F'_ior, arcsec")
     grid.add_column("position")
     for words in ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b"):
-        grid.add_column(look.text(words), justify="right")
+        grid.add_column(style.text(words), justify="right")
     for words, values in (("now", advice.now), ("best", advice.best)):
         for M_g, slope in zip(advice.curve.torques, values, strict=True):
             grid.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
@@ -255,7 +254,7 @@ def csv(advice: Advice) -> str:
         for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         for rotation, phase, value, every in zip(result.rotation_deg, result.phase_deg, values, solved, strict=True)
     ]
-    return to_csv(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
+    return csv_text(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
 
 
 def brief(advice: Advice) -> str:

@@ -8,7 +8,7 @@ from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import Position
 from hdassist.mounting.seat_facts import Seat, seat_of
 from hdassist.preset.fields import Drive
-from hdassist.terminal.console import Look
+from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, texts
 
 WIDE, HIGH = 41, 15  # of the drawing, in characters
@@ -49,13 +49,13 @@ def instruction(advice: Advice, say: Texts | None = None, *, room: float = inf) 
     return say("instruction.turn", wheel=wheel(advice.drive, say), turn=turn(advice.chosen, say), gains=gains)
 
 
-def circle(advice: Advice, look: Look) -> str:
+def circle(advice: Advice, style: Style) -> str:
     """The seat seen from the cam side: its holes by number, the present (N), chosen (B) and worst (W) one marked.
 
     Hole 0 is where the wheel stands; it lies at mounting.first_hole, counted counter-clockwise from the right.
     """
     seat = seat_of(advice, texts(), advice.chosen)
-    return look.text(f"{drawing(seat)}\n\n{seat.legend}")
+    return style.text(f"{drawing(seat)}\n\n{seat.legend}")
 
 
 def drawing(seat: Seat, *, pointers: bool = False) -> str:

@@ -1,9 +1,11 @@
-"""What every JSON answer has around its figures."""
+"""Answers for scripts: what every JSON answer has around its figures, and how JSON and CSV are written."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from hdassist.error.cycle import CrossCheck
@@ -13,40 +15,47 @@ from hdassist.solve.answers import Certificate
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
+Json = dict[str, Any]
 
-def envelope(command: str, drive: Drive, exit_code: int, warnings: Sequence[str]) -> dict[str, Any]:
-    """Keys common to all answers about one drive."""
+
+def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Sequence[str] = ()) -> Json:
+    """Keys common to all answers of a command; drive, what the answer is about, None where there is none."""
+    origin = drive.origin if drive else None
     return {
         "schema": f"hdassist.{command}/1",
         "version": __version__,
         "preset": {
-            "name": drive.name,
-            "sha256": drive.origin.sha256,
-            "overrides": list(drive.origin.overrides),
+            "name": drive.name if drive else None,
+            "sha256": origin.sha256 if origin else None,
+            "overrides": list(origin.overrides) if origin else [],
         },
         "exit_code": exit_code,
         "warnings": list(warnings),
     }
 
 
-def failure(command: str, name: str, error: HdassistError) -> dict[str, Any]:
-    """The answer about a drive that has none: its error."""
+def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:
+    """The answer about a drive or a file that has none: its error.
+
+    Arguments: command; error; preset and file, the names of what was asked for.
+    """
     return {
         "schema": f"hdassist.{command}/1",
         "version": __version__,
-        "preset": {"name": name, "sha256": None},
+        "preset": {"name": preset, "sha256": None},
+        **({} if file is None else {"file": {"name": file, "sha256": None}}),
         "exit_code": error.exit_code,
         "warnings": [],
         "error": {"message": error.message, "hint": error.hint},
     }
 
 
-def combine(command: str, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def combine(command: str, results: Sequence[Json]) -> Json:
     """One object for all drives: the answer itself where there is one, else a list of them."""
     return results[0] if len(results) == 1 else together(command, results)
 
 
-def together(command: str, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def together(command: str, results: Sequence[Json]) -> Json:
     """One object with a list of answers, be it one or many; its exit code is the worst of theirs."""
     return {
         "schema": f"hdassist.{command}/1",
@@ -57,8 +66,9 @@ def together(command: str, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def certificate_object(certificate: Certificate, cross_checks: Sequence[CrossCheck]) -> dict[str, Any]:
+def certificate_object(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
     """Certificate and cross-check as JSON: the worst of all torques."""
+    crosses = [cross for cross in cross_checks if cross]
     return {
         "states": certificate.states,
         "max_residual": certificate.max_residual,
@@ -70,15 +80,33 @@ def certificate_object(certificate: Certificate, cross_checks: Sequence[CrossChe
         },
         "fallbacks": certificate.fallbacks,
         "cross_check": {
-            "solver": cross_checks[0].solver,
-            "states": sum(c.states for c in cross_checks),
-            "max_difference_arcsec": max(c.max_difference_arcsec for c in cross_checks),
+            "solver": crosses[0].solver,
+            "states": sum(cross.states for cross in crosses),
+            "max_difference_arcsec": max(cross.max_difference_arcsec for cross in crosses),
         }
-        if cross_checks
+        if crosses
         else None,
     }
 
 
-def to_json(answer: dict[str, Any]) -> str:
-    """The answer as text; never NaN or Infinity."""
+def cross_checked(cross_checks: Iterable[CrossCheck | None]) -> str:
+    """Words to put behind a certificate: what another solver found; empty without one."""
+    crosses = [cross for cross in cross_checks if cross]
+    if not crosses:
+        return ""
+    states, apart = sum(cross.states for cross in crosses), max(cross.max_difference_arcsec for cross in crosses)
+    return f"; {states} again by {crosses[0].solver}: {apart:.1e} arcsec apart"
+
+
+def json_text(answer: Json) -> str:
+    """An answer as text; never NaN or Infinity."""
     return json.dumps(answer, indent=2, ensure_ascii=True, allow_nan=False) + "\n"
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A table as CSV: one header line, plain newlines, full precision, empty where there is no value."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    return text.getvalue()

@@ -32,7 +32,7 @@ PLAIN = str.maketrans(
 
 
 @dataclass(frozen=True)
-class Look:
+class Style:
     """What a stream can show: 7-bit text only, control codes, and columns."""
 
     ascii: bool
@@ -40,8 +40,8 @@ class Look:
     width: int
 
     @classmethod
-    def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Look:
-        """Look of a stream, from its terminal, the environment and what the user forces."""
+    def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Style:
+        """Style of a stream, from its terminal, the environment and what the user forces."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         width = shutil.get_terminal_size((PIPE_WIDTH, 24)).columns if terminal else PIPE_WIDTH
@@ -63,7 +63,7 @@ def _shows_unicode(stream: TextIO) -> bool:
     return True
 
 
-def hush(stream: TextIO | None = None) -> None:
+def silence(stream: TextIO | None = None) -> None:
     """Stop talking on a stream (None: stdout) whose reader has gone: no complaint, the exit code stays the answer's."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
@@ -74,23 +74,23 @@ def say(line: str) -> None:
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()
     except BrokenPipeError:
-        hush(sys.stderr)
+        silence(sys.stderr)
 
 
 class _QuietConsole(Console):
     def on_broken_pipe(self) -> None:
         self.quiet = True
-        hush()
+        silence()
 
 
-def console(stream: TextIO, look: Look) -> Console:
-    """A rich console that writes to a stream with a look."""
+def console(stream: TextIO, style: Style) -> Console:
+    """A rich console that writes to a stream with a style."""
     return _QuietConsole(
         file=stream,
-        width=look.width,
-        color_system="auto" if look.codes else None,
-        force_terminal=look.codes,
-        no_color=not look.codes,
+        width=style.width,
+        color_system="auto" if style.codes else None,
+        force_terminal=style.codes,
+        no_color=not style.codes,
         highlight=False,
         markup=False,
         emoji=False,
@@ -98,14 +98,14 @@ def console(stream: TextIO, look: Look) -> Console:
     )
 
 
-def table(look: Look, title: str = "", *, header: bool = True) -> Table:
+def table(style: Style, title: str = "", *, header: bool = True) -> Table:
     """An empty table in the house's style."""
     return Table(
-        title=Text(look.text(title)) if title else None,
+        title=Text(style.text(title)) if title else None,
         title_justify="left",
         title_style="bold",
-        box=box.ASCII2 if look.ascii else box.SIMPLE_HEAD,
+        box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
         show_header=header,
         pad_edge=False,
-        show_edge=look.ascii,
+        show_edge=style.ascii,
     )

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from hdassist.errors import DataError, UsageError
-from hdassist.terminal.console import hush, say
+from hdassist.terminal.console import say, silence
 
 
 def write_text(path: str, text: str, force: bool) -> None:
@@ -25,7 +25,7 @@ def write_text(path: str, text: str, force: bool) -> None:
             sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
             sys.stdout.flush()
         except BrokenPipeError:
-            hush()
+            silence()
         return
     require_writable(path, force)
     put_text(path, text)

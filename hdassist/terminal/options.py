@@ -1,16 +1,22 @@
-"""Options that commands share, declared once."""
+"""Options that commands share, declared once: alone, or in groups that a command takes whole."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field, fields
+from functools import wraps
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
 from hdassist.errors import UsageError
 
 if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
     from hdassist.readers.tracecolumns import Shaft
+    from hdassist.terminal.output import Output
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
 Presets = Annotated[list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")]
@@ -22,6 +28,231 @@ Torques = Annotated[
     list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
 ]
 Traces = Annotated[list[str], typer.Argument(metavar="FILE...", help="Measured traces, or - for stdin.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Target = Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.")]
+NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or control codes.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors.")]
+Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")]
+Solver = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
+]
+CrossCheck = Annotated[
+    str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
+Bootstrap = Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")]
+Jobs = Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")]
+
+
+class OptionGroup:
+    """Base of dataclasses whose fields are options; a command takes a group as one argument (`with_groups`)."""
+
+
+@dataclass(frozen=True)
+class PageOptions(OptionGroup):
+    """How an answer is given."""
+
+    json: Json = False
+    output: Target = "-"
+    force: Force = False
+    ascii: Ascii = False
+    no_color: NoColor = False
+    debug: Debug = False
+
+    def open(self) -> Output:
+        """Where the answer goes. Raises UsageError and DataError for files that cannot be written."""
+        from hdassist.terminal.output import Output
+
+        csv = getattr(self, "csv", None)
+        return Output.open(self.output, csv, force=self.force, ascii=self.ascii, no_color=self.no_color)
+
+
+@dataclass(frozen=True)
+class AnswerOptions(PageOptions):
+    """How an answer that was computed is given."""
+
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the answer.")] = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print residuals and timings on stderr.")] = False
+
+
+@dataclass(frozen=True)
+class FigureOptions(AnswerOptions):
+    """How an answer with a table of figures is given."""
+
+    csv: Annotated[
+        str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")
+    ] = None
+
+
+@dataclass(frozen=True)
+class DriveOptions(OptionGroup):
+    """What is said of a drive beside its preset."""
+
+    overrides: Overrides = field(default_factory=list)
+
+    def load(self, preset: str, *more: str) -> Drive:
+        """The drive of a preset with the overrides, and more of them. Raises what load_preset does."""
+        from hdassist.preset.library import load_preset
+
+        return load_preset(preset, [*self.overrides, *more])
+
+
+@dataclass(frozen=True)
+class LoadedDriveOptions(DriveOptions):
+    """What is said of a drive and its torques beside its preset."""
+
+    torque: Torques = field(default_factory=list)
+
+    def load(self, preset: str, *more: str) -> Drive:
+        """The drive of a preset with the overrides and torques. Raises what load_preset does."""
+        return super().load(preset, *more, *torque_overrides(self.torque))
+
+
+@dataclass(frozen=True)
+class PitchOptions(OptionGroup):
+    """Measured teeth of the wheels in place of their first harmonics."""
+
+    pitch_b: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Measured pitch deviations of the rigid wheel (- for stdin).")
+    ] = None
+    pitch_g: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Measured pitch deviations of the flexspline.")
+    ] = None
+    mark_b: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Direction of the mark of --pitch-b; phases.xi_b without.")
+    ] = None
+    mark_g: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Direction of the mark of --pitch-g; phases.xi_g without.")
+    ] = None
+    pitch_form: Annotated[
+        Literal["cumulative", "single"] | None,
+        typer.Option(help="Form of the deviations in the pitch files, whatever they say."),
+    ] = None
+    pitch_sense: Annotated[
+        Literal["ccw", "cw"] | None, typer.Option(help="Sense of the tooth numbers in them, seen from the cam side.")
+    ] = None
+    pitch_flank: Annotated[
+        Literal["left", "right"] | None, typer.Option(help="Flank to take from pitch files that have two.")
+    ] = None
+
+
+@dataclass(frozen=True)
+class TraceOptions(OptionGroup):
+    """How the file of a measured trace is read, and what is kept of it."""
+
+    angle: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")] = None
+    angle_of: Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")] = None
+    angle_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")] = None
+    error: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the error, or its number.")] = None
+    error_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")] = None
+    second: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Column of the output's own angle, instead of an error.")
+    ] = None
+    wrap: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="Angle after which encoders begin again.", show_default="guessed"),
+    ] = None
+    orders: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
+    ] = None
+    drift: Annotated[str, typer.Option(metavar="KIND", help="Drift to take off: none, linear, quadratic.")] = "none"
+    budget: Annotated[
+        list[str],
+        typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
+    ] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class CardOptions(OptionGroup):
+    """An assembly card beside the answer."""
+
+    card: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout).")
+    ] = None
+    lang: Annotated[str | None, typer.Option(metavar="NAME", help="Language of the card, such as ru (en without).")] = (
+        None
+    )
+    serial: Annotated[str | None, typer.Option(metavar="TEXT", help="Serial number on the card.")] = None
+
+
+def with_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with the options of its groups in its signature, as Typer reads it.
+
+    Each parameter of the command that is an OptionGroup becomes the group's fields; when the command runs, groups
+    are made of them again.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, type[Any]] = {}
+    shown: list[inspect.Parameter] = []
+    for name, parameter in inspect.signature(command).parameters.items():
+        hint = hints[name]
+        if isinstance(hint, type) and issubclass(hint, OptionGroup):
+            groups[name] = hint
+            shown += _parameters(hint)
+        else:
+            shown.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hint))
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        made = {name: group(**{f.name: given.pop(f.name) for f in fields(group)}) for name, group in groups.items()}
+        command(**given, **made)
+
+    run.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    return run
+
+
+def _parameters(group: type[Any]) -> list[inspect.Parameter]:
+    """The fields of a group as parameters of a command."""
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        inspect.Parameter(
+            one.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=one.default if one.default_factory is MISSING else one.default_factory(),
+            annotation=hints[one.name],
+        )
+        for one in fields(group)
+    ]
+
+
+def torque_overrides(torques: list[float] | float | None) -> list[str]:
+    """Torques of the command line as an override of the preset: the same checks, the same errors."""
+    torques = [] if torques is None else [torques] if isinstance(torques, float) else torques
+    return [f"operation.M_g={torques!r}"] if torques else []
+
+
+def shaft(text: str | None) -> Shaft | None:
+    """A shaft of the command line: cam or output. Raises UsageError: anything else."""
+    shafts: dict[str | None, Shaft | None] = {None: None, "cam": "cam", "output": "output"}
+    if text not in shafts:
+        raise UsageError(f"--angle-of must be cam or output, not {text}")
+    return shafts[text]
+
+
+def degrees_or_fit(option: str, text: str) -> float | None:
+    """An angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
+    if text == "fit":
+        return None
+    try:
+        angle = float(text)
+    except ValueError:
+        angle = float("nan")
+    if not isfinite(angle):
+        raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
+    return angle
+
+
+def stdin_once(*names: str | None) -> None:
+    """Raise UsageError where standard input is named twice."""
+    if names.count("-") > 1:
+        raise UsageError("standard input can be read once only")
+
+
+# -- single options that commands still take one by one; each goes when its command takes the group --
 Angle = Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")]
 AngleOf = Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")]
 AngleUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")]
@@ -40,14 +271,7 @@ Budget = Annotated[
     list[str],
     typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
 ]
-Bootstrap = Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Csv = Annotated[str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")]
-Target = Annotated[
-    str,
-    typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout)."),
-]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 Card = Annotated[
     str | None,
     typer.Option("--card", metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout)."),
@@ -81,44 +305,5 @@ PitchSense = Annotated[
 PitchFlank = Annotated[
     Literal["left", "right"] | None, typer.Option(help="Flank to take from pitch files that have two.")
 ]
-Solver = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
-]
-CrossCheck = Annotated[
-    str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")
-]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
-Jobs = Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")]
-Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")]
-Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.")]
-NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or control codes.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the answer.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print residuals and timings on stderr.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors.")]
-
-
-def torque_overrides(torques: list[float]) -> list[str]:
-    """Torques of the command line as an override of the preset: the same checks, the same errors."""
-    return [f"operation.M_g={torques!r}"] if torques else []
-
-
-def shaft(text: str | None) -> Shaft | None:
-    """A shaft of the command line: cam or output. Raises UsageError: anything else."""
-    shafts: dict[str | None, Shaft | None] = {None: None, "cam": "cam", "output": "output"}
-    if text not in shafts:
-        raise UsageError(f"--angle-of must be cam or output, not {text}")
-    return shafts[text]
-
-
-def degrees_or_fit(option: str, text: str) -> float | None:
-    """An angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
-    if text == "fit":
-        return None
-    try:
-        angle = float(text)
-    except ValueError:
-        angle = float("nan")
-    if not isfinite(angle):
-        raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
-    return angle

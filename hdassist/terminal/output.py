@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdassist.errors import HdassistError
-from hdassist.terminal.console import PIPE_WIDTH, Look, console, say
+from hdassist.terminal.console import PIPE_WIDTH, Style, console, say
 from hdassist.terminal.files import require_writable, write_text
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ PATIENCE = 0.5  # s of work before a progress bar appears
 class Output:
     """Streams and files of one command: target takes the answer, csv the figures; "-" is stdout."""
 
-    look: Look
+    style: Style
     target: str = "-"
     csv: str | None = None
     force: bool = False
@@ -43,22 +43,22 @@ class Output:
         """Output of a command; refuses files that cannot be written before anything is computed."""
         for path in filter(None, (target, csv)):
             require_writable(path, force)
-        look = Look.of(sys.stdout, ascii=ascii, no_color=no_color)
-        return cls(look if target == "-" else Look(look.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
+        style = Style.of(sys.stdout, ascii=ascii, no_color=no_color)
+        return cls(style if target == "-" else Style(style.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
 
     def human(self, answer: RenderableType) -> None:
         """Give the answer for people; silent where the figures take stdout."""
         if self.csv == "-":
             return
-        if self.look.codes:
-            console(sys.stdout, self.look).print(answer)
+        if self.style.codes:
+            console(sys.stdout, self.style).print(answer)
             return
         self.text(self.page(answer))
 
     def page(self, answer: RenderableType) -> str:
         """The answer for people as plain text."""
         page = io.StringIO()
-        console(page, replace(self.look, codes=False)).print(answer)
+        console(page, replace(self.style, codes=False)).print(answer)
         return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
 
     def text(self, answer: str) -> None:
@@ -73,8 +73,8 @@ class Output:
     @contextmanager
     def progress(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
         """A bar with the time left, on a terminal only and once the work has taken PATIENCE."""
-        look = Look.of(sys.stderr, no_color=self.no_color)
-        if not look.codes:
+        style = Style.of(sys.stderr, no_color=self.no_color)
+        if not style.codes:
             yield lambda _: None
             return
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -84,7 +84,7 @@ class Output:
             BarColumn(),
             TextColumn("{task.percentage:3.0f} %"),
             TimeRemainingColumn(),
-            console=console(sys.stderr, look), transient=True,
+            console=console(sys.stderr, style), transient=True,
             redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
         task = bar.add_task(words, total=total)
@@ -116,4 +116,4 @@ def warn(text: str) -> None:
 
 def note(text: str) -> None:
     """Say something beside the answer on stderr."""
-    say(Look.of(sys.stderr).text(text))
+    say(Style.of(sys.stderr).text(text))

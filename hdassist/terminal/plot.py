@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.terminal.console import Look
+from hdassist.terminal.console import Style
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
 
@@ -20,29 +20,29 @@ HEIGHT = 10  # rows, about
 WIDEST = 80  # columns: wider says no more
 
 
-def curve(look: Look, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT) -> str:
+def curve(style: Style, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
     x_label and y_label carry the units; height, about how many rows. Returns lines without a final newline.
     """
-    wide, tall = (1, 1) if look.ascii else (2, 4)
-    frame = _Frame.around(look, [y], height)
+    wide, tall = (1, 1) if style.ascii else (2, 4)
+    frame = _Frame.around(style, [y], height)
     dots = _fill(x, y, frame.columns * wide, frame.rows * tall, frame.ticks[0], frame.ticks[-1])
-    rows = ["".join(row) for row in (dots_to_ascii(dots) if look.ascii else dots_to_braille(dots))]
-    return frame.drawn(look, rows, x, x_label, y_label)
+    rows = ["".join(row) for row in (dots_to_ascii(dots) if style.ascii else dots_to_braille(dots))]
+    return frame.drawn(style, rows, x, x_label, y_label)
 
 
 def two_curves(
-    look: Look, x: Array, first: Array, second: Array, *, names: tuple[str, str], x_label: str, y_label: str
+    style: Style, x: Array, first: Array, second: Array, *, names: tuple[str, str], x_label: str, y_label: str
 ) -> str:
     """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
-    frame = _Frame.around(look, [first, second], 2 * HEIGHT)
+    frame = _Frame.around(style, [first, second], 2 * HEIGHT)
     both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
-    glyphs = " .o#" if look.ascii else " ·o●"
+    glyphs = " .o#" if style.ascii else " ·o●"
     rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
     words = (*names, "both")
     legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], words, strict=True))
-    return frame.drawn(look, rows, x, x_label, f"{y_label}: {legend}")
+    return frame.drawn(style, rows, x, x_label, f"{y_label}: {legend}")
 
 
 @dataclass(frozen=True)
@@ -55,26 +55,26 @@ class _Frame:
     margin: int
 
     @classmethod
-    def around(cls, look: Look, series: Sequence[Array], height: int) -> _Frame:
+    def around(cls, style: Style, series: Sequence[Array], height: int) -> _Frame:
         low, high = (float(end(end(y) for y in series)) for end in (min, max))
         ticks = _ticks(low, high, max(2, height // 2))
         margin = max(7, *(len(f"{tick:g}") for tick in ticks))
         apart = max(1, round((height - 1) / (len(ticks) - 1)))
-        return cls(ticks, apart, min(look.width, WIDEST) - margin - 2, margin)
+        return cls(ticks, apart, min(style.width, WIDEST) - margin - 2, margin)
 
     @property
     def rows(self) -> int:
         return self.apart * (len(self.ticks) - 1) + 1
 
-    def drawn(self, look: Look, rows: Sequence[str], x: Array, x_label: str, y_label: str) -> str:
+    def drawn(self, style: Style, rows: Sequence[str], x: Array, x_label: str, y_label: str) -> str:
         numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
-        corner, side, floor, mark = ("+", "|", "-", "+") if look.ascii else ("└", "│", "─", "┤")
-        lines = [look.text(y_label)]
+        corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
+        lines = [style.text(y_label)]
         for k, row in enumerate(rows):
             lines.append(f"{numbers.get(k, ''):>{self.margin}} {mark if k in numbers else side}{row}".rstrip())
         lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
         lines.append(" " * (self.margin + 2) + _x_numbers(float(x[0]), float(x[-1]), self.columns))
-        lines.append(" " * (self.margin + 2) + look.text(x_label).center(self.columns).rstrip())
+        lines.append(" " * (self.margin + 2) + style.text(x_label).center(self.columns).rstrip())
         return "\n".join(lines)
 
 

@@ -8,6 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.terminal.options import PitchOptions
 from hdassist.terminal.output import note
 
 if TYPE_CHECKING:
@@ -26,20 +27,10 @@ class PitchFiles:
     flank: Literal["left", "right"] | None
 
     @classmethod
-    def asked(
-        cls,
-        presets: Sequence[str],
-        *,
-        b: tuple[str | None, float | None],
-        g: tuple[str | None, float | None],
-        form: Literal["cumulative", "single"] | None,
-        sense: Literal["ccw", "cw"] | None,
-        flank: Literal["left", "right"] | None,
-    ) -> PitchFiles:
-        """What the options ask for; for each wheel the file and the direction [deg] of its mark.
-
-        Raises UsageError for options that cannot be meant, before any file is read.
-        """
+    def asked(cls, presets: Sequence[str], options: PitchOptions) -> PitchFiles:
+        """What the options ask for. Raises UsageError for options that cannot be meant, before any file is read."""
+        b, g = (options.pitch_b, options.mark_b), (options.pitch_g, options.mark_g)
+        form, sense, flank = options.pitch_form, options.pitch_sense, options.pitch_flank
         for name, (file, mark) in (("b", b), ("g", g)):
             if mark is not None and file is None:
                 raise UsageError(

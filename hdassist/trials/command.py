@@ -39,7 +39,7 @@ def with_trials(
     is no trial, and what the analysis raises.
     """
     from hdassist.errors import UsageError
-    from hdassist.terminal.answers import to_json
+    from hdassist.terminal.answers import json_text
     from hdassist.terminal.output import note, warn
     from hdassist.terminal.workers import workers
     from hdassist.trials import page as report
@@ -78,9 +78,9 @@ def with_trials(
     if verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.known.prior.certificate}")
     if json:
-        out.text(to_json(report.answer(advice, seed)))
+        out.text(json_text(report.answer(advice, seed)))
     elif not (page and page.replaces(out)):
-        out.human(report.brief(advice) if quiet else report.render(advice, out.look))
+        out.human(report.brief(advice) if quiet else report.render(advice, out.style))
     out.figures(report.csv(advice))
     if page:
         page.write(advice.as_advice, advice.known.trials, how.M_g, report.warnings(advice, page.say))

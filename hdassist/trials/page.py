@@ -11,9 +11,8 @@ from rich.text import Text
 
 from hdassist.mounting.positions import Position, hole_of, hole_words
 from hdassist.mounting.seat import turn, wheel
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.console import Look, table
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import csv_text, envelope
+from hdassist.terminal.console import Style, table
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import OPEN, Direction
@@ -68,16 +67,16 @@ def instruction(advice: TrialAdvice) -> str:
     )
 
 
-def render(advice: TrialAdvice, look: Look) -> RenderableType:
+def render(advice: TrialAdvice, style: Style) -> RenderableType:
     """The instruction, the trials, the offset they tell, the positions, and what to measure next."""
     known = advice.known
     heading = f"{advice.drive.name}: the cam offset from {_count(len(known.trials), 'trial')} at {known.rig.M_g:g} N·m"
-    parts: list[RenderableType] = [Text(look.text(heading), style="bold"), Text(look.text(instruction(advice)))]
-    parts.append(_trials(advice, look))
-    parts += [Text(look.text(_trace(advice, trial))) for trial in known.trials if trial.trace]
-    parts += [_offset(advice, look), _positions(advice, look)]
-    parts.append(Text(look.text(_next(advice))))
-    parts.append(Text(look.text(_basis(advice))))
+    parts: list[RenderableType] = [Text(style.text(heading), style="bold"), Text(style.text(instruction(advice)))]
+    parts.append(_trials(advice, style))
+    parts += [Text(style.text(_trace(advice, trial))) for trial in known.trials if trial.trace]
+    parts += [_offset(advice, style), _positions(advice, style)]
+    parts.append(Text(style.text(_next(advice))))
+    parts.append(Text(style.text(_basis(advice))))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
@@ -137,10 +136,10 @@ def _count(number: int, words: str) -> str:
     return f"{number} {words}" + ("s" if number != 1 else "")
 
 
-def _trials(advice: TrialAdvice, look: Look) -> Table:
+def _trials(advice: TrialAdvice, style: Style) -> Table:
     known = advice.known
     seat = f", seat {known.rig.reseat_um:g} um" if known.rig.reseat_um else ""
-    grid = table(look, f"trials (standard deviations: noise {known.rig.noise_arcsec:g} arcsec{seat})")
+    grid = table(style, f"trials (standard deviations: noise {known.rig.noise_arcsec:g} arcsec{seat})")
     grid.add_column("position", no_wrap=True)
     for words in ("measured, arcsec", "explained as", "standard deviation of that"):
         grid.add_column(words, justify="right")
@@ -151,9 +150,9 @@ def _trials(advice: TrialAdvice, look: Look) -> Table:
     return grid
 
 
-def _offset(advice: TrialAdvice, look: Look) -> Table:
+def _offset(advice: TrialAdvice, style: Style) -> Table:
     mean, spread = advice.known.offset_um
-    grid = table(look, f"cam offset: {mean:.0f} um, standard deviation {spread:.0f} um")
+    grid = table(style, f"cam offset: {mean:.0f} um, standard deviation {spread:.0f} um")
     for words in ("direction, deg", "standard deviation", "probability, %", "size, um", "best position"):
         grid.add_column(
             words, justify="left" if words == "best position" else "right", no_wrap=words == "best position"
@@ -169,10 +168,10 @@ def _is_open(one: Direction) -> bool:
     return one.spread_deg >= OPEN
 
 
-def _positions(advice: TrialAdvice, look: Look) -> Table:
+def _positions(advice: TrialAdvice, style: Style) -> Table:
     known = advice.known
     torques = " / ".join(f"{M_g:g}" for M_g in known.prior.torques[: known.deciding])
-    grid = table(look, f"positions, best first: F'_ior in arcsec at {torques} N·m; loss expected against the best")
+    grid = table(style, f"positions, best first: F'_ior in arcsec at {torques} N·m; loss expected against the best")
     grid.add_column("position", no_wrap=True)
     for words in ("best, %", "expected", "5 %", "95 %", "loss, %"):
         grid.add_column(words, justify="right", no_wrap=words in ("expected", "5 %", "95 %"))
@@ -343,7 +342,7 @@ def csv(advice: TrialAdvice) -> str:
         for k, M_g in enumerate(known.prior.torques[: known.deciding])
         for p, rotation in enumerate(known.rotations_deg)
     ]
-    return to_csv(["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows)
+    return csv_text(["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows)
 
 
 def brief(advice: TrialAdvice) -> str:

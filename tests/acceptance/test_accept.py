@@ -24,7 +24,7 @@ from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import measure
-from hdassist.terminal.console import Look
+from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
@@ -262,8 +262,8 @@ def test_no_width_cuts_a_number():
     found = accept(drive, stated=told, measured_only=True)
     for plain in (False, True):
         for width in range(14, 90):
-            look = Look(plain, False, width)
-            words = Output(look).page(render(found, look)).replace("|", " ").replace(",", " ").split()
+            style = Style(plain, False, width)
+            words = Output(style).page(render(found, style)).replace("|", " ").replace(",", " ").split()
             missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)
             assert not missing, (plain, width, missing)
             assert words.count("PASS") == 1

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance import lot_runner as lotwork
-from hdassist.acceptance.lot_command import Files, accept_lot
+from hdassist.acceptance.command import FileOptions, Run
+from hdassist.acceptance.lot_command import accept_lot
 from hdassist.acceptance.request import LimitText, Request
-from hdassist.terminal.output import Output
+from hdassist.terminal.options import FigureOptions
 from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
 from tests.rigs import drive_error, text
 
@@ -129,10 +130,8 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     monkeypatch.setattr(lotwork, "carry_out", broken)
     monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have the patch
     base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
-    found = accept_lot(
-        str(tmp_path / "lot.csv"), base, Output.open(), Files(), fail_on="fail", jobs=2, json=False, quiet=True,
-        verbose=False, debug=False,
-    )  # fmt: skip
+    options = FigureOptions(quiet=True)
+    found = accept_lot(str(tmp_path / "lot.csv"), Run(base, FileOptions(), options, options.open(), jobs=2))
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
     assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]

@@ -18,7 +18,7 @@ from hdassist.acceptance import accept as acceptance
 from hdassist.acceptance import lot_page as report
 from hdassist.acceptance import lot_runner as lotwork
 from hdassist.acceptance import request as requests
-from hdassist.acceptance.answer import as_object, failure_of, read_answers
+from hdassist.acceptance.answer import as_object, failure_of, read_answers, to_lines
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.lot_runner import answers
 from hdassist.acceptance.lot_summary import Z, quantiles, summary, wilson
@@ -26,7 +26,6 @@ from hdassist.acceptance.page import csv as figures
 from hdassist.acceptance.replay import RELATIVE, differences, still_stands
 from hdassist.acceptance.request import LimitName, LimitText, Reading, Request, TraceFile
 from hdassist.errors import DataError, PresetError, UsageError
-from hdassist.terminal.jsonlines import to_lines
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 
@@ -272,7 +271,7 @@ REQUESTS = st.builds(
 @given(REQUESTS)
 def test_requests_come_back_out_of_a_file(tmp_path, asked):
     answer = failure_of(asked, DataError("no"))
-    assert read_answers(table(tmp_path, to_lines([as_object(answer)]), "a.jsonl")) == [answer]
+    assert read_answers(table(tmp_path, to_lines([answer]), "a.jsonl")) == [answer]
 
 
 @pytest.mark.parametrize(
@@ -342,7 +341,7 @@ def test_an_answer_stands_as_long_as_nothing_has_changed(tmp_path, told):
     preset = table(tmp_path, Path(SMALL).read_bytes(), "d.yaml")
     text = "serial,F_ior@1,limit F_ior@1\nA,3±1,30\n"
     (row,) = read_lot(table(tmp_path, text), Request(preset, measured_only=True)).rows
-    (answer,) = read_answers(table(tmp_path, to_lines(map(as_object, worked([row]))), "a.jsonl"))
+    (answer,) = read_answers(table(tmp_path, to_lines(worked([row])), "a.jsonl"))
     assert still_stands(answer, row.request, __version__, "fail")
     for request in (replace(row.request, seed=1), replace(row.request, limits=(LimitText(F_IOR_1, "31"),))):
         assert not still_stands(answer, request, __version__, "fail")
@@ -370,7 +369,7 @@ def test_differences_are_those_beyond_the_tolerance(told):
 
 
 def test_a_line_that_breaks_off_is_left_out(tmp_path, told):
-    whole = to_lines(map(as_object, told))
+    whole = to_lines(told)
     assert read_answers(table(tmp_path, whole, "a.jsonl")) == told
     assert len(read_answers(table(tmp_path, whole[:-40], "b.jsonl"))) == len(told) - 1
     for text in ("[1]", "{}\n{}\n", "no", whole[:99] + "\n" + whole, '{"schema":"hdassist.accept/1"}'):

@@ -12,11 +12,12 @@ from hdassist.calibration.calibrate import calibrate
 from hdassist.calibration.evaluations import Evaluations
 from hdassist.calibration.quantities import FINE, MEDIUM, ROUGH, Quantities
 from hdassist.calibration.targets import read_targets
-from hdassist.design.trace_page import csv as trace_csv
+from hdassist.design.trace_page import figures
 from hdassist.error.search import QUICK
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError
+from hdassist.terminal.answers import csv_text
 from tests.process import SMALL
 
 HIDDEN = {"gears.j_n": 9.3, "contact.c_t": 4.4e-5}
@@ -147,7 +148,7 @@ def test_nothing_computable_is_an_error(cheap):
 
 def test_a_trace_names_the_drive_it_was_made_of(tmp_path, one_start):
     hidden = drive_of().with_values(HIDDEN)
-    (tmp_path / "trace.csv").write_text(trace_csv(trace(hidden, 4.0, revolutions=2, cross_check=None)))
+    (tmp_path / "trace.csv").write_text(csv_text(*figures(trace(hidden, 4.0, revolutions=2, cross_check=None))))
     targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))
     quantities = Quantities(hidden, FINE)
     assert quantities.value(targets.targets[0]) == pytest.approx(0, abs=1e-6)

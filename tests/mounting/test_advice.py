@@ -16,10 +16,10 @@ from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
 from hdassist.mounting.robust import Criterion, Robust, draw, robust
 from hdassist.mounting.seat import circle, instruction, turn
 from hdassist.solve.answers import EMPTY
-from hdassist.terminal.console import Look
+from hdassist.terminal.console import Style
 from tests.process import SMALL
 
-LOOK = Look(ascii=True, codes=False, width=80)
+LOOK = Style(ascii=True, codes=False, width=80)
 
 
 def curve_of(*values: list[float], holes: int = 12, **options) -> MountingCurve:

@@ -14,7 +14,7 @@ from hdassist.errors import UsageError
 from hdassist.mounting import card_html, card_markdown, card_text
 from hdassist.mounting.card_svg import CENTRE, HOLES, seat_svg
 from hdassist.mounting.seat import circle, instruction
-from hdassist.terminal.console import Look
+from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
 from tests.advices import MADE, TRACED, TRIALS, advice_of, card, cards, crowded, sampled
@@ -257,7 +257,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     monkeypatch.setattr(Texts, "__call__", recorded)
     for advice in [*CARDS.values(), crowded(CARDS["many"])]:
         card(advice, "ru")
-        circle(advice, Look(ascii=True, codes=False, width=80))
+        circle(advice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=[TRACED])

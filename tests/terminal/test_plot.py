@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.terminal.answers import combine, to_json
-from hdassist.terminal.columns import Quantity, as_object
-from hdassist.terminal.console import Look
-from hdassist.terminal.csvtext import to_csv
+from hdassist.terminal.answers import combine, csv_text, json_text
+from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, dots_to_braille, two_curves
+from hdassist.terminal.quantities import Quantity, as_object
 
-BRAILLE, ASCII = Look(ascii=False, codes=False, width=80), Look(ascii=True, codes=False, width=80)
+BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
 
 
 def rows(page: str) -> list[str]:
@@ -34,9 +33,9 @@ def test_axes_are_numbered_and_carry_units():
     assert [float(n) for n in lines[-2].split()] == [0, 100, 200, 300]
 
 
-@pytest.mark.parametrize("look", [BRAILLE, ASCII])
-def test_a_rising_line_rises(look):
-    drawn = rows(curve(look, np.linspace(0, 1, 200), np.linspace(0, 1, 200), x_label="x", y_label="y"))
+@pytest.mark.parametrize("style", [BRAILLE, ASCII])
+def test_a_rising_line_rises(style):
+    drawn = rows(curve(style, np.linspace(0, 1, 200), np.linspace(0, 1, 200), x_label="x", y_label="y"))
     first = [min((k for k, c in enumerate(row) if c.strip()), default=None) for row in drawn]
     seen = [k for k in first if k is not None]
     assert len(seen) == len(drawn)
@@ -65,8 +64,8 @@ def test_braille_dots_are_where_unicode_has_them():
     st.sampled_from([0.0, 1e-9, 3.0]),
 )
 def test_any_curve_can_be_drawn(values, width, plain, scale):
-    look = Look(ascii=plain, codes=False, width=width)
-    page = curve(look, np.arange(len(values), dtype=float), np.array(values) * scale, x_label="x", y_label="y")
+    style = Style(ascii=plain, codes=False, width=width)
+    page = curve(style, np.arange(len(values), dtype=float), np.array(values) * scale, x_label="x", y_label="y")
     assert max(map(len, page.splitlines())) <= min(width, 80)
     assert not plain or page.isascii()
 
@@ -94,13 +93,13 @@ def test_look_of_a_terminal(monkeypatch, env, forced, ascii, codes):
         monkeypatch.delenv(name, raising=False)
     for name, value in env.items():
         monkeypatch.setenv(name, value)
-    look = Look.of(Terminal(), **forced)
-    assert (look.ascii, look.codes) == (ascii, codes)
+    style = Style.of(Terminal(), **forced)
+    assert (style.ascii, style.codes) == (ascii, codes)
 
 
 def test_look_of_a_pipe():
-    assert not Look.of(io.StringIO()).codes
-    assert Look.of(io.StringIO()).width == 80
+    assert not Style.of(io.StringIO()).codes
+    assert Style.of(io.StringIO()).width == 80
 
 
 def test_seven_bit_text():
@@ -121,7 +120,7 @@ def test_quantities_nest_and_keep_full_precision():
 
 def test_json_has_no_nan():
     with pytest.raises(ValueError, match="not JSON compliant"):
-        to_json({"a": float("nan")})
+        json_text({"a": float("nan")})
 
 
 def test_several_answers_take_the_worst_exit_code():
@@ -132,13 +131,13 @@ def test_several_answers_take_the_worst_exit_code():
 
 
 def test_csv_is_plain():
-    assert to_csv(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
+    assert csv_text(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
 
 
 def test_two_curves_have_a_glyph_each_and_a_legend():
     x = np.linspace(0, 1, 200)
-    for look, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
-        page = two_curves(look, x, np.sin(6 * x), np.sin(6 * x + 0.5), names=("one", "two"), x_label="x", y_label="y")
+    for style, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
+        page = two_curves(style, x, np.sin(6 * x), np.sin(6 * x + 0.5), names=("one", "two"), x_label="x", y_label="y")
         legend, *picture = page.splitlines()
         assert legend == f"y: {glyphs[0]} one, {glyphs[1]} two, {glyphs[2]} both"
         assert all(glyph in "".join(picture) for glyph in glyphs)

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.design.trace_page import csv
+from hdassist.design.trace_page import figures as trace_figures
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import Drive
+from hdassist.terminal.answers import csv_text
 from hdassist.trials.posterior import Posterior, posterior
 from hdassist.trials.prior import Tables, prior_of, tabulated
 from hdassist.trials.trial import Rig, Trial, read_trial, trial_positions
@@ -44,7 +45,7 @@ def tables() -> Tables:
 def figures(size: float, direction: float, hole: int, start: float, fixed: str = "rigid") -> str:
     """What `hdassist trace -n 2 --csv` writes of the hidden drive in a hole."""
     drive = rotated(hidden(size, direction, fixed), 360 * hole / HOLES)
-    return csv(trace(drive, M_G, start_deg=start, revolutions=2, cross_check=None))
+    return csv_text(*trace_figures(trace(drive, M_G, start_deg=start, revolutions=2, cross_check=None)))
 
 
 def hidden(size: float, direction: float, fixed: str = "rigid") -> Drive:
