@@ -154,17 +154,24 @@ class ErrorRecord(Record):
 
 
 @dataclass(frozen=True)
-class Accepted(Record):
+class Envelope(Record):
+    """What every answer begins with."""
+
+    schema: Literal["hdassist.accept/1"]
+    version: str
+    preset: DriveRecord | PresetRecord
+    exit_code: int
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Accepted(Envelope):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again.
 
     place: of the row of a lot, None without one.
     """
 
-    schema: Literal["hdassist.accept/1"]
-    version: str
     preset: DriveRecord
-    exit_code: int
-    warnings: tuple[str, ...]
     serial: str
     verdict: Verdict
     checks: tuple[CheckRecord, ...]
@@ -199,14 +206,10 @@ class Accepted(Record):
 
 
 @dataclass(frozen=True)
-class Unanswered(Record):
+class Unanswered(Envelope):
     """The answer about a drive that has none: its error; request: None for a row that is wrong in itself."""
 
-    schema: Literal["hdassist.accept/1"]
-    version: str
     preset: PresetRecord
-    exit_code: int
-    warnings: tuple[str, ...]
     error: ErrorRecord
     serial: str
     seed: int

@@ -147,10 +147,11 @@ def command(
     (17-042.yaml, 17-042@80.csv). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6 INCONCLUSIVE, 4 bad preset,
     file or no limit, 5 no trustworthy answer; of several drives the worst, in the order 1, 5, 4, 3, 6, 0.
     """
+    from hdassist.acceptance.limit_parser import LimitText
     from hdassist.acceptance.lot import is_lot
     from hdassist.acceptance.lot_command import accept_lot
     from hdassist.acceptance.replay_command import replay_answers
-    from hdassist.acceptance.request import LimitText, Reading, Request, TraceFile
+    from hdassist.acceptance.request import Reading, Request, TraceFile
 
     lots = [name for name in presets if is_lot(name)]
     if not presets and replay is None:

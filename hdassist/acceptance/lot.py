@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from hdassist.acceptance.request import LimitName, LimitText, Request, TraceFile
+from hdassist.acceptance.limit_parser import LimitName, LimitText
+from hdassist.acceptance.request import Request, TraceFile
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
 from hdassist.preset.convert import field_table
 from hdassist.preset.fields import is_number

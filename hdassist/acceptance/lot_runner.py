@@ -11,10 +11,11 @@ from itertools import islice
 from typing import TypeAlias
 
 from hdassist.acceptance.answer import Answer, ErrorRecord, Unanswered, answer_of, failure_of
+from hdassist.acceptance.limit_parser import LimitName
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.replay import preset_sha256
-from hdassist.acceptance.request import FailOn, LimitName, Request, carry_out, predict_for, read_measurements
+from hdassist.acceptance.request import FailOn, Request, carry_out, predict_for, read_measurements
 from hdassist.errors import DataError, HdassistError, UsageError
 
 DriveKey: TypeAlias = tuple[str | None, Request, tuple[str, ...], tuple[LimitName, ...]]

@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import exit_code
-from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, explained
+from hdassist.acceptance.answer import answer_of, as_object, exit_code
+from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER, explained
 from hdassist.acceptance.decision import GUARD, Limit, Value, decide, limits_of, needed_for
+from hdassist.acceptance.limit_parser import LimitText
+from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.page import number, render
 from hdassist.acceptance.predictions import predict
-from hdassist.acceptance.request import LimitText, Request, TraceFile, read_measurements, stated_values
+from hdassist.acceptance.request import Request, TraceFile, read_measurements, stated_values
 from hdassist.design.check import check
 from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
@@ -364,6 +366,22 @@ def test_the_torque_of_a_trace():
     request = Request(SMALL, limits=bounds("F_ior@4=9"), measured=(alone, TraceFile.parse("4:again.csv")))
     with pytest.raises(UsageError, match="two traces at 4"):
         read_measurements(request, drive)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.code)
+def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
+    name = {"limits": f"{check.field}@4", "orders": "order_2", "number": check.field}[check.kind]
+    drive = small(f"{name}=7")
+    (limit,) = [limit for limit in limits_of(drive) if limit.M_g in (4.0, None)]
+    assert (limit.check, limit.bound, limit.order) == (check, 7.0, 2.0 if check == ORDER else None)
+    assert limit.predicted(predicted[1]).number > 0
+    assert limits_of(small(f"{name}=7 {check.unit}")) == limits_of(drive)
+    columns = f"serial,preset,limit {name},{name if check != ORDER else 'order_2@4'}\n1,{SMALL},7,6±0.1\n"
+    (tmp_path / "lot.csv").write_text(columns)
+    (row,) = read_lot(str(tmp_path / "lot.csv"), Request("")).rows
+    assert stated_values(row.request.values, row.request.load()) == {limit: stated(6.0, 0.05)}
+    (only,) = as_object(answer_of(row.request, accept(drive, predictions=predicted[1]), "fail"))["checks"][-1:]
+    assert (only["code"], only["unit"], only["limit"]) == (check.code, check.unit, 7.0)
 
 
 def test_codes_are_explained_and_in_the_docs():

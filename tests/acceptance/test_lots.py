@@ -19,12 +19,13 @@ from hdassist.acceptance import lot_page as report
 from hdassist.acceptance import lot_runner as lotwork
 from hdassist.acceptance import request as requests
 from hdassist.acceptance.answer import as_object, failure_of, read_answers, to_lines
+from hdassist.acceptance.limit_parser import LimitName, LimitText
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.lot_runner import answers
 from hdassist.acceptance.lot_summary import Z, quantiles, summary, wilson
 from hdassist.acceptance.page import csv as figures
 from hdassist.acceptance.replay import RELATIVE, differences, still_stands
-from hdassist.acceptance.request import LimitName, LimitText, Reading, Request, TraceFile
+from hdassist.acceptance.request import Reading, Request, TraceFile
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
