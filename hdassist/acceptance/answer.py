@@ -28,7 +28,7 @@ PROVENANCE = ("version", "preset_sha256", "measured_sha256", "seed", "solver", "
 
 
 class Record:
-    """What stands in a file of ours: nothing but its fields, each of its type, numbers finite."""
+    """What stands in a file of ours: nothing but its fields, and finite numbers."""
 
     __pydantic_config__ = CLOSED
 
@@ -200,7 +200,11 @@ class Accepted(Envelope):
             if again != check:
                 return f"{check.held_against.label}: {check.verdict} does not follow from its figures"
         verdict = worst(check.verdict for check in self.checks)
-        if self.verdict != verdict or self.exit_code != exit_code(verdict, bool(self.remarks), self.fail_on):
+        if (
+            not self.checks
+            or self.verdict != verdict
+            or self.exit_code != exit_code(verdict, bool(self.remarks), self.fail_on)
+        ):
             return f"{self.verdict}, exit code {self.exit_code}, does not follow from its checks"
         return ""
 
@@ -359,8 +363,7 @@ def _answer(told: Any, file: str, number: int) -> Answer:
     if schema != SCHEMA:
         raise DataError(f"{file}:{number}: no answer of hdassist accept (schema {schema})", f"schema {SCHEMA}")
     try:
-        text = json.dumps(told)  # JSON to the end: it is there that lists stand for tuples, and nothing else does
-        return _UNANSWERED.validate_json(text) if "error" in told else _ACCEPTED.validate_json(text)
+        return _UNANSWERED.validate_python(told) if "error" in told else _ACCEPTED.validate_python(told)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")

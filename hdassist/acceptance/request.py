@@ -25,7 +25,7 @@ from hdassist.readers.trace import read_trace
 from hdassist.readers.tracecolumns import TraceForm
 from hdassist.solve.answers import Progress
 
-CLOSED = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)  # of what is read back from files of ours
+CLOSED = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
 FailOn = Literal["warn", "fail", "never"]

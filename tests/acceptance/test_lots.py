@@ -268,6 +268,11 @@ REQUESTS = st.builds(
 )  # fmt: skip
 
 
+def test_names_of_files_that_are_no_text_come_back_too(tmp_path):
+    answer = failure_of(Request("d\udcff.yaml", measured=(TraceFile("", "t\udcff.csv"),)), DataError("no \udcff"))
+    assert read_answers(table(tmp_path, to_lines([answer]), "a.jsonl")) == [answer]
+
+
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(REQUESTS)
 def test_requests_come_back_out_of_a_file(tmp_path, asked):
@@ -302,7 +307,7 @@ def test_requests_that_cannot_be_are_refused(tmp_path, change):
         (("checks", 0, "basis"), "guessed"),
         (("certificate", "cross_check"), {"solver": "x", "states": 1, "max_difference_arcsec": float("-inf")}),
         (("certificate", "residuals", "more"), 0.0),
-        (("rule", "prediction_margin_percent"), "10"),
+        (("rule", "prediction_margin_percent"), "ten"),
         (("preset", "sha256"), None),
         (("more",), 1),
         (("time",), 5),
@@ -336,6 +341,7 @@ def test_answers_follow_from_their_own_figures(told):
     assert "does not follow" in replace(accepted[0], checks=loose).contradiction
     assert "exit code 0" in replace(accepted[0], verdict=Verdict.FAIL).contradiction
     assert "exit code 3" in replace(accepted[0], exit_code=3).contradiction
+    assert replace(accepted[0], checks=()).contradiction
 
 
 def test_an_answer_stands_as_long_as_nothing_has_changed(tmp_path, told):
