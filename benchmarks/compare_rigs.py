@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hdassist import load_preset, trace
-from hdassist.comparing.compare import Reading, compare
+from hdassist.comparing.compare import RecordConvention, compare
 from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
 from tests.rigs import recorded, slow_noise
 
@@ -38,10 +38,10 @@ def rig(seed: int) -> None:
     count = len(error.states)
     noise = slow_noise(rng, count, NOISE, 0.8) if seed % 5 == 3 else NOISE * rng.standard_normal(count)
     record = recorded(error.states.phi_h / (2 * np.pi), error.error_arcsec + noise)
-    result = compare(record, drive, M_G, reading=Reading(start_deg=start if given else None))
-    words = [f"rig {seed}: {turns} turns, start {'given' if given else 'fitted'}: {result.finding.kind}"]
-    if result.finding.best:
-        words.append("+".join(VECTORS[i].size for i in result.finding.best.vectors))
+    result = compare(record, drive, M_G, convention=RecordConvention(start_deg=start if given else None))
+    words = [f"rig {seed}: {turns} turns, start {'given' if given else 'fitted'}: {result.conclusion.kind}"]
+    if result.conclusion.best:
+        words.append("+".join(VECTORS[i].size for i in result.conclusion.best.vectors))
     if k is not None:
         words.append(f"hidden {VECTORS[k].size}")
     if k is not None and result.singles:

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from hdassist.error.trace import Trace, trace
     from hdassist.errors import HdassistError
     from hdassist.model.deviations import ToothDeviations
-    from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+    from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
     from hdassist.mounting.curve import mounting_curve
     from hdassist.mounting.positions import MountingCurve
     from hdassist.preset.fields import Drive
     from hdassist.preset.library import load_preset, preset_names
-    from hdassist.readers.pitch import PitchFile, read_pitch
+    from hdassist.readers.pitch import read_pitch
 
 _HOMES = {
     "check": "hdassist.design.check",
@@ -41,10 +41,10 @@ _HOMES = {
     "ToothDeviations": "hdassist.model.deviations",
     "MeasuredTeeth": "hdassist.model.wheels",
     "MeasuredWheel": "hdassist.model.wheels",
+    "PitchFile": "hdassist.model.wheels",
     "Drive": "hdassist.preset.fields",
     "load_preset": "hdassist.preset.library",
     "preset_names": "hdassist.preset.library",
-    "PitchFile": "hdassist.readers.pitch",
     "read_pitch": "hdassist.readers.pitch",
 }
 

@@ -1,17 +1,145 @@
-"""Files that instruments write: their bytes from a path or standard input, and their text."""
+"""Files that instruments write: their bytes, and their text part after part, from a path, a stream or bytes."""
 
 from __future__ import annotations
 
+import codecs
 import difflib
+import hashlib
+import io
+import re
 import sys
-import zlib
-from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from typing import IO, BinaryIO
 
 from hdassist.errors import DataError, Finding, PresetError
 
 STDIN = "<stdin>"
 GZIP = b"\x1f\x8b"
+MAX_LINE = 10_000  # characters
+PART = 1 << 18  # bytes that are read at once
+_NOT_UTF_8 = re.compile("[\udc80-\udcff]")
+
+Source = str | Path | bytes | IO[bytes] | IO[str]
+
+
+class TextFile:
+    """Text of a file, read once and part after part, so that its size takes no memory.
+
+    name: what messages call it. When all parts are read, sha256 is that of the bytes (for a stream of text, of its
+    UTF-8), and is_latin says whether there were lines that are not UTF-8; these are read as Latin-1.
+    """
+
+    def __init__(self, source: Source, at_most: int, name: str = "") -> None:
+        """Open nothing yet.
+
+        Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have;
+        name of bytes and streams, that of the stream without.
+        """
+        is_path = isinstance(source, str | Path)
+        named = STDIN if source == "-" else str(source) if is_path else str(getattr(source, "name", "<bytes>"))
+        self.source, self.at_most, self.name = source, at_most, name or named
+        self.sha256, self.is_latin = "", False
+
+    def parts(self) -> Iterator[tuple[int, str]]:
+        """Whole lines, joined by newlines, and the number of the first of them.
+
+        Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, packed, or not
+        in the encoding that its first bytes say.
+        """
+        line, rest, is_empty = 1, "", True
+        for text in self._decoded():
+            if "\0" in text:
+                hint = "save the table as text: CSV in UTF-8"
+                at = line + text.count("\n", 0, text.index("\0"))
+                raise self._refusal("a binary file", "a NUL character", hint, at)
+            is_empty = is_empty and not text.strip("\x1a \t\n")
+            lines, newline, after = text.rpartition("\n")
+            if newline:
+                part, rest = self._readable(rest + lines), after
+                yield line, part
+                line += part.count("\n") + 1
+            else:
+                rest += after
+            if len(rest) > max(MAX_LINE, PART):
+                raise self._refusal(f"a line of more than {MAX_LINE} characters", "", "one row on each line", line)
+        if is_empty:
+            raise self._refusal("the file is empty", hint="was the measurement saved?")
+        if rest := rest.rstrip("\x1a"):
+            yield line, self._readable(rest)
+
+    def _decoded(self) -> Iterator[str]:
+        """Text as it comes, with \\n at the end of lines; bytes that are not UTF-8 as lone surrogates."""
+        digest, size, decoder = hashlib.sha256(), 0, None
+        with self._opened() as stream:
+            data = b"start"
+            while data:
+                read = stream.read(PART)
+                data = read.encode("utf-8", "surrogatepass") if isinstance(read, str) else read
+                decoder = decoder or self._decoder(data)
+                digest.update(data)
+                size += len(data)
+                if size > self.at_most:
+                    limit = f"{self.at_most / 1e6:g} MB" if self.at_most >= 1e6 else f"{self.at_most} bytes"
+                    raise self._refusal(f"the file is larger than {limit}", hint="is this the file with the table?")
+                try:
+                    yield decoder.decode(data, final=not data)
+                except UnicodeDecodeError as error:
+                    said = f"not {error.encoding[:6].upper().rstrip('-')} text, which its first bytes say"
+                    got = f"byte 0x{error.object[error.start]:02x}"
+                    raise self._refusal(said, got, "save the file as UTF-8") from None
+        self.sha256 = digest.hexdigest()
+
+    def _opened(self) -> AbstractContextManager[IO[bytes] | IO[str]]:
+        if isinstance(self.source, str | Path):
+            return opened(self.source)
+        return nullcontext(io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source)
+
+    def _decoder(self, start: bytes) -> io.IncrementalNewlineDecoder:
+        if start.startswith(GZIP):
+            raise self._refusal("a gzip file", hint="unpack it first, as in: zcat FILE | hdassist measure -")
+        encoding, errors = "utf-8", "surrogateescape"
+        if start.startswith(codecs.BOM_UTF8):
+            encoding, errors = "utf-8-sig", "strict"
+        elif start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            encoding, errors = "utf-16", "strict"
+        return io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(errors), translate=True)
+
+    def _readable(self, lines: str) -> str:
+        """Lines with those in Latin-1 that are not UTF-8."""
+        if lines.isascii() or not _NOT_UTF_8.search(lines):
+            return lines
+        self.is_latin = True
+        return "\n".join(
+            line.encode("utf-8", "surrogateescape").decode("latin-1") if _NOT_UTF_8.search(line) else line
+            for line in lines.split("\n")
+        )
+
+    def _refusal(self, message: str, got: str = "", hint: str = "", line: int = 1) -> PresetError:
+        return PresetError([Finding(self.name, line, 1, "", message, got, hint)])
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[BinaryIO]:
+    """A file, or standard input where the path is "-", to read bytes from.
+
+    Raises DataError: no such file, a directory, or a file that cannot be read.
+    """
+    name = str(path)
+    if not name:
+        raise DataError("no such file: an empty name", "- is standard input")
+    if name == "-" and sys.stdin is None:
+        raise DataError("cannot read standard input: it is closed")
+    try:
+        with nullcontext(sys.stdin.buffer) if name == "-" else Path(name).open("rb") as stream:
+            yield stream
+    except FileNotFoundError:
+        raise DataError(f"no such file: {name}", _near_by(Path(name))) from None
+    except IsADirectoryError:
+        raise DataError(f"{name} is a directory, not a file", "name the file in it") from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+        raise DataError(f"cannot read {'standard input' if name == '-' else name}: {reason(error)}") from None
 
 
 def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
@@ -20,20 +148,8 @@ def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
     Arguments: path; at_most, the number of bytes to stop at. Result: the bytes, and the name that messages give them.
     Raises DataError: no such file, a directory, or a file that cannot be read.
     """
-    name = str(path)
-    if name == "-":
-        return standard_input(at_most), STDIN
-    if not name:
-        raise DataError("no such file: an empty name", "- is standard input")
-    try:
-        with Path(name).open("rb") as stream:
-            return stream.read(at_most), name
-    except FileNotFoundError:
-        raise DataError(f"no such file: {name}", _near_by(Path(name))) from None
-    except IsADirectoryError:
-        raise DataError(f"{name} is a directory, not a file", "name the file in it") from None
-    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
-        raise DataError(f"cannot read {name}: {reason(error)}") from None
+    with opened(path) as stream:
+        return stream.read(at_most), STDIN if str(path) == "-" else str(path)
 
 
 def standard_input(at_most: int) -> bytes:
@@ -41,72 +157,12 @@ def standard_input(at_most: int) -> bytes:
 
     Raises DataError: standard input is closed or cannot be read.
     """
-    if sys.stdin is None:
-        raise DataError("cannot read standard input: it is closed")
-    try:
-        return sys.stdin.buffer.read(at_most)
-    except OSError as error:
-        raise DataError(f"cannot read standard input: {reason(error)}") from None
+    return read_bytes("-", at_most)[0]
 
 
 def reason(error: Exception) -> str:
     """Why a file cannot be read, in the words of the system."""
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-
-
-def decode(data: bytes, file: str, at_most: int) -> tuple[str, bool]:
-    """Text of a file in UTF-8, in UTF-16 with its byte order mark, or else in Latin-1; packed by gzip or not.
-
-    Arguments: data; file, its name in messages; at_most, the number of bytes that it may have, packed and unpacked.
-    Result: the text, and whether it had to be read as Latin-1.
-    Raises PresetError: too large, empty, binary, damaged, or not in the encoding that its first bytes say.
-    """
-    if data.startswith(GZIP) and len(data) <= at_most:
-        data = _unpacked(data, file, at_most)
-    if len(data) > at_most:
-        size = f"{at_most / 1e6:g} MB" if at_most >= 1e6 else f"{at_most} bytes"
-        raise _refusal(file, f"the file is larger than {size}", hint="is this the file with the table?")
-    marked = [(BOM_UTF8, "utf-8"), (BOM_UTF16_LE, "utf-16-le"), (BOM_UTF16_BE, "utf-16-be")]
-    mark, encoding = next((pair for pair in marked if data.startswith(pair[0])), (b"", "utf-8"))
-    latin = False
-    try:
-        text = data[len(mark) :].decode(encoding)
-    except UnicodeDecodeError as error:
-        if mark:
-            said = f"not {encoding[:6].upper().rstrip('-')} text, which its first bytes say"
-            got = f"byte 0x{data[len(mark) + error.start]:02x}"
-            raise _refusal(file, said, got, "save the file as UTF-8") from None
-        text, latin = data.decode("latin-1"), True
-    if "\0" in text:
-        at = text.index("\0")
-        hint = "save the table as text: CSV in UTF-8"
-        raise _refusal(file, "a binary file", "a NUL character", hint, text.count("\n", 0, at) + 1)
-    if not text.strip("\x1a \t\r\n"):
-        raise _refusal(file, "the file is empty", hint="was the measurement saved?")
-    return text.rstrip("\x1a"), latin
-
-
-def _unpacked(data: bytes, file: str, at_most: int) -> bytes:
-    """Bytes that gzip has packed, one more than allowed where there are too many."""
-    parts: list[bytes] = []
-    size = 0
-    try:
-        while data.startswith(GZIP):  # gzip files may be joined
-            member = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
-            parts.append(member.decompress(data, at_most + 1 - size))
-            size += len(parts[-1])
-            if size > at_most:
-                break
-            if not member.eof:
-                raise _refusal(file, "a gzip file that ends too early", hint="was it copied to its end?")
-            data = member.unused_data
-    except zlib.error:
-        raise _refusal(file, "a damaged gzip file", hint="does gzip -t accept it?") from None
-    return b"".join(parts)
-
-
-def _refusal(file: str, message: str, got: str = "", hint: str = "", line: int = 1) -> PresetError:
-    return PresetError([Finding(file, line, 1, "", message, got, hint)])
 
 
 def _near_by(path: Path) -> str:

@@ -9,15 +9,16 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import Card, card_of
 from hdassist.mounting.curve import Alternative
+from hdassist.mounting.page import card_facts
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.robust import Criterion, Robust
-from hdassist.readers.pitch import PitchFile
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
+from hdassist.trials.page import trials_line
 from hdassist.trials.trial import Trial
 from hdassist.trials.trial_traces import TrialTrace
 from tests.process import SMALL
@@ -102,4 +103,8 @@ TRACED = Trial(120.0, 14.26, TrialTrace("run.csv", "0" * 64, NONE[0], NONE[0], N
 
 
 def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:
-    return card_of(advice, texts(language), serial=serial, made=MADE, trials=trials, at=1.0)
+    say = texts(language)
+    facts = card_facts(advice, say)
+    if trials:
+        facts = replace(facts, trials=trials_line(advice.drive, trials, 1.0, say))
+    return card_of(facts, say, serial=serial, made=MADE)

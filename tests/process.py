@@ -1,14 +1,13 @@
-"""Run hdassist as a process: in pipes, and on a pseudo-terminal of a given width.
+"""Run hdassist: in this process, as a process of its own, and on a pseudo-terminal of a given width.
 
-Runs in pipes come from a warm start (warm.py) unless HDASSIST_COLD is set; what a start of Python itself may
-change (an environment, a hash seed, a signal) is for cold ones.
+Most tests ask for an answer and an exit code: `run` calls the command in this process. Streams that are closed,
+signals, terminals, an environment or a hash seed are for true processes.
 """
 
 from __future__ import annotations
 
-import atexit
+import contextlib
 import fcntl
-import functools
 import io
 import os
 import pty
@@ -20,25 +19,43 @@ import termios
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from unittest import mock
 
-from tests.warm import LONGEST, Warm
+from hdassist.cli.main import main
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
 COMMAND = [sys.executable, "-m", "hdassist"]
 ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs
 CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}
-WARM = sys.platform == "linux" and "HDASSIST_COLD" not in os.environ  # where hdassist forks too (terminal/workers.py)
+LONGEST = 240  # s of one process
 
 
-def run(
-    *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
-) -> subprocess.CompletedProcess[str]:
-    """Run a command with pipes on all streams; with an environment of its own in a cold process."""
-    if env or not WARM:
-        return run_cold(*args, env=env, stdin=stdin, cwd=cwd)
-    code, *streams = _warm().run(args, (stdin or "").encode(), str(cwd or Path.cwd()))
-    out, err = (io.TextIOWrapper(io.BytesIO(stream), encoding="utf-8").read() for stream in streams)
-    return subprocess.CompletedProcess([*COMMAND, *args], code, out, err)
+def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command in this process, with arguments, streams, folder and environment of its own.
+
+    It is main() that runs, as in a process: typer's CliRunner would call the app below it, and miss the messages and
+    exit codes that main() makes of errors.
+    """
+    given = io.TextIOWrapper(io.BytesIO((stdin or "").encode()), encoding="utf-8")
+    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+    err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace")
+    with (
+        mock.patch.multiple(sys, argv=["hdassist", *args], stdin=given, stdout=out, stderr=err),
+        mock.patch.dict(os.environ, CLEAN, clear=True),
+        contextlib.chdir(cwd or Path.cwd()),
+    ):
+        code = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return subprocess.CompletedProcess(["hdassist", *args], code, _told(out), _told(err))
+
+
+def _told(stream: io.TextIOWrapper) -> str:
+    """All that a stream was given, with the newlines of text."""
+    stream.seek(0)
+    return stream.read()
 
 
 def run_cold(
@@ -51,16 +68,8 @@ def run_cold(
     )  # fmt: skip
 
 
-@functools.cache
-def _warm() -> Warm:
-    """The warm start of this test process."""
-    warm = Warm(CLEAN)
-    atexit.register(warm.close)
-    return warm
-
-
 def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
-    """Run a command in a cold process, and interrupt it when its own processes have worked for so long [s]."""
+    """Run a command in a process, and interrupt it when its own processes have worked for so long [s]."""
     process = subprocess.Popen(
         [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8"
     )

@@ -10,7 +10,7 @@ from hdassist.acceptance.checks import BUDGET, COVERAGE, NOT_TESTED, RATED, RECO
 from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.errors import DataError, UsageError
-from hdassist.measuring.measurement import Direction, Measurement
+from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -140,7 +140,7 @@ def _measured(limit: Limit, measurement: Measurement) -> list[Value]:
     return sorted(found, key=lambda value: -value.number)
 
 
-def _of_direction(limit: Limit, found: Direction) -> Value | None:
+def _of_direction(limit: Limit, found: SweepResult) -> Value | None:
     value = limit.check.measured(found, limit.order or 0.0) if limit.check.measured else None
     return value and Value(*value, "measured", limit.check.of_part if found.is_bound else "whole")
 

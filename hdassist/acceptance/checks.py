@@ -11,11 +11,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import DataError, UsageError
-from hdassist.preset.fields import Acceptance, Kind, kind_of, unit_of
+from hdassist.preset.fields import Acceptance
+from hdassist.preset.kinds import Kind, kind_of, unit_of
 
 if TYPE_CHECKING:  # heavy, and `hdassist explain` needs none of it
     from hdassist.acceptance.predictions import Predictions
-    from hdassist.measuring.measurement import Direction
+    from hdassist.measuring.measure import SweepResult
 
 Need = Literal["cycle", "self error", "stiffness"]
 Extent = Literal["whole", "at least", "part"]
@@ -47,7 +48,7 @@ class Check(Explained):
     field: str
     needs: tuple[Need, ...]
     predicted: Callable[[Predictions, float, float], float]
-    measured: Callable[[Direction, float], tuple[float, float] | None] | None = None
+    measured: Callable[[SweepResult, float], tuple[float, float] | None] | None = None
     of_part: Extent = "at least"
     upper: bool = True
 
@@ -67,8 +68,8 @@ class Remark(Explained):
     """Something that a verdict should not be read without."""
 
 
-def _amplitude(found: Direction, order: float) -> tuple[float, float] | None:
-    near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.cells.span]
+def _amplitude(found: SweepResult, order: float) -> tuple[float, float] | None:
+    near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.bins.span]
     best = min(near, key=lambda o: abs(o.per_cam_rev - order), default=None)
     return (best.amplitude_arcsec, best.uncertainty_arcsec) if best else None
 

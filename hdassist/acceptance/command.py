@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -122,7 +122,7 @@ def command(
     replay: Annotated[
         str | None, typer.Option("--replay", metavar="RESULT", help="Do again what an answer says (--json, --jsonl).")
     ] = None,
-    form: o.TraceOptions,
+    trace: o.TraceOptions,
     cross_check: o.CrossCheck = "clarabel",
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
@@ -163,14 +163,11 @@ def command(
     if (preset or files.resume) and not lots:
         raise UsageError(f"{'--preset' if preset else '--resume'} is for lots", "hdassist accept LOT.csv")
     traces = tuple(map(TraceFile.parse, measured))
-    o.stdin_once(*presets, *(trace.file for trace in traces), replay)
+    o.stdin_once(*presets, *(one.file for one in traces), replay)
     if preset == "-":
         raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
     rules = [f"acceptance.rule={rule}"] * bool(rule) + ([f"acceptance.margin={margin}"] if margin is not None else [])
-    reading = Reading(
-        form.angle, o.shaft(form.angle_of), form.angle_unit, form.error, form.error_unit, form.second, form.wrap,
-        form.orders, form.drift, tuple(form.budget),
-    )  # fmt: skip
+    reading = Reading(**asdict(trace.form()), orders=trace.orders, drift=trace.drift, budget=tuple(trace.budget))
     base = Request(
         preset, serial, (*drives.overrides, *rules), tuple(LimitText.parse(text, "--limit") for text in limit), traces,
         tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed,

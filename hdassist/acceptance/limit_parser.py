@@ -10,8 +10,7 @@ from hdassist.acceptance.checks import CHECKS, ORDER
 from hdassist.acceptance.decision import Limit, Value
 from hdassist.errors import UsageError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
-from hdassist.preset.spread import is_spread, read_spread
-from hdassist.preset.units import UnitError
+from hdassist.preset.units import UnitError, is_spread, read_spread
 
 ORDER_PREFIX = "order_"
 KINDS = {check.field: check.kind for check in CHECKS if check != ORDER}

@@ -16,13 +16,12 @@ from typing import Literal
 from hdassist.acceptance.limit_parser import LimitName, LimitText
 from hdassist.acceptance.request import Request, TraceFile
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import is_number
-from hdassist.preset.findings import near
+from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
-from hdassist.preset.yamltext import shown
-from hdassist.readers.texttable import TextTable, read_text_table
+from hdassist.preset.yamltext import near, shown
+from hdassist.readers.table import TextTable, few, read_texts
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
@@ -76,7 +75,7 @@ def read_lot(path: str, base: Request) -> Lot:
     Raises DataError: a file or folder that cannot be read or has no drive; PresetError: names of columns that cannot
     be meant. What is wrong with a row is kept with it.
     """
-    return _of_folder(Path(path), base) if Path(path).is_dir() else _of_table(read_text_table(path), base)
+    return _of_folder(Path(path), base) if Path(path).is_dir() else _of_table(read_texts(path), base)
 
 
 def _of_table(table: TextTable, base: Request) -> Lot:
@@ -86,7 +85,7 @@ def _of_table(table: TextTable, base: Request) -> Lot:
     notes = [f"{len(rows)} drives"]
     inside = [number for number in table.remarks if number > table.names_line]
     if inside:
-        notes.append(f"left out as remarks: line {', '.join(map(str, inside))}")
+        notes.append(f"left out as remarks: line {few(inside, 20)}")
     left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
     if any(left):
         notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")

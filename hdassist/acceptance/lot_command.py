@@ -18,7 +18,7 @@ from hdassist.acceptance.replay import still_stands
 from hdassist.acceptance.request import Request
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.measuring.measure import require_drift
-from hdassist.measuring.order_grid import DEFAULT, parse_orders
+from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.terminal.answers import json_text
@@ -81,7 +81,7 @@ def accept_lot(path: str, run: Run) -> int:
 def _require_sound(base: Request) -> None:
     """Raise what is wrong with the options before every row says it: UsageError, or what a common preset has wrong."""
     parse_stated(base.reading.budget)
-    parse_orders(base.reading.orders or DEFAULT)
+    parse_orders(base.reading.orders or None)
     require_drift(base.reading.drift)
     base.reading.require_sound()
     if base.preset:

@@ -16,13 +16,12 @@ from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import gearing_of
-from hdassist.measuring.measure import measure
-from hdassist.measuring.measurement import Measurement
+from hdassist.measuring.measure import Measurement, measure
+from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.fields import Drive
 from hdassist.preset.library import load_preset
-from hdassist.readers.trace import read_trace
-from hdassist.readers.tracecolumns import TraceForm
+from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
 
 CLOSED = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
@@ -134,7 +133,7 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
         torque: measure(
             read_trace(path, reading, ratio),
             drive=drive,
-            orders=reading.orders,
+            orders=parse_orders(reading.orders or None),
             drift=reading.drift,
             stated=stated,
             seed=request.seed,

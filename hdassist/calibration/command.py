@@ -62,7 +62,7 @@ def command(
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import DataError, UsageError
     from hdassist.preset.library import load_preset, read_preset
-    from hdassist.preset.rewrite import with_found_values
+    from hdassist.preset.write import with_found_values
     from hdassist.terminal.answers import json_text
     from hdassist.terminal.files import require_writable, write_text
     from hdassist.terminal.output import Output, note, warn

@@ -11,8 +11,8 @@ from rich.text import Text
 
 from hdassist.calibration.calibrate import Calibration, Fit
 from hdassist.calibration.targets import KINDS, Target
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import unit_of
+from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import unit_of
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.console import Style, table
 

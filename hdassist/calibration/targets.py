@@ -12,25 +12,25 @@ targets:
 
 from __future__ import annotations
 
-import csv
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from math import isfinite
 from pathlib import Path as Folder
 from typing import Any
 
-from hdassist.errors import PresetError
+import numpy as np
+
+from hdassist.errors import DataError, PresetError
+from hdassist.model.kinematics import Kinematics
 from hdassist.preset import yamltext
-from hdassist.preset.convert import Converter, field_table
-from hdassist.preset.fields import Drive, kind_of, unit_of
-from hdassist.preset.findings import Findings, near
-from hdassist.preset.yamltext import Path
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import kind_of, unit_of
+from hdassist.preset.units import read_number
+from hdassist.preset.yamltext import Findings, Path, Unread, near
+from hdassist.readers.trace import read_trace
 
 SCHEMA = "hdassist.targets/1"
-TRACE_COLUMNS = ("phi_h_deg", "error_arcsec")
-LEAST_POINTS = 10
+LEAST_POINTS = 10  # of a trace
 SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
 
 
@@ -58,7 +58,10 @@ KINDS: dict[str, Kind] = {
     ),
     "lost_motion": Kind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
     "trace": Kind(
-        "arcsec", "error over the cam angle, as trace --csv writes it", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
+        "arcsec",
+        "error over the cam angle, in a file that measure takes",
+        {**TORQUE, "file": ""},
+        {"phi_g0": "deg"},
     ),
 }
 
@@ -77,7 +80,7 @@ class Unknown:
 class Target:
     """A quantity that should be a value, or lie in low..high; tolerance is how far off counts as one.
 
-    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured.
+    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured there.
     """
 
     quantity: str
@@ -128,7 +131,13 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
 class _Reader:
     def __init__(self, findings: Findings, drive: Drive, folder: Folder) -> None:
         self.findings, self.drive, self.folder = findings, drive, folder
-        self.number = Converter(findings).number
+
+    def number(self, path: Path, value: Any, unit: str) -> float | None:
+        number = read_number(value, unit)
+        if not isinstance(number, Unread):
+            return number
+        self.findings.refuse(path, number)
+        return None
 
     def read(self, data: Any) -> tuple[str, list[Unknown], list[Target]] | None:
         if not isinstance(data, dict):
@@ -245,30 +254,22 @@ class _Reader:
         if not isinstance(name, str):
             self.findings.add(path, "must be the name of a file")
             return None
-        where = self.folder / name
+        u = Kinematics.of(self.drive).u
         try:
-            rows = list(csv.DictReader(where.read_text(encoding="utf-8-sig").splitlines()))
-        except (OSError, UnicodeDecodeError) as error:
-            self.findings.add(path, f"cannot be read: {error}")
+            trace = read_trace(self.folder / name, ratio=abs(u), fewest=LEAST_POINTS)
+        except DataError as error:
+            faults = map(str, error.findings) if isinstance(error, PresetError) else (error.message,)
+            for fault in faults:
+                self.findings.add(path, f"cannot be read: {fault}", error.hint)
             return None
-        points = []
-        for line, row in enumerate(rows, 2):
-            try:
-                point = tuple(float(row[column] or "") for column in TRACE_COLUMNS)
-            except (KeyError, ValueError):
-                self.findings.add(path, f"line {line} has no number in one of the columns {', '.join(TRACE_COLUMNS)}")
-                return None
-            points.append(point)
-        angles = [angle for angle, _ in points]
-        if (
-            len(points) < LEAST_POINTS
-            or not all(low < high for low, high in pairwise(angles))
-            or not all(map(isfinite, sum(points, ())))
-            or angles[0] < 0
-        ):
-            self.findings.add(path, f"needs {LEAST_POINTS} or more finite points with growing angles from 0 on")
+        rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in trace.sweeps])
+        rows = rows[np.argsort(trace.cam_deg[rows], kind="stable")]
+        if trace.cam_deg[rows[0]] < 0:
+            self.findings.add(path, f"needs cam angles from 0 on, not {trace.cam_deg[rows[0]]:g} deg")
             return None
-        return tuple(angles), tuple(error for _, error in points)
+        # two encoders give the opposite of F_kpp where both count the same way round, as they do if sense is that of u
+        sign = -trace.sense * np.sign(u) if trace.sense else 1.0
+        return tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
 
     def _limits(
         self, path: Path, item: dict[str, Any], unit: str, quantity: str

@@ -21,6 +21,7 @@ from hdassist.design import trace_command as trace
 from hdassist.errors import HdassistError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.trials import command as trials
 from hdassist.version import __version__
 
 INTERRUPTED = 130
@@ -46,6 +47,7 @@ app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)
 app.command("stiffness")(stiffness.command)
 app.command("trace")(trace.command)
+app.command("trials")(trials.command)
 app.add_typer(presets.app, name="presets")
 
 

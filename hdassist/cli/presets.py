@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
-import json as json_text
 import re
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hdassist.errors import HdassistError, PresetError
 from hdassist.terminal import options as o
-from hdassist.version import __version__
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from hdassist.preset.fields import Drive
-    from hdassist.terminal.output import Output
+    from hdassist.terminal.console import Style
 
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
 
 LAST_COLUMN = 16  # least width of a column of text
+PIPE_WIDTH = 10_000  # whoever reads a pipe has the room that a table needs
 
 Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]
 
 
+@dataclass(frozen=True)
+class TableOptions(o.OptionGroup):
+    """How a table is given."""
+
+    json: o.Json = False
+    ascii: o.Ascii = False
+    no_color: o.NoColor = False
+    debug: o.Debug = False
+
+
 @app.command("list")
-def list_(
-    json: o.Json = False,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
-    debug: o.Debug = False,  # noqa: ARG001
-) -> None:
+@o.with_groups
+def list_(options: TableOptions) -> None:
     """Presets that come with hdassist.
 
     \b
@@ -43,37 +47,39 @@ def list_(
       hdassist presets list --json
     """
     from hdassist.preset.library import load_preset, preset_names
+    from hdassist.terminal.answers import envelope
 
-    drives = [(name, load_preset(name)) for name in preset_names()]
-    if json:
-        presets = [
+    drives = {name: load_preset(name) for name in preset_names()}
+    if options.json:
+        answer = envelope("presets-list", None)
+        del answer["preset"]
+        answer["presets"] = [
             {
-                "preset": _preset(drive),
+                "preset": envelope("presets-list", drive)["preset"],
                 "z_g": drive.gears.z_g,
                 "z_b": drive.gears.z_b,
                 "m_mm": drive.gears.m,
                 "description": drive.description,
             }
-            for _, drive in drives
+            for drive in drives.values()
         ]
-        _print_json(_envelope("presets-list", 0) | {"presets": presets})
+        _print_json(answer)
         return
     rows = [
-        (name, f"{d.gears.z_g}/{d.gears.z_b}", f"{d.gears.m!r} mm", _first_sentence(d.description))
-        for name, d in drives
+        (name, f"{drive.gears.z_g}/{drive.gears.z_b}", f"{drive.gears.m!r} mm", _first_sentence(drive.description))
+        for name, drive in drives.items()
     ]
-    _print_table(("name", "teeth", "module", "description"), rows, ascii, no_color)
+    _print_table(("name", "teeth", "module", "description"), rows, options)
 
 
 @app.command()
+@o.with_groups
 def show(
     preset: o.Preset,
+    *,
     resolved: Resolved = False,
-    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
-    json: o.Json = False,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
+    drives: o.DriveOptions,
+    options: TableOptions,
 ) -> None:
     """A preset as it is written, or every value that is really used.
 
@@ -86,32 +92,34 @@ def show(
     Origins: given, assumed, identified (from the preset's `source`), default (left out), override (--set).
     --json and --set imply --resolved.
     """
-    from hdassist.preset.library import load_preset, read_preset
+    from hdassist.preset.library import read_preset
+    from hdassist.terminal.answers import envelope
     from hdassist.terminal.output import warn
 
-    if not (resolved or json or overrides):
+    if not (resolved or options.json or drives.overrides):
         sys.stdout.buffer.write(read_preset(preset)[0])
         sys.stdout.buffer.flush()
         return
-    from hdassist.preset.resolved import resolved as rows_of
+    from hdassist.preset.schema import resolved as rows_of
 
-    drive = load_preset(preset, overrides)
+    drive = drives.load(preset)
     rows = rows_of(drive)
-    if json:
-        fields = [asdict(row) for row in rows]
-        answer = _envelope("presets-show", 0, drive) | {"description": drive.description, "fields": fields}
-        _print_json(answer)
+    if options.json:
+        answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
+        _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
     else:
         cells = [(row.path, _value(row.value), row.unit, row.kind, row.ref) for row in rows]
-        _print_table(("field", "value", "unit", "origin", "reference"), cells, ascii, no_color)
+        _print_table(("field", "value", "unit", "origin", "reference"), cells, options)
     for warning in drive.origin.warnings:
         warn(warning)
 
 
 @app.command()
+@o.with_groups
 def validate(
     presets: o.Presets,
-    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    *,
+    drives: o.DriveOptions,
     json: o.Json = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
@@ -124,28 +132,31 @@ def validate(
 
     Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
     """
-    from hdassist.preset.library import load_preset
+    from hdassist.terminal.answers import combine, envelope, failure
+    from hdassist.terminal.console import Style
+    from hdassist.terminal.files import write_text
     from hdassist.terminal.output import complain, warn
 
     answers = []
     for name in presets:
         try:
-            drive = load_preset(name, overrides)
+            origin = (drive := drives.load(name)).origin
+            answer = envelope("presets-validate", drive, warnings=origin.warnings)
+            answers.append(answer | {"file": name, "valid": True, "findings": []})
         except HdassistError as error:
-            answers.append(_invalid(name, error))
+            findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
+            answer = failure("presets-validate", error, preset=name)
+            answers.append(answer | {"file": name, "valid": False, "findings": findings})
             if not json:
                 complain(error)
-                _print(f"{name}: invalid\n")
-            continue
-        answers.append(_envelope("presets-validate", 0, drive) | {"file": name, "valid": True, "findings": []})
         if not json:
-            _print(f"{name}: OK\n")
-            for warning in drive.origin.warnings:
+            verdict = "OK" if answers[-1]["valid"] else "invalid"
+            write_text("-", Style.of(sys.stdout).text(f"{name}: {verdict}\n"), force=False)
+            for warning in answers[-1]["warnings"]:
                 warn(warning)
     exit_code = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
     if json:
-        several = _envelope("presets-validate", exit_code) | {"results": answers}
-        _print_json(answers[0] if len(answers) == 1 else several)
+        _print_json(combine("presets-validate", answers) | {"exit_code": exit_code})
     raise typer.Exit(exit_code)
 
 
@@ -181,53 +192,20 @@ def schema(
       hdassist presets schema -o preset.schema.json
     """
     from hdassist.preset.schema import preset_schema
+    from hdassist.terminal.answers import json_text
     from hdassist.terminal.files import write_text
 
-    write_text("-" if output is None else output, _json(preset_schema()), force)
+    write_text("-" if output is None else output, json_text(preset_schema()), force)
 
 
-def _preset(drive: Drive) -> dict[str, Any]:
-    origin = drive.origin
-    return {"name": drive.name, "sha256": origin.sha256, "overrides": list(origin.overrides)}
+def _print_json(answer: Mapping[str, Any]) -> None:
+    from hdassist.terminal.answers import json_text
+    from hdassist.terminal.files import write_text
+
+    write_text("-", json_text(dict(answer)), force=False)
 
 
-def _envelope(command: str, exit_code: int, drive: Drive | None = None) -> dict[str, Any]:
-    return {
-        "schema": f"hdassist.{command}/1",
-        "version": __version__,
-        **({} if drive is None else {"preset": _preset(drive)}),
-        "exit_code": exit_code,
-        "warnings": [] if drive is None else list(drive.origin.warnings),
-    }
-
-
-def _invalid(name: str, error: HdassistError) -> dict[str, Any]:
-    findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
-    return _envelope("presets-validate", error.exit_code) | {
-        "preset": {"name": name, "sha256": None},
-        "file": name,
-        "valid": False,
-        "findings": findings,
-        "error": {"message": error.message, "hint": error.hint},
-    }
-
-
-def _json(answer: dict[str, Any]) -> str:
-    return json_text.dumps(answer, indent=2, allow_nan=False) + "\n"
-
-
-def _print(text: str) -> None:
-    from hdassist.terminal.console import Style
-
-    sys.stdout.write(Style.of(sys.stdout).text(text))
-    sys.stdout.flush()  # before anything on standard error that belongs behind it
-
-
-def _print_json(answer: dict[str, Any]) -> None:
-    sys.stdout.write(_json(answer))
-
-
-def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool, no_color: bool) -> None:
+def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions) -> None:
     """Print a table whose last column may wrap; nothing else is ever cut.
 
     In a pipe it takes the width it needs; on a terminal too narrow for its last column it does without.
@@ -237,31 +215,31 @@ def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], ascii: bool
     from hdassist.terminal.console import console
     from hdassist.terminal.output import Output, note
 
-    out = Output.open(ascii=ascii, no_color=no_color)
-    grid = _table(out, head, rows)
-    wide = console(sys.stdout, replace(out.style, width=10_000))
-    need = Measurement.get(wide, wide.options, grid)
+    out = Output.open(ascii=options.ascii, no_color=options.no_color)
+    wide = replace(out.style, width=PIPE_WIDTH)
     if not sys.stdout.isatty():
-        out = replace(out, style=replace(out.style, width=need.maximum))
-    elif need.minimum > out.style.width:
-        grid = _table(out, head[:-1], [row[:-1] for row in rows])
+        out = replace(out, style=wide)
+    grid = _table(out.style, head, rows)
+    paper = console(sys.stdout, wide)
+    if Measurement.get(paper, paper.options, grid).minimum > out.style.width:
+        grid = _table(out.style, head[:-1], [row[:-1] for row in rows])
         note(f"the column {head[-1]!r} needs a wider terminal, or a pipe")
     out.human(grid)
 
 
-def _table(out: Output, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+def _table(style: Style, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     from rich.text import Text
 
     from hdassist.terminal.console import table
 
-    grid = table(out.style)
+    grid = table(style)
     for column, title in enumerate(head):
-        words = [len(word) for row in rows for word in row[column].split()]
+        longest_word = max((len(word) for row in rows for word in row[column].split()), default=0)
         last = title in ("description", "reference")
         wraps = last or title == "value"  # a list of numbers wraps between its numbers
-        grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else max([0, *words]))
+        grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else longest_word)
     for row in rows:
-        grid.add_row(*(Text(out.style.text(cell)) for cell in row))
+        grid.add_row(*(Text(style.text(cell)) for cell in row))
     return grid
 
 

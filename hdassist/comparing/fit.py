@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import null_space
 
-from hdassist.comparing.record import Place, Record, scan
+from hdassist.comparing.record import Alignment, Record, rms, scan
 from hdassist.comparing.vectors import vectors_of, with_vectors
 from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, Torus
 from hdassist.model.geometry import Array
@@ -39,35 +39,39 @@ WHEELS = ((0, 4), (1, 2))  # vectors that turn with the flexspline, with the rig
 USUAL = 50.0  # um: size tried for a deviation that the preset has as 0
 
 
-@dataclass(frozen=True, eq=False)
-class Unknowns:
-    """What is looked for: some of VECTORS by their place, start and zero of the record."""
+@dataclass(frozen=True)
+class FreeParameters:
+    """What is fitted: some of VECTORS by their place, two unknowns each, then start and zero of the record."""
 
     vectors: tuple[int, ...]
     start: bool
     zero: bool
 
     @property
+    def vector_unknowns(self) -> int:
+        """Number of unknowns that belong to the vectors."""
+        return 2 * len(self.vectors)
+
+    @property
     def count(self) -> int:
         """Number of unknowns."""
-        return 2 * len(self.vectors) + self.start + self.zero
+        return self.vector_unknowns + self.start + self.zero
 
 
 @dataclass(frozen=True, eq=False)
 class VectorFit:
     """Deviations that fit a record best.
 
-    vectors [um], shape (5,); place; slopes: whitened, by x and y of each free vector [1/um], then start and zero
-    [1/deg], shape (2 lines, unknowns); seen, blind: orthonormal directions among the unknowns that the record tells
-    and does not tell, shape (unknowns, ...); spread: standard uncertainties along seen, noise alone; wide: covariance
-    of the unknowns over many starts, where slopes at one do not tell it.
+    free: the unknowns, x and y of each free vector [um], then start and zero [deg]; vectors [um], shape (5,); seen,
+    blind: orthonormal directions among the unknowns that the record tells and does not tell, shape (unknowns, ...);
+    spread: standard uncertainties along seen, noise alone; wide: covariance of the unknowns over many starts, where
+    slopes at one do not tell it.
     """
 
-    unknowns: Unknowns
+    free: FreeParameters
     vectors: Complex
-    place: Place
+    alignment: Alignment
     chi_square: float
-    slopes: Array
     seen: Array
     blind: Array
     spread: Array
@@ -81,7 +85,7 @@ class VectorFit:
 
 
 class VectorFitter:
-    """Fits of one record with one drive; unknowns of the place are the same in all of them."""
+    """Fits of one record with one drive; unknowns of the alignment are the same in all of them."""
 
     def __init__(self, drive: Drive, record: Record, torus: Torus, *, start: bool, zero: bool) -> None:
         self._drive, self._record, self._torus = drive, record, torus
@@ -89,163 +93,162 @@ class VectorFitter:
         self._here = vectors_of(drive)
         self._blind = max(LEAST_BLIND, BLIND * float(np.abs(self._here).max()))
 
-    def base(self, place: Place) -> VectorFit:
-        """The drive as it is, with the place fitted where that is asked for."""
-        waves = self._torus.waves([self._drive])[0]
-        found, _ = scan(self._record, waves, place, start=self._start, zero=self._zero)
+    def base(self, alignment: Alignment) -> VectorFit:
+        """The drive as it is, with the alignment fitted where that is asked for."""
+        (waves,) = self._torus.waves([self._drive])
+        found, _ = scan(self._record, waves, alignment, start=self._start, zero=self._zero)
         return self._descend(self._here, found, (), POINTS)
 
     def left_arcsec(self, fit: VectorFit) -> float:
         """Rms of what a fit leaves within the orders [arcsec]."""
-        waves = self._torus.waves([with_vectors(self._drive, fit.vectors, fit.unknowns.vectors)])[0]
-        left = self._record.measured - self._record.predicted(waves, fit.place)
-        return float(np.sqrt((left**2).sum() / 2))
+        (waves,) = self._waves([fit.vectors], fit.free.vectors, POINTS)
+        return rms(self._record.measured - self._record.predicted(waves, fit.alignment))
 
-    def single(self, free: int, base: VectorFit) -> VectorFit:
+    def single(self, vector: int, base: VectorFit) -> VectorFit:
         """One vector changed, the others as they are; on a torus that is good enough to tell the good ones."""
-        starts = self._starts(free)
-        waves = self._torus.waves([with_vectors(self._drive, v, [free]) for v in starts], COARSE)
-        looks = [scan(self._record, w, base.place, start=self._start, zero=self._zero) for w in waves]
+        starts = self._starts(vector)
+        waves = self._waves(starts, [vector], COARSE)
+        looks = [scan(self._record, w, base.alignment, start=self._start, zero=self._zero) for w in waves]
         best = int(np.argmin([chi for _, chi in looks]))
         if looks[best][1] > NEARER * looks[0][1]:
-            return self._descend(self._here, base.place, (free,), MIDDLE)
-        return self._descend(starts[best], looks[best][0], (free,), MIDDLE)
+            return self._descend(self._here, base.alignment, (vector,), MIDDLE)
+        return self._descend(starts[best], looks[best][0], (vector,), MIDDLE)
 
     def gains(self, base: VectorFit) -> Array:
         """How much chi-square each vector alone would take off, as far as the slopes at the drive tell, shape (5,)."""
-        everything = Unknowns(tuple(range(len(self._here))), self._start, self._zero)
-        left, waves = self._left(base.vectors, base.place, (), POINTS)
-        slopes = self._slopes(base.vectors, base.place, everything, waves)
-        rest = list(range(2 * len(self._here), everything.count))
-        columns = [[2 * k, 2 * k + 1, *rest] for k in everything.vectors]
-        taken = [np.linalg.lstsq(slopes[:, own], left)[0] for own in columns]
-        return np.array(
-            [
-                2 * left @ slopes[:, own] @ t - ((slopes[:, own] @ t) ** 2).sum()
-                for own, t in zip(columns, taken, strict=True)
-            ]
-        )
+        free = self._free(range(len(self._here)))
+        left, waves = self._left(base.vectors, base.alignment, (), POINTS)
+        slopes = self._slopes(base.vectors, base.alignment, free, waves)
+        gains = []
+        for k in free.vectors:
+            own = slopes[:, [2 * k, 2 * k + 1, *range(free.vector_unknowns, free.count)]]
+            taken = np.linalg.lstsq(own, left)[0]
+            gains.append(2 * left @ own @ taken - ((own @ taken) ** 2).sum())
+        return np.array(gains)
 
     def polished(self, fit: VectorFit) -> VectorFit:
         """A fit gone on with on a fine torus."""
-        return self._descend(fit.vectors, fit.place, fit.unknowns.vectors, POINTS)
+        return self._descend(fit.vectors, fit.alignment, fit.free.vectors, POINTS)
 
     def profiled(self, fit: VectorFit) -> VectorFit:
         """A fit of one vector looked at over many starts, where its start is uncertain: a bent valley has other minima.
 
         The covariance is that over the starts, each as likely as its chi-square says.
         """
-        row = 2 * len(fit.unknowns.vectors)
+        row, vectors = fit.free.vector_unknowns, fit.free.vectors
         if not self._start or self._zero or (fit.blind[row] ** 2).sum() > NEARLY:
             return fit
         step = float(np.sqrt(fit.covariance()[row, row]))
         if step < SHARP:
             return fit
         still = VectorFitter(self._drive, self._record, self._torus, start=False, zero=False)
-        free = fit.unknowns.vectors
-        found = [still._descend(fit.vectors, fit.place, free, MIDDLE)]
+        found = [still._descend(fit.vectors, fit.alignment, vectors, MIDDLE)]
         for way in (1, -1):
             here = found[0]
             for _ in range(WALK):
-                start = here.place.start + way * np.radians(step)
-                here = still._descend(here.vectors, replace(here.place, start=float(start)), free, MIDDLE)
+                start = here.alignment.start + way * np.radians(step)
+                here = still._descend(here.vectors, replace(here.alignment, start=float(start)), vectors, MIDDLE)
                 found.append(here)
                 if here.chi_square > min(f.chi_square for f in found) + FAR:
                     break
         best = min(found, key=lambda f: f.chi_square)
         result = fit
         if best is not found[0]:
-            other = self._descend(best.vectors, best.place, free, POINTS)
+            other = self._descend(best.vectors, best.alignment, vectors, POINTS)
             result = min(fit, other, key=lambda f: f.chi_square)
         weight = np.exp(-(np.array([f.chi_square for f in found]) - best.chi_square) / 2)
         wide = np.zeros((row + 1, row + 1))
         for share, each in zip(weight / weight.sum(), found, strict=True):
-            moved = each.vectors[list(free)] - result.vectors[list(free)]
-            turned = np.degrees(each.place.start - result.place.start)
-            away = np.array([*(part for value in moved for part in (value.real, value.imag)), turned])
+            moved = each.vectors[list(vectors)] - result.vectors[list(vectors)]
+            turned = np.degrees(each.alignment.start - result.alignment.start)
+            away = np.array([*_parts(moved), turned])
             wide += share * np.outer(away, away)
             wide[:row, :row] += share * each.covariance()
         return replace(result, wide=wide)
 
     def joint(self, begin: VectorFit) -> VectorFit:
         """All vectors changed, as far as the record tells them apart."""
-        return self._descend(begin.vectors, begin.place, tuple(range(len(self._here))), POINTS)
+        return self._descend(begin.vectors, begin.alignment, tuple(range(len(self._here))), POINTS)
 
-    def _starts(self, free: int) -> list[Complex]:
+    def _free(self, vectors: Sequence[int]) -> FreeParameters:
+        return FreeParameters(tuple(vectors), self._start, self._zero)
+
+    def _waves(self, several: Sequence[Complex], free: Sequence[int], points: int) -> Complex:
+        """Waves of the drive with some of its vectors changed, shape (several, waves)."""
+        return self._torus.waves([with_vectors(self._drive, vectors, free) for vectors in several], points)
+
+    def _starts(self, vector: int) -> list[Complex]:
         """The drive's own vectors, and with one of them turned or scaled."""
-        own = self._here[free] or USUAL
+        own = self._here[vector] or USUAL
         others = [own * scale for scale in SCALED]
-        if not self._alike(self._here, Unknowns((free,), self._start, self._zero)).shape[1]:
+        if not self._alike(self._here, self._free([vector])).shape[1]:
             others += [own * np.exp(1j * np.radians(turn)) for turn in TURNED]
-        if not self._here[free]:
+        if not self._here[vector]:
             others.append(own)
         result = [self._here.copy() for _ in range(len(others) + 1)]
         for vectors, value in zip(result[1:], others, strict=True):
-            vectors[free] = value
+            vectors[vector] = value
         return result
 
-    def _descend(self, vectors: Complex, place: Place, free: tuple[int, ...], points: int) -> VectorFit:
-        unknowns = Unknowns(free, self._start, self._zero)
-        left, waves = self._left(vectors, place, free, points)
+    def _descend(self, vectors: Complex, alignment: Alignment, wanted: tuple[int, ...], points: int) -> VectorFit:
+        free = self._free(wanted)
+        left, waves = self._left(vectors, alignment, wanted, points)
         for _ in range(STEPS):
-            slopes = self._slopes(vectors, place, unknowns, waves)
-            seen, _, sizes = self._split(slopes, self._alike(vectors, unknowns))
+            slopes = self._slopes(vectors, alignment, free, waves)
+            seen, _, sizes = self._split(slopes, self._alike(vectors, free))
             step = seen @ ((seen.T @ slopes.T @ left) / sizes**2)
             step *= min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-12))
             before = float(left @ left)
             for share in SHARES:
-                there = self._moved(vectors, place, unknowns, share * step)
-                tried, other = self._left(*there, free, points)
+                there = _moved(vectors, alignment, free, share * step)
+                tried, other = self._left(*there, wanted, points)
                 if tried @ tried < before:
-                    (vectors, place), left, waves = there, tried, other
+                    (vectors, alignment), left, waves = there, tried, other
                     break
             if before - float(left @ left) < max(STILL, SLOW * before):
                 break
-        slopes = self._slopes(vectors, place, unknowns, waves)
-        seen, blind, sizes = self._split(slopes, self._alike(vectors, unknowns))
-        return VectorFit(unknowns, vectors, place, float(left @ left), slopes, seen, blind, 1 / sizes)
+        slopes = self._slopes(vectors, alignment, free, waves)
+        seen, blind, sizes = self._split(slopes, self._alike(vectors, free))
+        return VectorFit(free, vectors, alignment, float(left @ left), seen, blind, 1 / sizes)
 
-    def _left(self, vectors: Complex, place: Place, free: Sequence[int], points: int) -> tuple[Array, Complex]:
+    def _left(self, vectors: Complex, alignment: Alignment, free: Sequence[int], points: int) -> tuple[Array, Complex]:
         """Whitened differences that are left, and the waves."""
-        waves = self._torus.waves([with_vectors(self._drive, vectors, free)], points)[0]
-        return self._record.whitened(self._record.measured - self._record.predicted(waves, place)), waves
+        (waves,) = self._waves([vectors], free, points)
+        return self._record.whitened(self._record.measured - self._record.predicted(waves, alignment)), waves
 
-    def _slopes(self, vectors: Complex, place: Place, unknowns: Unknowns, waves: Complex) -> Array:
+    def _slopes(self, vectors: Complex, alignment: Alignment, free: FreeParameters, waves: Complex) -> Array:
+        """Whitened slopes by each unknown, shape (2 orders, unknowns), per um and deg."""
         columns = []
-        if unknowns.vectors:
+        if free.vectors:
             near = [vectors]
-            for k in unknowns.vectors:
+            for k in free.vectors:
                 for part in (STEP, 1j * STEP):
-                    other = vectors.copy()
-                    other[k] += part
-                    near.append(other)
-            found = self._torus.waves([with_vectors(self._drive, v, unknowns.vectors) for v in near], MIDDLE)
-            columns += list(self._record.predicted((found[1:] - found[0]) / STEP, place))
-        moved = np.radians(self._record.slopes(waves, place))
-        columns += [column for column, wanted in zip(moved, (unknowns.start, unknowns.zero), strict=True) if wanted]
+                    near.append(vectors.copy())
+                    near[-1][k] += part
+            found = self._waves(near, free.vectors, MIDDLE)
+            columns += list(self._record.predicted((found[1:] - found[0]) / STEP, alignment))
+        moved = np.radians(self._record.slopes(waves, alignment))
+        columns += [column for column, wanted in zip(moved, (free.start, free.zero), strict=True) if wanted]
         if not columns:
             return np.zeros((len(self._record.measured), 0))
         return self._record.whitened(np.array(columns)).T
 
-    def _alike(self, vectors: Complex, unknowns: Unknowns) -> Array:
+    def _alike(self, vectors: Complex, free: FreeParameters) -> Array:
         """Directions among the unknowns that change nothing at all, orthonormal, shape (unknowns, ...).
 
         To begin elsewhere is the same as to turn all vectors of a wheel: without effect where they all are free.
         """
-        wanted = [place for place, free in enumerate((unknowns.start, unknowns.zero)) if free]
+        wanted = [place for place, fitted in enumerate((free.start, free.zero)) if fitted]
         turns = np.stack([self._record.starts, -np.array(self._record.rates)], axis=1)[:, wanted]
-        held = [any(vectors[k] and k not in unknowns.vectors for k in wheel) for wheel in WHEELS]
-        free = null_space(turns[held]) if any(held) else np.eye(len(wanted))
+        held = [any(vectors[k] and k not in free.vectors for k in wheel) for wheel in WHEELS]
         columns = []
-        for gauge in free.T:
+        for gauge in (null_space(turns[held]) if any(held) else np.eye(len(wanted))).T:
             back = np.radians(-turns @ gauge)
-            wheel = [next((w for w, members in enumerate(WHEELS) if k in members), None) for k in unknowns.vectors]
-            moved = [
-                0j if w is None else 1j * vectors[k] * back[w] for w, k in zip(wheel, unknowns.vectors, strict=True)
-            ]
-            columns.append([*(part for value in moved for part in (value.real, value.imag)), *gauge])
+            wheel = [next((w for w, members in enumerate(WHEELS) if k in members), None) for k in free.vectors]
+            moved = [0j if w is None else 1j * vectors[k] * back[w] for w, k in zip(wheel, free.vectors, strict=True)]
+            columns.append([*_parts(moved), *gauge])
         if not columns:
-            return np.zeros((unknowns.count, 0))
+            return np.zeros((free.count, 0))
         return np.asarray(np.linalg.qr(np.array(columns).T)[0])
 
     def _split(self, slopes: Array, alike: Array) -> tuple[Array, Array, Array]:
@@ -258,11 +261,18 @@ class VectorFitter:
         directions = others @ directions.T
         return directions[:, seen], np.concatenate([directions[:, ~seen], alike], axis=1), sizes[seen]
 
-    def _moved(self, vectors: Complex, place: Place, unknowns: Unknowns, step: Array) -> tuple[Complex, Place]:
-        result = vectors.copy()
-        for i, k in enumerate(unknowns.vectors):
-            result[k] += step[2 * i] + 1j * step[2 * i + 1]
-        rest = list(np.radians(step[2 * len(unknowns.vectors) :]))
-        start = place.start + (rest.pop(0) if unknowns.start else 0.0)
-        zero = place.zero + (rest.pop(0) if unknowns.zero else 0.0)
-        return result, replace(place, start=float(start), zero=float(zero))
+
+def _parts(vectors: Sequence[complex] | Complex) -> list[float]:
+    """X and y of vectors, one after the other."""
+    return [part for vector in vectors for part in (vector.real, vector.imag)]
+
+
+def _moved(vectors: Complex, alignment: Alignment, free: FreeParameters, step: Array) -> tuple[Complex, Alignment]:
+    """Vectors and alignment after a step of the unknowns."""
+    result = vectors.copy()
+    for i, k in enumerate(free.vectors):
+        result[k] += step[2 * i] + 1j * step[2 * i + 1]
+    rest = list(np.radians(step[free.vector_unknowns :]))
+    start = alignment.start + (rest.pop(0) if free.start else 0.0)
+    zero = alignment.zero + (rest.pop(0) if free.zero else 0.0)
+    return result, replace(alignment, start=float(start), zero=float(zero))

@@ -1,66 +1,107 @@
-"""A comparison of a measured trace with a drive as a page."""
+"""A comparison of a measured trace with a drive as a page, as JSON, and as CSV."""
 
 from __future__ import annotations
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.comparing.compare import Reading
-from hdassist.comparing.comparison import Comparison, Explanation
-from hdassist.comparing.figures import options, start_name, turned
-from hdassist.comparing.findings import as_good
+from hdassist.comparing.compare import UNTOLD, Comparison, RecordConvention
+from hdassist.comparing.findings import Explanation, as_good
+from hdassist.comparing.record import OrderPair
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.orders import UNKNOWN
+from hdassist.model.kinematics import Kinematics
+from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import two_curves
+from hdassist.terminal.runs import Answer, Figures
 
 SHOWN = 12  # orders in the table, the greatest
 AROUND = 1.0  # cam turns drawn to either side of the largest difference
-NOTHING = 359.0  # deg: a standard uncertainty that says nothing
 BEYOND = (
     "Beyond these deviations there are: stiffnesses, clearances and a torque that differ from the preset's, teeth that "
     "are no first harmonic, friction, tilted shafts, the rig's encoders and couplings, a sign or a zero read wrongly."
 )
 
 
-def conclusion(result: Comparison, reading: Reading) -> str:
-    """The answer in a sentence."""
-    finding, best = result.finding, result.finding.best
-    if finding.kind == "agrees":
+def answer(result: Comparison, convention: RecordConvention, *, plots: bool) -> Answer:
+    """What there is to say of a comparison; convention, how the file was read; plots, whether curves are drawn."""
+    return Answer(
+        to_json=lambda: to_json(result, convention),
+        page=lambda style: render(result, convention, style, plots=plots),
+        summary_line=lambda: summary_line(result, convention),
+        figures=lambda: figures(result),
+        about=result.measurement.trace.file,
+        warnings=result.warnings,
+        proof=result.certificate,
+    )
+
+
+def overrides_of(found: Explanation | None) -> list[str]:
+    """New values of an explanation as --set takes them."""
+    return [f"{path}={value:.10g}" for path, value in found.overrides] if found else []
+
+
+def swapping_options(result: Comparison, convention: RecordConvention) -> str:
+    """Options that read a mirrored file the other way round: its error, its cam angle, or both."""
+    error = "output-cam" if convention.error_is == "cam-output" else "cam-output"
+    sense = "cw" if convention.cam_sense == "ccw" else "ccw"
+    options = {"error_is": f"--error-is {error}", "cam_sense": f"--cam-sense {sense}"}
+    swapped = result.mirror.swapped if result.mirror else None
+    return " ".join(text for name, text in options.items() if swapped in (name, "both"))
+
+
+def start_name(result: Comparison) -> str:
+    """Name of the angle at which the output stands where phi_h is 0."""
+    return "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
+
+
+def turned(angle: float) -> float:
+    """An angle [rad] in degrees from -180 to 180."""
+    return float((np.degrees(angle) + 180) % 360 - 180)
+
+
+def verdict_line(result: Comparison, convention: RecordConvention) -> str:
+    """The conclusion in a sentence."""
+    kind, best = result.conclusion.kind, result.conclusion.best
+    if kind == "agrees":
         return "agrees: the difference is not clear of the noise; no change of the preset is called for"
-    if finding.kind == "mirrored" and result.mirror:
-        asked = options(result.mirror.option, reading)
+    if kind == "mirrored" and result.mirror:
         rms = f"{result.mirror.rms_arcsec:.2f} instead of {result.difference_rms_arcsec:.2f} arcsec rms"
-        return f"mirrored: read the other way round the file fits clearly better, {rms}: {asked}"
+        options = swapping_options(result, convention)
+        return f"mirrored: read the other way round the file fits clearly better, {rms}: {options}"
     if best is None:
         return "unexplained: no deviation explains the difference"
     name = ", ".join(VECTORS[k].size for k in best.vectors)
     share = f"{100 * best.share:.1f} % of the difference"
-    if finding.kind == "one":
+    if kind == "one":
         return f"explained by one deviation, {name}: {share}, and no more is left than noise"
-    if finding.kind == "several":
+    if kind == "several":
         return f"explained by several deviations together, not by one: {share}, and no more is left than noise"
     return f"unexplained: the best single deviation, {name}, explains {share}; the rest is clear of noise"
 
 
-def brief(result: Comparison, reading: Reading) -> str:
+def summary_line(result: Comparison, convention: RecordConvention) -> str:
     """The answer alone: what was concluded, and the overrides that say it."""
-    best = result.finding.best
-    if result.finding.kind == "mirrored" and result.mirror:
-        return f"mirrored {options(result.mirror.option, reading)}"
-    sets = [f"--set {text}" for text in best.overrides] if best and result.finding.kind != "unexplained" else []
-    return " ".join([result.finding.kind, *sets])
+    kind = result.conclusion.kind
+    if kind == "mirrored":
+        return f"mirrored {swapping_options(result, convention)}"
+    sets = [] if kind == "unexplained" else overrides_of(result.conclusion.best)
+    return " ".join([kind, *(f"--set {text}" for text in sets)])
 
 
-def render(result: Comparison, reading: Reading, style: Style, *, plots: bool = True) -> RenderableType:
+def render(result: Comparison, convention: RecordConvention, style: Style, *, plots: bool = True) -> RenderableType:
     """Conclusion, both curves in one plot, ranges, orders and what would explain the difference."""
     trace = result.measurement.trace
-    head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.found.cells.span:.2f} cam turns"
-    parts: list[RenderableType] = [Text(style.text(head), style="bold")]
-    parts.append(Text(style.text(conclusion(result, reading)), style="bold"))
-    notes = [*result.measurement.notes, _place(result), _sign(result)]
-    parts.append(Text(style.text("\n".join(f"note: {text}" for text in notes))))
+    head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.found.bins.span:.2f} cam turns"
+    notes = [*result.measurement.notes, _alignment(result), _sign(result)]
+    parts: list[RenderableType] = [
+        Text(style.text(head), style="bold"),
+        Text(style.text(verdict_line(result, convention)), style="bold"),
+        Text(style.text("\n".join(f"note: {text}" for text in notes))),
+    ]
     if plots:
         parts.append(Text(_plot(result, style)))
     parts += [Text(style.text(_ranges(result))), _orders(result, style)]
@@ -74,16 +115,16 @@ def render(result: Comparison, reading: Reading, style: Style, *, plots: bool = 
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _place(result: Comparison) -> str:
+def _alignment(result: Comparison) -> str:
     pairs = (
-        (start_name(result), result.place.start, result.start_uncertainty_deg),
-        ("cam zero", result.place.zero, result.zero_uncertainty_deg),
+        (start_name(result), result.unchanged.alignment.start, result.start_uncertainty_deg),
+        ("cam zero", result.unchanged.alignment.zero, result.zero_uncertainty_deg),
     )
     words = []
     for name, angle, uncertainty in pairs:
         if uncertainty is None:
             words.append(f"{name} = {turned(angle):g} deg, given")
-        elif uncertainty > NOTHING:
+        elif uncertainty >= UNTOLD:
             words.append(f"{name}: fitted, but not told by the record")
         else:
             words.append(f"{name} = {turned(angle):.1f} deg, u = {uncertainty:.1f}, fitted")
@@ -91,23 +132,23 @@ def _place(result: Comparison) -> str:
 
 
 def _sign(result: Comparison) -> str:
-    same = "the file's error is cam/ratio - output, as F_kpp" if result.place.sign > 0 else (
-        "the file's error is output - cam/ratio, against F_kpp"
-    )  # fmt: skip
-    sense = "counter-clockwise" if result.place.sense > 0 else "clockwise"
-    return f"{same}; its cam angle grows {sense}, seen from the cam side. Curves and phases below are the file's."
+    same = (
+        "cam/ratio - output, as F_kpp" if result.unchanged.alignment.sign > 0 else "output - cam/ratio, against F_kpp"
+    )
+    sense = "counter-clockwise" if result.unchanged.alignment.sense > 0 else "clockwise"
+    cam = f"its cam angle grows {sense}, seen from the cam side"
+    return f"the file's error is {same}; {cam}. Curves and phases below are the file's."
 
 
 def _plot(result: Comparison, style: Style) -> str:
-    cells = result.found.cells
-    worst = result.largest_at_turns
-    span = result.found.cells.turns
-    sweep = cells.sweep == cells.sweep[abs(span - worst).argmin()]
-    low = min(max(worst - AROUND, span[sweep].min()), max(span[sweep].max() - 2 * AROUND, span[sweep].min()))
-    shown = sweep & (span >= low) & (span <= low + 2 * AROUND)
+    bins, worst = result.found.bins, result.largest_at_turns
+    sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
+    first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
+    low = min(max(worst - AROUND, first), max(last - 2 * AROUND, first))
+    shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * AROUND)
     predicted = result.predicted_arcsec[shown]
     return two_curves(
-        style, span[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
+        style, bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
         x_label="cam angle, turns: around the largest difference", y_label="error, arcsec",
     )  # fmt: skip
 
@@ -123,23 +164,32 @@ def _ranges(result: Comparison) -> str:
             f"difference: rms {result.difference_rms_arcsec:.2f} arcsec, range {result.difference_range_arcsec:.2f}, "
             f"largest {result.largest_arcsec:.2f} at {result.largest_at_turns:.3f} cam turns",
             f"residual with its noise: rms {size.std():.2f} arcsec, range {size.max() - size.min():.2f}",
-            f"predicted F'_ior of the full cycle: {result.F_ior_arcsec:.2f} arcsec",
+            f"predicted F'_ior of the full cycle: {_whole(result.unchanged)} arcsec",
         )
     )
 
 
+def _grid(style: Style, title: str, columns: tuple[str, ...]) -> Table:
+    """An empty table whose columns are numbers but for deviations and causes."""
+    grid = table(style, title)
+    for words in columns:
+        left = words in ("deviation", "cause")
+        grid.add_column(style.text(words), justify="left" if left else "right", overflow="fold")
+    return grid
+
+
 def _orders(result: Comparison, style: Style) -> Table:
     title = f"orders: amplitude·cos(order·angle + phase), arcsec and deg, the {SHOWN} greatest of {len(result.orders)}"
-    grid = table(style, title)
-    for words in ("order", "measured", "phase", "predicted", "phase", "difference", "cause"):
-        grid.add_column(words, justify="left" if words == "cause" else "right", overflow="fold")
-    greatest = sorted(result.orders, key=lambda o: -max(o.amplitude_arcsec, o.predicted_arcsec))[:SHOWN]
-    for o in sorted(greatest, key=lambda o: o.per_cam_rev):
+    columns = ("order", "measured", "phase", "predicted", "phase", "difference", "cause")
+    grid = _grid(style, title, columns)
+    greatest = sorted(result.orders, key=lambda pair: -max(pair.measured.amplitude_arcsec, pair.predicted_arcsec))
+    for pair in sorted(greatest[:SHOWN], key=lambda pair: pair.measured.per_cam_rev):
+        o = pair.measured
         measured = _number(o.amplitude_arcsec, o.uncertainty_arcsec, 2)
-        difference = _number(o.difference_arcsec, o.difference_uncertainty_arcsec, 2)
+        difference = _number(pair.difference_arcsec, pair.difference_uncertainty_arcsec, 2)
         grid.add_row(
-            f"{o.per_cam_rev:.2f}", style.text(measured), f"{o.phase_deg:.0f}", f"{o.predicted_arcsec:.2f}",
-            f"{o.predicted_phase_deg:.0f}", style.text(difference), "-" if o.cause == UNKNOWN else o.cause,
+            f"{o.per_cam_rev:.2f}", style.text(measured), f"{o.phase_deg:.0f}", f"{pair.predicted_arcsec:.2f}",
+            f"{pair.predicted_phase_deg:.0f}", style.text(difference), "-" if o.cause == UNKNOWN else o.cause,
         )  # fmt: skip
     return grid
 
@@ -148,72 +198,185 @@ def _number(value: float | None, uncertainty: float | None, digits: int = 1) -> 
     return "-" if value is None or uncertainty is None else f"{value:.{digits}f} ± {uncertainty:.{digits}f}"
 
 
-def _singles(result: Comparison, style: Style) -> Table:
-    title = "one deviation fitted alone, the best first; ±: standard; left: chi-square per degree of freedom"
-    grid = table(style, title)
-    for words in ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec"):
-        grid.add_column(style.text(words), justify="left" if words == "deviation" else "right", overflow="fold")
-    now = f"{result.chi_square / result.freedom:.2f}"
-    grid.add_row("none: as the preset", "", "", "", now, f"{result.F_ior_arcsec:.2f}")
-    for single in sorted(result.singles, key=lambda s: s.chi_square):
-        vector = VECTORS[single.vectors[0]]
-        name = f"{vector.size.split('.')[1]}, {vector.direction.split('.')[1]}: {vector.words}"
-        change = single.changes[0] if single.changes else None
-        size = _number(change.size_um, change.size_uncertainty_um) if change else "-"
-        turn = _number(change.direction_deg, change.direction_uncertainty_deg) if change else "-"
-        cells = [
-            size,
-            turn,
-            f"{100 * max(single.share, 0):.1f} %",
-            f"{single.chi_square / single.freedom:.2f}",
-            _whole(single),
-        ]
-        cells = cells if single.clear else ["not clear of noise", "", *cells[2:4], ""]
-        grid.add_row(*(style.text(text) for text in (name, *cells)))
-    return grid
+def _change(found: Explanation, vector: int, untold: str) -> tuple[str, str]:
+    """New size and direction of a vector in words."""
+    change = next((change for change in found.changes if change.vector == vector), None)
+    if change is None:
+        return untold, untold
+    direction = _number(change.direction_deg, change.direction_uncertainty_deg)
+    return _number(change.size_um, change.size_uncertainty_um), direction
 
 
 def _whole(found: Explanation) -> str:
     return "-" if found.F_ior_arcsec is None else f"{found.F_ior_arcsec:.2f}"
 
 
+def _singles(result: Comparison, style: Style) -> Table:
+    title = "one deviation fitted alone, the best first; ±: standard; left: chi-square per degree of freedom"
+    columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
+    grid = _grid(style, title, columns)
+    now = result.unchanged
+    left = f"{now.chi_square / now.freedom:.2f}"
+    grid.add_row("none: as the preset", "", "", "", left, _whole(now))
+    for single in sorted(result.singles, key=lambda s: s.chi_square):
+        vector = VECTORS[single.vectors[0]]
+        name = f"{vector.name}, {vector.direction.split('.')[1]}: {vector.words}"
+        change, whole = ("not clear of noise", ""), ""
+        if single.clear:
+            change, whole = _change(single, single.vectors[0], "-"), _whole(single)
+        share, left = f"{100 * max(single.share, 0):.1f} %", f"{single.chi_square / single.freedom:.2f}"
+        grid.add_row(*(style.text(text) for text in (name, *change, share, left, whole)))
+    return grid
+
+
 def _joint(joint: Explanation, style: Style) -> Table:
     left = f"left {joint.chi_square / joint.freedom:.2f}"
     title = f"all deviations fitted together: {100 * joint.share:.1f} % explained, {left}, F'_ior {_whole(joint)}"
-    grid = table(style, title)
-    for words in ("deviation", "size, um", "direction, deg"):
-        grid.add_column(words, justify="left" if words == "deviation" else "right", overflow="fold")
-    told = {change.vector: change for change in joint.changes}
+    grid = _grid(style, title, ("deviation", "size, um", "direction, deg"))
     for k in joint.vectors:
-        change = told.get(k)
-        size = _number(change.size_um, change.size_uncertainty_um) if change else "not told"
-        turn = _number(change.direction_deg, change.direction_uncertainty_deg) if change else "not told"
-        grid.add_row(VECTORS[k].size.split(".")[1], style.text(size), style.text(turn))
+        grid.add_row(VECTORS[k].name, *(style.text(text) for text in _change(joint, k, "not told")))
     return grid
 
 
 def _advice(result: Comparison) -> list[str]:
     """Sentences below the tables: what is not told apart, what is left, what to type."""
-    finding, best = result.finding, result.finding.best
+    kind, best, joint = result.conclusion.kind, result.conclusion.best, result.joint
     lines = []
-    if result.joint:
-        names = sorted({name for combination in result.joint.untold for name in combination})
-        if names:
-            count = len(result.joint.untold)
-            ways = "one combination" if count == 1 else f"{count} combinations"
-            lines.append(f"Fitted together, {ways} of {', '.join(names)} cannot be told from this record.")
-    if finding.kind == "one" and best:
+    if joint and (names := sorted({name for combination in joint.untold for name in combination})):
+        count = len(joint.untold)
+        ways = "one combination" if count == 1 else f"{count} combinations"
+        lines.append(f"Fitted together, {ways} of {', '.join(names)} cannot be told from this record.")
+    if kind == "one" and best:
         others = ", ".join(VECTORS[s.vectors[0]].size for s in as_good(best, result.singles))
         if others:
             lines.append(f"As well explained by {others} alone: the record does not tell which of them it is.")
-    if finding.kind == "unexplained":
-        named = result.joint if result.joint and result.joint.left_orders else best
-        left = (
-            [f"order {order:.2f}: {size:.2f} arcsec ({why})" for order, size, why in named.left_orders] if named else []
-        )
+    if kind == "unexplained":
+        named = joint if joint and joint.left_orders else best
+        left = [
+            f"order {pair.measured.per_cam_rev:.2f}: {pair.difference_arcsec:.2f} arcsec ({pair.measured.cause})"
+            for pair in (named.left_orders if named else ())
+        ]
         lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + BEYOND)
-    if best and best.overrides and finding.kind in ("one", "several"):
+    if best and best.overrides and kind in ("one", "several"):
         rest = f"; {best.left_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
-        sets = " ".join(f"--set {text}" for text in best.overrides)
+        sets = " ".join(f"--set {text}" for text in overrides_of(best))
         lines.append(f"To go on with it{rest}:\n  {sets}")
     return lines
+
+
+def to_json(result: Comparison, convention: RecordConvention) -> Json:
+    """The comparison as a JSON object."""
+    found, trace, best = result.found, result.measurement.trace, result.conclusion.best
+    start, alignment = start_name(result), result.unchanged.alignment
+    return {
+        **envelope("compare", result.drive, 0, [*result.drive.origin.warnings, *result.warnings]),
+        "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
+        "notes": list(result.measurement.notes),
+        "M_g_Nm": result.M_g,
+        "place": {
+            f"{start}_deg": turned(alignment.start),
+            f"{start}_uncertainty_deg": result.start_uncertainty_deg,
+            f"{start}_fitted": result.start_uncertainty_deg is not None,
+            "cam_zero_deg": turned(alignment.zero),
+            "cam_zero_uncertainty_deg": result.zero_uncertainty_deg,
+            "cam_zero_fitted": result.zero_uncertainty_deg is not None,
+            "error_is": "cam-output" if alignment.sign > 0 else "output-cam",
+            "cam_sense": "ccw" if alignment.sense > 0 else "cw",
+        },
+        "cam_revolutions": found.bins.span,
+        "measured": {
+            "range_arcsec": found.range.value,
+            "standard_uncertainty_arcsec": found.uncertainty_arcsec,
+            "is_full_cycle": not found.is_bound,
+        },
+        "predicted": {"range_arcsec": result.predicted_range_arcsec, "F_ior_arcsec": result.unchanged.F_ior_arcsec},
+        "difference": {
+            "range_arcsec": result.difference_range_arcsec,
+            "rms_arcsec": result.difference_rms_arcsec,
+            "largest_arcsec": result.largest_arcsec,
+            "largest_at_cam_deg": 360 * result.largest_at_turns,
+        },
+        "residual": {
+            "rms_arcsec": float(np.std(result.residual_arcsec)),
+            "range_arcsec": float(np.ptp(result.residual_arcsec)),
+        },
+        "chi_square": result.unchanged.chi_square,
+        "degrees_of_freedom": result.unchanged.freedom,
+        "orders": [_pair(pair) for pair in result.orders],
+        "finding": {
+            "kind": result.conclusion.kind,
+            "deviations": [VECTORS[k].size for k in best.vectors] if best else [],
+            "overrides": overrides_of(best),
+            "F_ior_arcsec": best.F_ior_arcsec if best else None,
+        },
+        "mirrored": result.mirror
+        and {"option": swapping_options(result, convention), "difference_rms_arcsec": result.mirror.rms_arcsec},
+        "singles": [_explained(result, single) for single in result.singles],
+        "joint": result.joint and _explained(result, result.joint),
+        "certificate": certificate_object(result.certificate),
+        "seed": result.measurement.seed,
+    }
+
+
+def _pair(pair: OrderPair) -> Json:
+    """One order, measured and predicted, as a JSON object."""
+    return {
+        "per_cam_rev": pair.measured.per_cam_rev,
+        "measured": {
+            "amplitude_arcsec": pair.measured.amplitude_arcsec,
+            "uncertainty_arcsec": pair.measured.uncertainty_arcsec,
+            "phase_deg": pair.measured.phase_deg,
+        },
+        "predicted": {"amplitude_arcsec": pair.predicted_arcsec, "phase_deg": pair.predicted_phase_deg},
+        "difference": {
+            "amplitude_arcsec": pair.difference_arcsec,
+            "uncertainty_arcsec": pair.difference_uncertainty_arcsec,
+        },
+        "cause": pair.measured.cause,
+    }
+
+
+def _explained(result: Comparison, found: Explanation) -> Json:
+    """One explanation as a JSON object."""
+    return {
+        "deviations": [VECTORS[k].size for k in found.vectors],
+        "changes": [
+            {
+                "size": VECTORS[change.vector].size,
+                "size_um": change.size_um,
+                "size_uncertainty_um": change.size_uncertainty_um,
+                "direction": VECTORS[change.vector].direction,
+                "direction_deg": change.direction_deg,
+                "direction_uncertainty_deg": change.direction_uncertainty_deg,
+            }
+            for change in found.changes
+        ],
+        "not_told_apart": [list(names) for names in found.untold],
+        "chi_square": found.chi_square,
+        "degrees_of_freedom": found.freedom,
+        "explained_share": found.share,
+        "clear": found.clear,
+        "sufficient": found.sufficient,
+        "overrides": overrides_of(found),
+        "F_ior_arcsec": found.F_ior_arcsec,
+        "difference_left_arcsec": found.left_arcsec,
+        "orders_left": [
+            {
+                "per_cam_rev": pair.measured.per_cam_rev,
+                "amplitude_arcsec": pair.difference_arcsec,
+                "cause": pair.measured.cause,
+            }
+            for pair in found.left_orders
+        ],
+        f"{start_name(result)}_deg": turned(found.alignment.start),
+        "cam_zero_deg": turned(found.alignment.zero),
+    }
+
+
+def figures(result: Comparison) -> Figures:
+    """One row per step of the angle: error less level and drift, prediction, residual."""
+    bins, predicted, residual = result.found.bins, result.predicted_arcsec, result.residual_arcsec
+    columns = (bins.sweep, 360 * bins.turns, predicted + residual, predicted, residual)
+    name = result.measurement.trace.file
+    rows = [[name, *values] for values in zip(*(column.tolist() for column in columns), strict=True)]
+    return ["file", "sweep", "cam_deg", "measured_arcsec", "predicted_arcsec", "residual_arcsec"], rows

@@ -19,6 +19,11 @@ class Vector:
     direction: str
     words: str
 
+    @property
+    def name(self) -> str:
+        """Symbol of the size."""
+        return self.size.split(".")[1]
+
 
 VECTORS = (
     Vector("tolerances.F_i1", "phases.xi_g", "flexspline teeth"),

@@ -8,18 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.model.geometry import Array
 from hdassist.readers.sweeps import Sweep
 from hdassist.readers.trace import MeasuredTrace
 
-PER_PERIOD = 40  # cells in a period of the highest order: its amplitude falls by 0.1 %
+PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
 HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """Averages, shape (cells,), by sweep and along the angle.
+class Bins:
+    """Averages, shape (bins,), by sweep and along the angle.
 
     turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; travel: of the cam
     since the first row, turns.
@@ -36,9 +35,14 @@ class Cells:
         return len(self.turns)
 
     @property
+    def sweeps(self) -> int:
+        """Number of sweeps."""
+        return int(self.sweep[-1]) + 1
+
+    @property
     def span(self) -> float:
         """Turns of the cam from least to greatest angle of the longest sweep."""
-        return max(float(np.ptp(self.turns[self.sweep == k])) for k in range(int(self.sweep[-1]) + 1))
+        return max(float(np.ptp(self.turns[self.sweep == k])) for k in range(self.sweeps))
 
 
 def travel_of(trace: MeasuredTrace) -> Array:
@@ -46,17 +50,17 @@ def travel_of(trace: MeasuredTrace) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
 
 
-def cells_of(trace: MeasuredTrace, moves: Sequence[Sweep], highest: float) -> Cells:
-    """Average the rows of some sweeps over cells of 1/(PER_PERIOD highest) of a turn."""
+def bins_of(trace: MeasuredTrace, sweeps: Sequence[Sweep], highest: float) -> Bins:
+    """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
     travel = travel_of(trace)
     parts = []
-    for index, move in enumerate(moves):
-        rows = slice(move.start, move.stop)
+    for number, sweep in enumerate(sweeps):
+        rows = slice(sweep.start, sweep.stop)
         turns = trace.cam_deg[rows] / 360
         _, place = np.unique(np.floor(turns * PER_PERIOD * highest), return_inverse=True)
         count = np.bincount(place).astype(float)
         means = [np.bincount(place, values) / count for values in (turns, trace.error_arcsec[rows], travel[rows])]
-        parts.append((means[0], means[1], count, np.full(len(count), index), means[2]))
-    turns, error, count, sweep, path = (np.concatenate(column) for column in zip(*parts, strict=True))
+        parts.append((means[0], means[1], count, np.full(len(count), number), means[2]))
+    turns, error, count, index, path = (np.concatenate(column) for column in zip(*parts, strict=True))
     weight = np.minimum(count, HEAVIEST * np.median(count))
-    return Cells(turns, error, count, weight / weight.mean(), sweep.astype(np.int64), path)
+    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path)

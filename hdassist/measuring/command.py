@@ -9,39 +9,28 @@ import typer
 from hdassist.terminal import options as o
 
 
+@o.with_groups
 def command(
     files: o.Traces,
+    *,
     preset: Annotated[
         str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
     ] = None,
-    ratio: Annotated[float | None, typer.Option(help="Cam turns per output turn, where no drive is given.")] = None,
-    angle: o.Angle = None,
-    angle_of: o.AngleOf = None,
-    angle_unit: o.AngleUnit = None,
-    error: o.ErrorColumn = None,
-    error_unit: o.ErrorUnit = None,
-    second: o.Second = None,
-    wrap: o.Wrap = None,
-    orders: o.Orders = None,
-    drift: o.Drift = "none",
-    budget: o.Budget = [],  # noqa: B006 (typer copies it)
+    ratio: Annotated[
+        float | None,
+        typer.Option(help="Turns of the cam (wave generator) per output turn, where no drive is given."),
+    ] = None,
+    traces: o.TraceOptions,
     seed: o.Bootstrap = 0,
-    json: o.Json = False,
-    csv: o.Csv = None,
-    output: o.Target = "-",
-    force: o.Force = False,
     plot: o.Plot = True,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
-    quiet: o.Quiet = False,
-    debug: o.Debug = False,
+    options: o.FigureOptions,
 ) -> None:
     """F'_ior, orders and coverage of measured traces, with their uncertainty.
 
     \b
     Examples:
       hdassist measure run.csv --drive my-drive.yaml
-      hdassist measure run.csv.gz --ratio 100 --error err_mdeg --drift linear
+      hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
       hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2 --budget encoder=0.5
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
 
@@ -49,59 +38,35 @@ def command(
     the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
     itself. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the record does not tell.
     """
-    from hdassist.errors import HdassistError, UsageError
-    from hdassist.measuring import figures
-    from hdassist.measuring import page as report
     from hdassist.measuring.cycle import gearing_of
-    from hdassist.measuring.measure import measure
-    from hdassist.measuring.measurement import Measurement
-    from hdassist.measuring.order_grid import DEFAULT, parse_orders
+    from hdassist.measuring.measure import Measurement, measure
+    from hdassist.measuring.orders import parse_orders
+    from hdassist.measuring.page import answer, repeats, repeats_line
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.preset.library import load_preset
     from hdassist.readers.trace import read_trace
-    from hdassist.readers.tracecolumns import TraceForm
-    from hdassist.terminal.answers import combine, json_text
-    from hdassist.terminal.output import Output, complain, warn
-    from hdassist.verdict import worst_exit_code
+    from hdassist.terminal.answers import failure
+    from hdassist.terminal.runs import Answer, give, run_each
 
-    if [*files, preset].count("-") > 1:
-        raise UsageError("standard input can be read once only")
-    out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
-    stated = parse_stated(budget)
-    parse_orders(orders or DEFAULT)
+    o.stdin_once(*files, preset)
+    out = options.open()
+    stated, orders = parse_stated(traces.budget), parse_orders(traces.orders or None)
     drive = load_preset(preset) if preset is not None else None
     gearing = gearing_of(drive, ratio)
-    form = TraceForm(angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap)
+    form = traces.form()
     done: list[Measurement] = []
-    answers, pages = [], []
-    for name in files:
-        try:
-            trace = read_trace(name, form, gearing.ratio if gearing else None)
-            result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed)
-        except HdassistError as fault:
-            if debug or isinstance(fault, UsageError) or (len(files) == 1 and not json):
-                raise
-            complain(fault, "" if name in fault.message else name)
-            answers.append(figures.failure("measure", name, fault))
-            continue
-        done.append(result)
-        answers.append(figures.answer(result, drive))
-        pages.append(report.brief(result) if quiet else report.render(result, drive, out.style, plots=plot))
-        for text in result.warnings:
-            warn(f"{name}: {text}")
-    repeats = figures.repeats(done)
-    if json:
-        together = combine("measure", answers)
-        out.text(json_text({**together, "repeat_runs": repeats} if repeats else together))
-    elif pages:
-        from rich.console import Group
 
-        if repeats and not quiet:
-            mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
-            pages.append(
-                f"{repeats['files']} files: F'_ior {mean:.2f} arcsec on the mean, standard deviation {spread:.2f}"
-            )
-        out.human(Group(*pages))
-    if done:
-        out.figures(figures.csv(done))
-    raise typer.Exit(worst_exit_code(answer["exit_code"] for answer in answers))
+    def one(name: str) -> Answer:
+        trace = read_trace(name, form, gearing.ratio if gearing else None)
+        result = measure(
+            trace, drive=drive, ratio=ratio, orders=orders, drift=traces.drift, stated=stated, seed=seed
+        )  # fmt: skip
+        done.append(result)
+        return answer(result, drive, plots=plot)
+
+    answers = run_each(
+        "measure", files, one, options, failed=lambda name, error: failure("measure", error, file=name)
+    )  # fmt: skip
+    several = repeats(done)
+    more, below = ({"repeat_runs": several}, [repeats_line(several)]) if several else ({}, [])
+    raise typer.Exit(give("measure", answers, options, out, more=more, below=below))

@@ -1,16 +1,21 @@
-"""How cam and output of a measured drive hang together: ratio, and how long its full cycle is."""
+"""How cam and output of a measured drive hang together: ratio, full cycle, and how much of it a trace has visited."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
 
+import numpy as np
+
 from hdassist.errors import UsageError
+from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 
-WHOLE = 1e-9
-LEAST, MOST = 10.0, 1000.0
+LEAST_RATIO, GREATEST_RATIO = 10.0, 1000.0
+ROUNDING = 1e-9
+CELLS_PER_TURN = 36  # of the cam
+FULL = 0.95  # share from which the cycle counts as visited
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,29 @@ class Gearing:
     def cycle_output(self) -> int:
         """Output turns of the full cycle: 1, or 2 where the flexspline has an odd number of teeth."""
         return round(self.cycle / self.ratio)
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Cells of cam angle and output angle: as many as there are in the full cycle, and how many were visited.
+
+    In one direction the cam passes each of them once in a cycle. cam_deg, output_deg: size of a cell.
+    """
+
+    cells: int
+    visited: int
+    cam_deg: float
+    output_deg: float
+
+    @property
+    def share(self) -> float:
+        """Share of the cycle that was visited, 0 to 1."""
+        return self.visited / self.cells
+
+    @property
+    def is_full(self) -> bool:
+        """Whether F'_ior of the record is that of the cycle, not a lower bound only."""
+        return self.share >= FULL
 
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
@@ -40,7 +68,15 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
         return None
     ratio = abs(ratio)
     doubled = round(2 * ratio) if isfinite(ratio) else 0
-    if not LEAST <= ratio <= MOST or abs(2 * ratio - doubled) > WHOLE:
+    if not LEAST_RATIO <= ratio <= GREATEST_RATIO or abs(2 * ratio - doubled) > ROUNDING:
         hint = "half the number of teeth of the wheel that turns, such as 100 or 99.5"
-        raise UsageError(f"--ratio must be a multiple of 0.5 from {LEAST:g} to {MOST:g}, not {ratio:g}", hint)
+        span = f"from {LEAST_RATIO:g} to {GREATEST_RATIO:g}"
+        raise UsageError(f"--ratio must be a multiple of 0.5 {span}, not {ratio:g}", hint)
     return Gearing(ratio, doubled // 2 if doubled % 2 == 0 else doubled)
+
+
+def coverage(turns: Array, gearing: Gearing) -> Coverage:
+    """Coverage of a drive's full cycle by cam angles [turns] in one direction."""
+    total = gearing.cycle * CELLS_PER_TURN
+    visited = len(np.unique(np.mod(np.floor(turns * CELLS_PER_TURN), total)))
+    return Coverage(total, visited, 360 / CELLS_PER_TURN, 360 / gearing.ratio)

@@ -3,47 +3,129 @@
 error = level of the sweep + drift + sum of a cos(2 pi f x) + b sin(2 pi f x). The coefficients are as uncertain as
 those of independent residuals, widened by the noise floor of the residuals at each order, or, in records too short for
 that, by the number of neighbours that err together: the integrated autocorrelation. What of the residuals goes on
-from one cell to the next is no noise of reading but error beyond the given orders, or slow: its size is kept as
+from one bin to the next is no noise of reading but error beyond the given orders, or slow: its size is kept as
 `unmodelled`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdassist.measuring.bins import Cells
-from hdassist.measuring.design_matrix import CHUNK, Design, waves
-from hdassist.measuring.noise import noise_floor
+from hdassist.errors import UntrustedError
+from hdassist.measuring.bins import PER_PERIOD, Bins
+from hdassist.model.geometry import Array
 
+CHUNK = 8192  # rows of the design that stand in memory at once
+WORST_CONDITION = 1e8  # of the normal equations
+BINS_PER_COLUMN = 1.5
 LAGS = 2000
-CLEAR = 4.0  # standard deviations of the power of noise
+POWER_CLEAR = 4.0  # standard deviations of the power of noise
+FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the orders
+FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
+FLOOR_AROUND = 0.5  # orders to either side
+FLOOR_FEWEST = 8  # places, nearest to the order
 
-Array = NDArray[np.float64]
+
+def order_columns(turns: Array, orders: Array) -> Array:
+    """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 orders)."""
+    phase = (2 * np.pi) * turns[:, None] * orders
+    return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+
+
+def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
+    """Curves [arcsec] of coefficients, shape (2 orders, ...), at cam angles [turns], shape (angles, ...)."""
+    parts = range(0, len(turns), CHUNK)
+    return np.concatenate([order_columns(turns[k : k + CHUNK], orders) @ coefficients for k in parts])
+
+
+class Design:
+    """Normal equations of orders, levels of the sweeps and drift on the bins of a trace, factored once.
+
+    columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; root: times
+    its transpose the inverse of the normal equations, shape (columns, columns); condition: of these.
+    Raises UntrustedError: too few bins, or angles at which the orders cannot be told apart.
+    """
+
+    def __init__(self, bins: Bins, orders: Array, degree: int = 0) -> None:
+        self.bins, self.orders, self._degree = bins, orders, degree
+        self.reach = max(float(bins.travel.max()), 1e-12)
+        self.columns = columns = 2 * len(orders) + bins.sweeps + degree
+        if len(bins) < BINS_PER_COLUMN * columns:
+            message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
+            raise UntrustedError(message, "record more densely, or declare fewer orders: --orders 1,2,4")
+        self._parts = [slice(k, min(k + CHUNK, len(bins))) for k in range(0, len(bins), CHUNK)]
+        gram = np.zeros((columns, columns))
+        self._moment = np.zeros(columns)
+        for rows in self._parts:
+            matrix = self._rows(rows)
+            weighted = matrix * bins.weight[rows, None]
+            gram += weighted.T @ matrix
+            self._moment += weighted.T @ bins.error[rows]
+        scale = 1 / np.sqrt(np.diag(gram))
+        values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
+        self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
+        if self.condition > WORST_CONDITION:
+            hint = "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
+            raise UntrustedError("the angles that were recorded do not tell the declared orders apart", hint)
+        # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
+        self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
+
+    def _rows(self, rows: slice) -> Array:
+        bins = self.bins
+        levels = np.eye(bins.sweeps)[bins.sweep[rows]]
+        drift = (bins.travel[rows, None] / self.reach) ** np.arange(1, self._degree + 1)
+        return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, drift], axis=1)
+
+    def solution(self) -> Array:
+        """Unknowns that fit the error of the bins best, shape (columns,)."""
+        return np.asarray(self.root @ (self.root.T @ self._moment))
+
+    def residual(self, solution: Array) -> Array:
+        """What a solution leaves of the bins' error, shape (bins,)."""
+        fitted = np.concatenate([self._rows(rows) @ solution for rows in self._parts])
+        return np.asarray(self.bins.error - fitted)
+
+    def project(self, curves: Callable[[slice], Array]) -> Array:
+        """Unknowns that fit other curves best, shape (columns, curves), from their values at a slice of the bins."""
+        moments = [(self._rows(rows) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
+        return np.asarray(self.root @ (self.root.T @ sum(moments)))
+
+    def split(self, solution: Array) -> tuple[Array, Array, Array]:
+        """Coefficients of the orders, levels of the sweeps, and drift of a solution [arcsec]."""
+        count = 2 * len(self.orders)
+        return solution[:count], solution[count : count + self.bins.sweeps], solution[count + self.bins.sweeps :]
+
+    def drift_at(self, drift: Array, travel: Array) -> Array:
+        """A drift [arcsec] after so much travel [turns]."""
+        return sum((c * (travel / self.reach) ** (k + 1) for k, c in enumerate(drift)), np.zeros(len(travel)))
 
 
 @dataclass(frozen=True, eq=False)
 class TraceFit:
     """Coefficients of a trace.
 
-    orders: per cam turn, shape (lines,); coefficients: of the cosines, then of the sines [arcsec], shape (2 lines,);
-    factor: shape (2 lines, 2 lines + others), whose product with unit noise is an error of the coefficients; level:
-    shape (sweeps,); drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (cells,). correlated: cells
-    that err together; unmodelled: size of what is no noise of reading [arcsec]; condition: of the normal equations.
+    design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
+    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; level: shape (sweeps,);
+    drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (bins,). correlated: bins that err together;
+    unmodelled: size of what is no noise of reading [arcsec].
     """
 
-    orders: Array
+    design: Design
     coefficients: Array
     factor: Array
     level: Array
     drift: Array
-    reach: float
     residual: Array
     correlated: float
     unmodelled: float
-    condition: float
+
+    @property
+    def orders(self) -> Array:
+        """Orders that were fitted, per cam turn, rising, shape (orders,)."""
+        return self.design.orders
 
     @property
     def amplitude(self) -> Array:
@@ -55,22 +137,26 @@ class TraceFit:
         """Standard uncertainty of the amplitudes [arcsec], along their phase."""
         a, b = self.pair(self.coefficients)
         size = np.maximum(np.hypot(a, b), 1e-300)
-        count = len(self.orders)
-        along = (a / size)[:, None] * self.factor[:count] + (b / size)[:, None] * self.factor[count:]
+        cosine, sine = self.pair(self.factor)
+        along = (a / size)[:, None] * cosine + (b / size)[:, None] * sine
         return np.asarray(np.sqrt((along**2).sum(axis=1)))
 
-    def curve(self, turns: Array) -> Array:
-        """The curve [arcsec] at cam angles [turns], without levels and drift."""
-        parts = range(0, len(turns), CHUNK)
-        return np.concatenate([waves(turns[k : k + CHUNK], self.orders) @ self.coefficients for k in parts])
+    @property
+    def noise_power(self) -> Array:
+        """Power of the noise in cosine and sine of each order [arcsec^2], shape (orders,)."""
+        cosine, sine = self.pair((self.factor**2).sum(axis=1))
+        return np.asarray(cosine + sine)
 
     @property
     def clear_of_noise(self) -> bool:
         """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
-        cosine, sine = self.pair((self.factor**2).sum(axis=1))
-        power = float((2 * self.amplitude**2 / np.maximum(cosine + sine, 1e-300)).sum())
+        power = float((2 * self.amplitude**2 / np.maximum(self.noise_power, 1e-300)).sum())
         freedom = 2 * len(self.orders)
-        return power > freedom + CLEAR * float(np.sqrt(2 * freedom))
+        return power > freedom + POWER_CLEAR * float(np.sqrt(2 * freedom))
+
+    def curve(self, turns: Array) -> Array:
+        """The curve [arcsec] at cam angles [turns], without levels and drift."""
+        return curve_of(self.coefficients, self.orders, turns)
 
     def pair(self, values: Array) -> tuple[Array, Array]:
         """Cosine and sine parts."""
@@ -78,38 +164,28 @@ class TraceFit:
 
     def drift_at(self, travel: Array) -> Array:
         """Drift that was taken off [arcsec] after so much travel [turns]."""
-        return sum((c * (travel / self.reach) ** (k + 1) for k, c in enumerate(self.drift)), np.zeros(len(travel)))
+        return self.design.drift_at(self.drift, travel)
 
 
-def fit(cells: Cells, orders: Array, degree: int = 0) -> TraceFit:
-    """Fit the orders, a level of each sweep, and a drift of a degree (0: none) to the cells of a trace.
+def fit_orders(bins: Bins, orders: Array, degree: int = 0) -> TraceFit:
+    """Fit the orders, a level of each sweep, and a drift of a degree (0: none) to the bins of a trace.
 
-    Raises UntrustedError: too few cells, or angles at which the orders cannot be told apart.
+    Raises UntrustedError: too few bins, or angles at which the orders cannot be told apart.
     """
-    design = Design(cells, orders, degree)
+    design = Design(bins, orders, degree)
     solution = design.solution()
     residual, columns = design.residual(solution), design.columns
-    variance = float((cells.weight * residual**2).sum()) / (len(cells) - columns)
-    correlated, unmodelled = _memory(residual, variance, columns, float(orders[-1]), cells)
-    count, sweeps = 2 * len(orders), int(cells.sweep[-1]) + 1
-    floor = noise_floor(cells, residual, orders, variance)
-    wide = np.full(count, correlated) if floor is None else np.tile(floor, 2)
-    return TraceFit(
-        orders,
-        solution[:count],
-        design.root[:count] * np.sqrt(variance * wide)[:, None],
-        solution[count : count + sweeps],
-        solution[count + sweeps :],
-        design.reach,
-        residual,
-        correlated,
-        unmodelled,
-        design.condition,
-    )
+    variance = float((bins.weight * residual**2).sum()) / (len(bins) - columns)
+    correlated, unmodelled = _memory(residual, variance, columns, float(orders[-1]), bins)
+    coefficients, level, drift = design.split(solution)
+    floor = noise_floor(bins, residual, orders, variance)
+    wide = np.full(len(coefficients), correlated) if floor is None else np.tile(floor, 2)
+    factor = design.root[: len(coefficients)] * np.sqrt(variance * wide)[:, None]
+    return TraceFit(design, coefficients, factor, level, drift, residual, correlated, unmodelled)
 
 
-def _memory(residual: Array, variance: float, columns: int, highest: float, cells: Cells) -> tuple[float, float]:
-    """How many cells err together, and the size of what goes on from cell to cell [arcsec]."""
+def _memory(residual: Array, variance: float, columns: int, highest: float, bins: Bins) -> tuple[float, float]:
+    """How many bins err together, and the size of what goes on from bin to bin [arcsec]."""
     size = len(residual)
     if not variance:
         return 1.0, 0.0
@@ -119,9 +195,44 @@ def _memory(residual: Array, variance: float, columns: int, highest: float, cell
     below = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
     last = int(below[0]) if len(below) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
-    near = (np.diff(cells.turns) < 0.25 / highest) & (np.diff(cells.sweep) == 0)
+    near = (np.diff(bins.turns) < 0.25 / highest) & (np.diff(bins.sweep) == 0)
     if near.sum() < size / 5:
         return correlated, 0.0
     following = float((residual[1:] * residual[:-1])[near].mean()) + variance * columns / size
     clear = following > 2 * variance / np.sqrt(near.sum())
     return correlated, float(np.sqrt(following)) if clear else 0.0
+
+
+def noise_floor(bins: Bins, residual: Array, orders: Array, variance: float) -> Array | None:
+    """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
+
+    Residuals of a real trace are not white: slow ones weigh on low orders more than on high ones. Their power halfway
+    between fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
+    Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
+    """
+    if bins.span < FLOOR_SHORTEST or not variance:
+        return None
+    density = PER_PERIOD * float(orders[-1])
+    places = np.floor(bins.turns * density).astype(np.int64)
+    sizes = [int(np.ptp(places[bins.sweep == k])) + 1 for k in range(bins.sweeps)]
+    length = 1 << int(np.ceil(np.log2(2 * max(sizes))))
+    power = np.zeros(length // 2 + 1)
+    for index, size in enumerate(sizes):
+        own = bins.sweep == index
+        line = np.zeros(size)
+        line[places[own] - places[own].min()] = (bins.weight * residual)[own]
+        power += np.abs(np.fft.rfft(line, length)) ** 2
+    power /= float((bins.weight**2).sum()) * variance
+    probes = np.arange(len(power)) * density / length
+    after = np.clip(np.searchsorted(orders, probes), 1, max(len(orders) - 1, 1))
+    near = np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
+    free = (near >= FLOOR_APART / bins.span) & (probes > 0) & (probes <= orders[-1] + 1)
+    probes, power = probes[free], power[free]
+    if len(probes) < FLOOR_FEWEST:
+        return None
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    first, last = np.searchsorted(probes, orders - FLOOR_AROUND), np.searchsorted(probes, orders + FLOOR_AROUND)
+    few = last - first < FLOOR_FEWEST
+    middle = np.clip(np.searchsorted(probes, orders) - FLOOR_FEWEST // 2, 0, len(probes) - FLOOR_FEWEST)
+    first, last = np.where(few, middle, first), np.where(few, middle + FLOOR_FEWEST, last)
+    return np.asarray((total[last] - total[first]) / (last - first))

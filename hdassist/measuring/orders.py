@@ -1,16 +1,31 @@
-"""The order table of a measured trace: amplitude, its uncertainty, phase and cause of each order."""
+"""Orders to which a measured trace is limited, and the table of those that were found.
+
+Deviations of the wheel that turns with the output beat with those that stand still, so around each declared order n the
+error has orders n + k/ratio. BEATS of them to either side hold a model's error over the full cycle to about 1 % of its
+range. A record of T cam turns tells orders apart that lie 1/T apart: of closer ones, fewer stand for all.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hdassist.error.orders import UNKNOWN, known_causes
+from hdassist.errors import UsageError
 from hdassist.measuring.cycle import Gearing
 from hdassist.measuring.fit import TraceFit
+from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
+DEFAULT = tuple(float(order) for order in range(1, 13))
+HIGHEST = 200.0
+BEATS = 6
+USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
+DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
+WHOLE = 0.97  # of an output turn: a record that has its beats
 OUTPUT = "once per output turn: also encoder graduation and coupling"
 
 
@@ -28,34 +43,61 @@ class MeasuredOrder:
     cause: str
 
 
-def named(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[MeasuredOrder, ...]:
+def parse_orders(text: str | None) -> tuple[float, ...] | None:
+    """Declared orders per cam turn, rising, from a text like "1-12" or "1,2,4"; None where there is none.
+
+    Raises UsageError: no such text, or orders beyond 0 to 200.
+    """
+    if text is None:
+        return None
+    found: set[float] = set()
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(?:-\s*(\d+)\s*)?", part)
+        if match is None:
+            raise UsageError(f"no orders: {text}", 'write them like "1-12" or "1,2,4"')
+        first, last = float(match[1]), float(match[2] or match[1])
+        if not 0 < first <= last <= HIGHEST or (match[2] and not first.is_integer()):
+            raise UsageError(f"orders must rise, above 0 and up to {HIGHEST:g}: {text}")
+        found.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
+    return tuple(sorted(found))
+
+
+def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, beats: bool = True) -> Array:
+    """Orders per cam turn to fit, rising, shape (orders,).
+
+    Arguments: declared orders; turns of the cam that the record spans; ratio, None where it is not known; beats,
+    whether to put them around the declared orders, as far as the record tells them apart.
+    """
+    base = 1 / (ratio or USUAL_RATIO)
+    width = BEATS * base
+    step = base if turns * base >= WHOLE else 1 / turns
+    count = max(int(width / step + 1e-9), int(turns >= DRIFTING)) if beats else 0
+    around = np.arange(-count, count + 1) * step
+    every = np.concatenate([around[around > 0], *(order + around for order in declared)])
+    every = np.sort(every[every > 0])
+    return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
+
+
+def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[MeasuredOrder, ...]:
     """Orders of a fit, rising, with the simplest causes of each that lie nearest to it."""
+    orders = fit.orders
+    width = float(np.diff(orders).min()) / 2 if len(orders) > 1 else 0.5
+    causes: list[list[tuple[int, str]]] = [[] for _ in orders]
+    for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
+        place = int(np.abs(orders - order).argmin())
+        if abs(orders[place] - order) <= width + 1e-9:
+            causes[place].append((abs(k_g) + abs(k_b), words))
+
+    def cause(order: float, known: list[tuple[int, str]]) -> str:
+        words = [text for degree, text in known if degree == min(known)[0]]
+        if gearing and abs(order - 1 / gearing.ratio) < min(width, 0.5 / gearing.ratio):
+            words.append(OUTPUT)
+        return "; ".join(words) or (UNKNOWN if drive else "")
+
     cosine, sine = fit.pair(fit.coefficients)
     phase = np.degrees(np.arctan2(-sine, cosine))
-    causes: dict[int, list[tuple[int, str]]] = {}
-    width = float(np.diff(fit.orders).min()) / 2 if len(fit.orders) > 1 else 0.5
-    for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
-        place = int(np.abs(fit.orders - order).argmin())
-        if abs(fit.orders[place] - order) <= width + 1e-9:
-            causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
-    rows = zip(fit.orders, fit.amplitude, fit.amplitude_uncertainty, phase, strict=True)
+    columns = (column.tolist() for column in (orders, fit.amplitude, fit.amplitude_uncertainty, phase))
     return tuple(
-        MeasuredOrder(
-            float(order),
-            float(amplitude),
-            float(uncertainty),
-            float(angle),
-            _cause(float(order), causes.get(place, []), drive, gearing, width),
-        )
-        for place, (order, amplitude, uncertainty, angle) in enumerate(rows)
+        MeasuredOrder(order, amplitude, uncertainty, angle, cause(order, known))
+        for order, amplitude, uncertainty, angle, known in zip(*columns, causes, strict=True)
     )
-
-
-def _cause(
-    order: float, causes: list[tuple[int, str]], drive: Drive | None, gearing: Gearing | None, width: float
-) -> str:
-    least = min((degree for degree, _ in causes), default=0)
-    words = [text for degree, text in causes if degree == least]
-    if gearing and abs(order - 1 / gearing.ratio) < min(width, 0.5 / gearing.ratio):
-        words.append(OUTPUT)
-    return "; ".join(words) or (UNKNOWN if drive else "")

@@ -1,36 +1,47 @@
-"""A measured trace as a page."""
+"""A measured trace as a page, as JSON, and as CSV."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 from rich.console import Group, RenderableType
+from rich.table import Table
 from rich.text import Text
 
-from hdassist.measuring.figures import ORDER
-from hdassist.measuring.measurement import Direction, Measurement
+from hdassist.measuring.measure import Measurement, SweepResult
+from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED
 from hdassist.preset.fields import Drive
+from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
+from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.runs import Answer, Figures
 
 SHOWN = 12  # orders in the table, the greatest
 NAMES = {1: "growing cam angle", -1: "falling cam angle"}
 
+ORDER: tuple[Quantity[MeasuredOrder], ...] = (
+    Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
+    Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f", lambda o: o.amplitude_arcsec),
+    Quantity("amplitude_uncertainty_arcsec", "+/-", "arcsec", ".3f", lambda o: o.uncertainty_arcsec),
+    Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
+    Quantity("cause", "cause", "", "", lambda o: o.cause or None),
+)
 
-def _value(found: Direction) -> str:
-    low, high = found.interval_arcsec
-    bound = "at least, for the angles visited: " if found.is_bound else ""
-    value = f"{found.range.value:.2f} arcsec, u = {found.uncertainty_arcsec:.2f}"
-    return f"F'_ior {bound}{value}, 95 % {low:.2f} to {high:.2f}"
 
-
-def _visited(result: Measurement, found: Direction) -> str:
-    if found.coverage is None or result.gearing is None:
-        return f"{found.cells.span:.2f} cam turns; without --drive or --ratio the full cycle is not known"
-    c, gearing = found.coverage, result.gearing
-    turns = "turn" if gearing.cycle_output == 1 else "turns"
-    cycle = f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output {turns}"
-    cells = f"{c.visited} of {c.cells} cells of {c.cam_deg:g} deg of the cam by {c.output_deg:.3g} deg of the output"
-    return f"visited: {100 * c.share:.1f} % of the cycle, {cells} ({cycle})"
+def answer(result: Measurement, drive: Drive | None, *, plots: bool) -> Answer:
+    """What there is to say of a measured trace; plots, whether it is drawn."""
+    return Answer(
+        to_json=lambda: to_json(result, drive),
+        page=lambda style: render(result, drive, style, plots=plots),
+        summary_line=lambda: summary_line(result),
+        figures=lambda: figures(result),
+        about=result.trace.file,
+        warnings=result.warnings,
+    )
 
 
 def render(result: Measurement, drive: Drive | None, style: Style, *, plots: bool = True) -> RenderableType:
@@ -47,42 +58,149 @@ def render(result: Measurement, drive: Drive | None, style: Style, *, plots: boo
     return Group(*parts)
 
 
-def _direction(result: Measurement, found: Direction, style: Style, plots: bool) -> list[RenderableType]:
-    parts: list[RenderableType] = [Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold")]
+def _direction(result: Measurement, found: SweepResult, style: Style, plots: bool) -> list[RenderableType]:
     raw = f"raw range {found.raw_range_arcsec:.2f} arcsec; limited to the orders {found.range.fitted:.2f}"
     within = f"{found.revolution.value:.2f} arcsec, u = {found.revolution_uncertainty_arcsec:.2f}"
-    parts += [Text(f"{raw}, of which noise adds {found.range.bias:.2f}"), Text(f"greatest within one turn: {within}")]
-    parts += [Text(_visited(result, found)), Text("")]
+    parts: list[RenderableType] = [
+        Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold"),
+        Text(f"{raw}, of which noise adds {found.range.bias:.2f}"),
+        Text(f"greatest within one turn: {within}"),
+        Text(_visited(result, found)),
+        Text(""),
+    ]
     if plots:
-        first = found.cells.sweep == 0
-        x, y = found.cells.turns[first], found.cells.error[first] - found.fit.level[0]
+        first = found.bins.sweep == 0
+        x, y = found.bins.turns[first], found.bins.error[first] - found.fit.level[0]
         drawn = curve(style, x, y, x_label="cam angle, turns", y_label="error, arcsec")
         parts += [Text(drawn), Text("")]
+    return [*parts, _orders(found, style), _budget(found, style)]
+
+
+def _value(found: SweepResult) -> str:
+    low, high = found.interval_arcsec
+    bound = "at least, for the angles visited: " if found.is_bound else ""
+    value = f"{found.range.value:.2f} arcsec, u = {found.uncertainty_arcsec:.2f}"
+    return f"F'_ior {bound}{value}, 95 % {low:.2f} to {high:.2f}"
+
+
+def _visited(result: Measurement, found: SweepResult) -> str:
+    if found.coverage is None or result.gearing is None:
+        return f"{found.bins.span:.2f} cam turns; without --drive or --ratio the full cycle is not known"
+    c, gearing = found.coverage, result.gearing
+    turns = "turn" if gearing.cycle_output == 1 else "turns"
+    cycle = f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output {turns}"
+    cells = f"{c.visited} of {c.cells} cells of {c.cam_deg:g} deg of the cam by {c.output_deg:.3g} deg of the output"
+    return f"visited: {100 * c.share:.1f} % of the cycle, {cells} ({cycle})"
+
+
+def _orders(found: SweepResult, style: Style) -> Table:
     grid = table(style, f"orders: amplitude·cos(order·angle + phase), the {SHOWN} greatest of {len(found.orders)}")
     shown = ORDER if any(order.cause for order in found.orders) else ORDER[:-1]
     for quantity in shown:
-        words = style.text(quantity.words)
-        grid.add_column(words, justify="left" if quantity is ORDER[-1] else "right", overflow="fold")
+        left = quantity is ORDER[-1]
+        grid.add_column(style.text(quantity.words), justify="left" if left else "right", overflow="fold")
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:SHOWN]
     for order in sorted(greatest, key=lambda o: o.per_cam_rev):
         grid.add_row(*(style.text(quantity.text(order)) for quantity in shown))
-    sources = table(style, f"standard uncertainty of F'_ior; u combined, 95 %: k = {COVERAGE_FACTOR:g}")
+    return grid
+
+
+def _budget(found: SweepResult, style: Style) -> Table:
+    grid = table(style, f"standard uncertainty of F'_ior; u combined, 95 %: k = {COVERAGE_FACTOR:g}")
     for words in ("source", "arcsec", "from"):
-        sources.add_column(words, justify="right" if words == "arcsec" else "left", overflow="fold")
+        grid.add_column(words, justify="right" if words == "arcsec" else "left", overflow="fold")
     for source in found.sources:
-        sources.add_row(
-            source.name, "-" if source.arcsec is None else f"{source.arcsec:.3f}", style.text(source.origin)
-        )
-    sources.add_row("combined", f"{found.uncertainty_arcsec:.3f}", "" if _all_stated(found) else "without what is -")
-    return [*parts, grid, sources]
+        value = "-" if source.arcsec is None else f"{source.arcsec:.3f}"
+        grid.add_row(source.name, value, style.text(source.origin))
+    stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
+    grid.add_row("combined", f"{found.uncertainty_arcsec:.3f}", "" if stated else "without what is -")
+    return grid
 
 
-def _all_stated(found: Direction) -> bool:
-    return sum(source.arcsec is not None for source in found.sources if source.name in STATED) == len(STATED)
-
-
-def brief(result: Measurement) -> str:
+def summary_line(result: Measurement) -> str:
     """The answer alone: F'_ior with its expanded uncertainty."""
     found = result.directions[0]
     bound = ">= " if found.is_bound else ""
     return f"{bound}{found.range.value:.2f} +- {COVERAGE_FACTOR * found.uncertainty_arcsec:.2f} arcsec"
+
+
+def to_json(result: Measurement, drive: Drive | None) -> Json:
+    """The measurement as a JSON object."""
+    trace, gearing, reversal = result.trace, result.gearing, result.reversal
+    return {
+        **envelope("measure", drive, 0, result.warnings),
+        "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
+        "notes": list(result.notes),
+        "cycle": gearing
+        and {"ratio": gearing.ratio, "cam_revolutions": gearing.cycle, "output_revolutions": gearing.cycle_output},
+        "F_ior_arcsec": result.F_ior_arcsec,
+        "directions": [_sweep(found) for found in result.directions],
+        "reversal_error": reversal
+        and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
+        "seed": result.seed,
+    }
+
+
+def _sweep(found: SweepResult) -> Json:
+    """What one direction says as a JSON object."""
+    fit, c = found.fit, found.coverage
+    return {
+        "direction": found.direction,
+        "rows": int(found.bins.rows.sum()),
+        "sweeps": len(fit.level),
+        "cam_revolutions": found.bins.span,
+        "F_ior_arcsec": found.range.value,
+        "F_ior_is_lower_bound": found.is_bound,
+        "standard_uncertainty_arcsec": found.uncertainty_arcsec,
+        "interval_arcsec": list(found.interval_arcsec),
+        "revolution_range_arcsec": found.revolution.value,
+        "revolution_range_standard_uncertainty_arcsec": found.revolution_uncertainty_arcsec,
+        "band_limited_range_arcsec": found.range.fitted,
+        "noise_bias_arcsec": found.range.bias,
+        "raw_range_arcsec": found.raw_range_arcsec,
+        "drift_arcsec": float(fit.drift.sum()),
+        "residuals": {
+            "rms_arcsec": float(np.std(fit.residual)),
+            "unmodelled_arcsec": fit.unmodelled,
+            "correlated_steps": fit.correlated,
+            "condition": fit.design.condition,
+        },
+        "coverage": c
+        and {
+            "share": c.share,
+            "visited_cells": c.visited,
+            "cells": c.cells,
+            "cell_cam_deg": c.cam_deg,
+            "cell_output_deg": c.output_deg,
+        },
+        "orders": [as_object(ORDER, order) for order in found.orders],
+        "budget": [
+            {"source": s.name, "standard_uncertainty_arcsec": s.arcsec, "origin": s.origin} for s in found.sources
+        ],
+    }
+
+
+def figures(result: Measurement) -> Figures:
+    """One row per step of the angle, in each direction: error less its level and drift, and the fitted curve."""
+    rows: list[list[Any]] = []
+    for found in result.directions:
+        fitted = found.fit.curve(found.bins.turns)
+        columns = (found.bins.sweep, 360 * found.bins.turns, fitted + found.fit.residual, fitted)
+        steps = zip(*(column.tolist() for column in columns), strict=True)
+        rows += [[result.trace.file, found.direction, *step] for step in steps]
+    return ["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows
+
+
+def repeats(results: Sequence[Measurement]) -> Json | None:
+    """Mean and standard deviation of F'_ior over files, as of repeat runs; None for one file."""
+    values = [result.F_ior_arcsec for result in results]
+    if len(values) < 2:
+        return None
+    spread = float(np.std(values, ddof=1))
+    return {"files": len(values), "mean_arcsec": float(np.mean(values)), "standard_deviation_arcsec": spread}
+
+
+def repeats_line(repeats: Json) -> str:
+    """Repeat runs in a line."""
+    mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
+    return f"{repeats['files']} files: F'_ior {mean:.2f} arcsec on the mean, standard deviation {spread:.2f}"

@@ -4,7 +4,7 @@ Noise makes the range of a curve too large: the greatest value is looked for amo
 estimated by a parametric bootstrap: coefficients shrunk towards nothing as far as they are noise stand for the true
 ones, and get noise as the fit says; by how much the range of their curves is greater, on the mean, is taken off.
 The standard uncertainty is the spread of those ranges, WIDER because the correction repeats the noise of the
-estimate, and a THIRD of the correction. Both numbers were found by simulation (tests/unit/test_measured.py).
+estimate, and a THIRD of the correction. Both numbers were found by simulation (tests/measuring/test_measure.py).
 """
 
 from __future__ import annotations
@@ -12,22 +12,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdassist.measuring.bins import Cells
-from hdassist.measuring.design_matrix import CHUNK, waves
-from hdassist.measuring.fit import TraceFit
+from hdassist.measuring.bins import Bins
+from hdassist.measuring.fit import CHUNK, TraceFit, order_columns
+from hdassist.model.geometry import Array
 
-DRAWS = 200
-PER_PERIOD = 16  # points in a period of the highest order
+DRAWS = 200  # of the bootstrap
+POINTS_PER_PERIOD = 16  # points in a period of the highest order
 GAP = 0.5  # periods of the highest order: what lies between readings further apart was not visited
 WIDER = 1.15
 THIRD = 1 / 3
-PARTS = 24  # of a turn, in steps of which single turns begin
+TURN_PARTS = 24  # of a turn, in steps of which single turns begin
 SHRINK = 2.0  # times the power of noise, taken off the power of each order
 CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,12 +46,12 @@ class Range:
         return THIRD * self.bias
 
 
-def visited(cells: Cells, highest: float, cycle: int | None) -> Array:
+def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
     """Cam angles [turns] of a fine grid that lie between neighbouring readings, once in a cycle (None: no cycle)."""
-    per_turn = PER_PERIOD * int(np.ceil(highest))
+    per_turn = POINTS_PER_PERIOD * int(np.ceil(highest))
     found = []
-    for index in range(int(cells.sweep[-1]) + 1):
-        turns = cells.turns[cells.sweep == index]
+    for index in range(bins.sweeps):
+        turns = bins.turns[bins.sweep == index]
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
         after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
         found.append(grid[turns[after] - turns[after - 1] <= GAP / highest])
@@ -64,26 +61,25 @@ def visited(cells: Cells, highest: float, cycle: int | None) -> Array:
     return np.asarray(np.unique(every) / per_turn)
 
 
-def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator) -> tuple[Range, Range]:
+def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: int = DRAWS) -> tuple[Range, Range]:
     """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
     best = _shrunk(fit)
-    noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], DRAWS))
+    noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
     curves = np.concatenate([fit.coefficients[:, None], best[:, None], best[:, None] + noise], axis=1)
-    cell = np.floor(turns * PARTS + 1e-6).astype(np.int64)
-    cell -= cell[0]
-    high = np.full((int(cell[-1]) + PARTS, curves.shape[1]), -np.inf)
+    part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
+    part -= part[0]
+    begins = range(int(part[-1]) + 1)
+    high = np.full((len(begins) - 1 + TURN_PARTS, curves.shape[1]), -np.inf)
     low = -high
     for start in range(0, len(turns), CHUNK):
-        part = slice(start, start + CHUNK)
-        values = waves(turns[part], fit.orders) @ curves
-        found, first = np.unique(cell[part], return_index=True)
+        rows = slice(start, start + CHUNK)
+        values = order_columns(turns[rows], fit.orders) @ curves
+        found, first = np.unique(part[rows], return_index=True)
         high[found] = np.maximum(high[found], np.maximum.reduceat(values, first))
         low[found] = np.minimum(low[found], np.minimum.reduceat(values, first))
     whole = high.max(axis=0) - low.min(axis=0)
-    within = np.max(
-        [high[k : k + PARTS].max(axis=0) - low[k : k + PARTS].min(axis=0) for k in range(int(cell[-1]) + 1)], axis=0
-    )
-    return _range(whole), _range(within)
+    turn = [high[k : k + TURN_PARTS].max(axis=0) - low[k : k + TURN_PARTS].min(axis=0) for k in begins]
+    return _range(whole), _range(np.max(turn, axis=0))
 
 
 def _range(extents: Array) -> Range:
@@ -94,8 +90,7 @@ def _range(extents: Array) -> Range:
 
 def _shrunk(fit: TraceFit) -> Array:
     """Coefficients with each order made smaller by the share of noise in its power."""
-    if fit.condition > CORRELATED:
+    if fit.design.condition > CORRELATED:
         return fit.coefficients
-    cosine, sine = fit.pair((fit.factor**2).sum(axis=1))
-    keep = np.maximum(0.0, 1 - SHRINK * (cosine + sine) / np.maximum(fit.amplitude**2, 1e-300))
+    keep = np.maximum(0.0, 1 - SHRINK * fit.noise_power / np.maximum(fit.amplitude**2, 1e-300))
     return np.asarray(fit.coefficients * np.tile(keep, 2))

@@ -15,7 +15,8 @@ STATED = {  # sources of which a single record says nothing
     "temperature": "temperature of drive and rig",
 }
 COVERAGE_FACTOR = 2.0
-OWN = 2  # of the sources, the first ones, belong to one range alone
+OF_THE_RANGE = 2  # so many sources, the first ones, belong to one range alone
+OF_THE_RECORD = 4  # so many, the first ones, show in the record itself
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,34 @@ smoothed by interpolation.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.preset.fields import Drive
-from hdassist.readers.pitch import PitchFile
 
 MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands
+
+
+@dataclass(frozen=True, eq=False)
+class PitchFile:
+    """Pitch deviations of a wheel, tooth by tooth from its mark on, and where they come from.
+
+    deviation: cumulative deviations [um] without their mean, shape (teeth,), positive along +theta
+    (counter-clockwise, seen from the cam side); element 0 is the tooth with the mark, and teeth follow
+    counter-clockwise. mark: the number of that tooth where it was measured. flank, file, sha256: what was measured, and
+    the file that says so. notes: what was converted or assumed.
+    """
+
+    deviation: NDArray[np.float64]
+    mark: int = 1
+    flank: Literal["left", "right"] | None = None
+    file: str = ""
+    sha256: str = ""
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

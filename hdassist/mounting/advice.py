@@ -10,15 +10,13 @@ from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.errors import UsageError
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.curve import FREE, Alternative, alternatives, mounting_curve
-from hdassist.mounting.curve import work as curve_work
-from hdassist.mounting.positions import MountingCurve, Position, rotated
-from hdassist.mounting.robust import Criterion, Robust, robust
-from hdassist.mounting.robust import work as robust_work
+from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
+from hdassist.mounting.positions import Choice, MountingCurve, Position, rotated
+from hdassist.mounting.robust import Criterion, Robust, robust, sample_states
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 
-NOTHING = 0.01  # of the error: a smaller gain is not worth a turn
+LEAST_GAIN = 0.01  # of the error: a smaller one is not worth a turn
 
 
 @dataclass(frozen=True)
@@ -45,15 +43,14 @@ class Advice:
         return self.curve.at(self.robust.recommended) if self.robust else self.curve.recommended
 
     @property
-    def ranked(self) -> list[Position]:
-        """The usable positions, best first."""
-        return self.curve.ranked
+    def second(self) -> Position | None:
+        """The best of the other usable positions, None without one."""
+        return next((p for p in self.curve.ranked if p != self.chosen), None)
 
     @property
     def gain(self) -> float:
         """What the chosen position takes off the error of the present one, as a share, for the torque served worst."""
-        F_ior = [new / now for new, now in zip(self.chosen.F_ior_arcsec, self.curve.current.F_ior_arcsec, strict=True)]
-        return 1 - max(F_ior)
+        return -self.chosen.change_from(self.curve.current)
 
     @property
     def worth_turning(self) -> bool:
@@ -62,16 +59,22 @@ class Advice:
             return False
         if not self.curve.usable[0]:
             return True
-        return self.gain > NOTHING and (self.robust is None or self.robust.worth_turning)
+        return self.gain > LEAST_GAIN and (self.robust is None or self.robust.worth_turning)
+
+    @property
+    def choice(self) -> Choice:
+        """The chosen position beside the others."""
+        curve, turn = self.curve, self.worth_turning
+        return Choice(self.drive, curve.torques, curve.current, self.chosen, turn, tuple(curve.ranked))
 
     @property
     def disagreeing(self) -> tuple[Alternative, ...]:
         """Alternatives whose best position is more than a hole from the chosen one."""
-        hole = 360 / (self.drive.mounting.holes or FREE)
+        hole = 360 / (self.drive.mounting.holes or FREE_POSITIONS)
         return tuple(o for o in self.others if _apart(o.recommended, self.chosen) > hole + 1e-9)
 
 
-def work(
+def estimate_states(
     drive: Drive,
     torques: Sequence[float],
     rotations: Sequence[float],
@@ -81,11 +84,11 @@ def work(
     measured: MeasuredTeeth | None = None,
 ) -> int:
     """Number of states that an advice solves, about, for a progress bar."""
-    others = len(drive.alternatives) * (drive.mounting.holes or FREE) + 2 * SEARCHES
-    curve = curve_work(drive, torques, rotations, every_state=every_state, measured=measured)
+    curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured)
     if measured or not searchable(drive):
         return curve
-    return curve + len(torques) * (SEARCHED * others + robust_work(drive, samples, len(rotations) + 1))
+    others = SEARCHED * (len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS) + 2 * SEARCHES)
+    return curve + len(torques) * (others + sample_states(drive, samples, len(rotations) + 1))
 
 
 def advise(

@@ -1,28 +1,42 @@
-"""The assembly card: what the assembler at the bench needs of an advice, as facts in the language of the reader."""
+"""The assembly card: what the assembler at the bench needs of an advice, in the language of the reader."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
 
-from hdassist.mounting.advice import Advice
-from hdassist.mounting.card_tables import BESIDE, Table, other_positions, torques_shown, torques_table
-from hdassist.mounting.page import warnings
-from hdassist.mounting.positions import hole_of
-from hdassist.mounting.seat import instruction, turn, wheel
-from hdassist.mounting.seat_facts import Seat, seat_of
-from hdassist.preset.fields import Drive
+from hdassist.model.wheels import MeasuredTeeth
+from hdassist.mounting.positions import FREE_STEP, Chances, Choice, Position
+from hdassist.mounting.seat_page import Seat, SeatMark, instruction, seat_of, turn, wheel
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels_page import wheels
-from hdassist.trials.trial import Trial
 from hdassist.version import __version__
 
 WARNINGS = 4  # that a card has room for
 LETTERS = 240  # of one of them
-TRIALS = 8  # that it tells
-DIGITS = 12  # of the preset's SHA-256
+DIGITS = 12  # of a SHA-256
+TORQUES = 12  # that a card has room for
+BESIDE = 4  # torques whose values stand side by side
+
+
+@dataclass(frozen=True)
+class CardFacts:
+    """What a card tells, whoever advises.
+
+    choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; chances, None
+    where nothing was sampled; weights of the torques; warnings, in the reader's language; trials, in a sentence, where
+    the advice rests on trials: then the wheel lies in the last of them, and turns count from before the first.
+    """
+
+    choice: Choice
+    cam_deg: float | None
+    measured: MeasuredTeeth | None = None
+    chances: Chances | None = None
+    weights: tuple[float, ...] | None = None
+    warnings: tuple[str, ...] = ()
+    trials: str = ""
 
 
 @dataclass(frozen=True)
@@ -31,6 +45,16 @@ class Lines:
 
     title: str
     lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Title, heads of the columns, rows (an empty cell is one to write in), and a line below."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,145 +80,204 @@ class Card:
     foot: tuple[str, ...]
 
 
-def card_of(
-    advice: Advice,
-    say: Texts,
-    *,
-    serial: str = "",
-    made: date,
-    trials: Sequence[Trial] = (),
-    at: float = 0.0,
-    warned: Sequence[str] | None = None,
-) -> Card:
-    """The card of an advice.
+def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Card:
+    """The card of an advice that is complete.
 
-    Arguments: advice, a complete one; say, the texts of a language; serial, number of the drive; made, date of making;
-    trials that the advice rests on, and their torque [N*m]; warned, what to warn of, without it what the advice does.
+    Arguments: facts; say, the texts of a language; serial, number of the drive; made, date of making.
     """
-    if trials:
+    if facts.trials:
         say = say.variant("trials")
-    turned = advice.worth_turning
-    target = advice.chosen if turned else advice.curve.current
-    seat = seat_of(advice, say, target, best=turned)
+    choice = facts.choice
+    seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(facts, say)))
     return Card(
         language=say.language,
         title=say("card.title"),
-        subject=_subject(advice, say, serial),
-        instruction=_instruction(advice, say, trials),
+        subject=tuple(_subject(facts, say, serial)),
+        instruction=_instruction(facts, say),
         seat=seat,
         directions=tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers),
-        torques=torques_table(advice, say),
-        others=other_positions(advice, target, say),
-        chance=Lines(say("chance.title"), _chance(advice, say)),
-        checks=Lines(say("checks.title"), _checks(advice, say, trials)),
-        warnings=Lines(say("warnings.title"), _warnings(warnings(advice, say) if warned is None else warned, say)),
+        torques=_torques(choice, say),
+        others=_other_positions(choice, say),
+        chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
+        checks=Lines(say("checks.title"), tuple(_checks(facts, say))),
+        warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say))),
         sign=(say("sign.date"), say("sign.name")),
-        foot=(*_trials(advice.drive, say, trials, at), *_foot(advice, say, made)),
+        foot=tuple(_foot(facts, say, made)),
     )
 
 
-def _subject(advice: Advice, say: Texts, serial: str) -> tuple[tuple[str, str], ...]:
-    drive = advice.drive
-    gears, holes = drive.gears, drive.mounting.holes
-    rigid = drive.mounting.fixed == "rigid"
-    fixed = wheel(drive, say)
-    symbol, deviation = ("xi_b", "F'_i2") if rigid else ("xi_g", "F'_i1")
-    mark = say(f"card.mark_{drive.mounting.mark_kind}", wheel=fixed, symbol=symbol, deviation=deviation)
-    if measured := advice.measured and advice.measured.fixed(drive):
+def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, str]]:
+    drive = facts.choice.drive
+    gears, mounting, fixed = drive.gears, drive.mounting, wheel(drive, say)
+    symbol, deviation = ("xi_b", "F'_i2") if mounting.fixed == "rigid" else ("xi_g", "F'_i1")
+    mark = say(f"card.mark_{mounting.mark_kind}", wheel=fixed, symbol=symbol, deviation=deviation)
+    if measured := facts.measured and facts.measured.fixed(drive):
         mark = say("card.mark_tooth", wheel=fixed, tooth=measured.pitch.mark)
-    seat = (
-        say("card.seat_holes", holes=say.holes(holes), angle=say.angle(360 / holes)) if holes else say("card.seat_free")
-    )
-    return (
-        (say("card.drive"), drive.name),
-        (say("card.serial"), serial),
-        (say("card.teeth"), say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m))),
-        (say("card.fixed"), fixed),
-        (say("card.torques"), ", ".join(map(say.torque, torques_shown(drive.operation.M_g)))),
-        (say("card.seat"), seat),
-        (say("card.mark"), mark),
-        (say("card.sense"), say("card.sense_is")),
-    )
+    seat = say("card.seat_free")
+    if mounting.holes:
+        seat = say("card.seat_holes", holes=say.holes(mounting.holes), angle=say.angle(360 / mounting.holes))
+    yield say("card.drive"), drive.name
+    yield say("card.serial"), serial
+    yield say("card.teeth"), say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m))
+    yield say("card.fixed"), fixed
+    yield say("card.torques"), ", ".join(map(say.torque, drive.operation.M_g[:TORQUES]))
+    yield say("card.seat"), seat
+    yield say("card.mark"), mark
+    yield say("card.sense"), say("card.sense_is")
 
 
-def _chance(advice: Advice, say: Texts) -> tuple[str, ...]:
-    sampled, lines = advice.robust, list[str]()
-    if sampled:
-        count = len(sampled.merits)
-        share = dict(zip(sampled.places, map(float, sampled.probability_best), strict=True))
-        if advice.worth_turning:
-            best, gain = say.percent(share[sampled.recommended]), say.percent(sampled.probability_gain)
-            lines.append(say("chance.turn", samples=count, best=best, gain=gain))
-        elif 0 in share:
-            lines.append(say("chance.leave", samples=count, best=say.percent(share[0])))
-            if advice.chosen != advice.curve.current:
-                lines.append(say("chance.not_sure", gain=say.percent(sampled.probability_gain)))
-    if advice.curve.weights:
-        lines.append(say("chance.weights", weights=" / ".join(map(say.number, advice.curve.weights))))
-    return tuple(lines)
-
-
-def _checks(advice: Advice, say: Texts, trials: Sequence[Trial]) -> tuple[str, ...]:
-    place = []
-    if advice.worth_turning:
-        way, hole = turn(advice.chosen, say), advice.chosen.hole
-        place = [say("checks.place_angle" if hole is None else "checks.place_hole", turn=way, hole=hole)]
-    elif trials:
-        place = [say("checks.place_first")]
-    before = [say(f"checks.{name}") for name in ("clean", "pilot")]
-    return (*before, *place, *(say(f"checks.{name}") for name in ("free", "screws", "mesh")))
-
-
-def _warnings(found: Sequence[str], say: Texts) -> tuple[str, ...]:
-    shown = [text if len(text) <= LETTERS else f"{text[:LETTERS].rstrip()}..." for text in found[:WARNINGS]]
-    return (*shown, say("warnings.more", count=len(found) - WARNINGS)) if len(found) > WARNINGS else tuple(shown)
-
-
-def _instruction(advice: Advice, say: Texts, trials: Sequence[Trial]) -> str:
+def _instruction(facts: CardFacts, say: Texts) -> str:
     """What to do; after trials the wheel lies in the last of them, and the first position is one to go to."""
-    if not trials:
-        return instruction(advice, say, room=BESIDE)
-    if not advice.worth_turning:
-        return say("instruction.first", wheel=wheel(advice.drive, say))
-    return f"{instruction(advice, say, room=BESIDE)} {say('instruction.from_first')}"
+    choice = facts.choice
+    if not facts.trials:
+        return instruction(choice, say, room=BESIDE)
+    if not choice.turn:
+        return say("instruction.first", wheel=wheel(choice.drive, say))
+    return f"{instruction(choice, say, room=BESIDE)} {say('instruction.from_first')}"
 
 
-def _trials(drive: Drive, say: Texts, trials: Sequence[Trial], at: float) -> tuple[str, ...]:
-    if not trials:
-        return ()
-    holes = drive.mounting.holes
-    told = []
-    for trial in trials[:TRIALS]:
-        hole = hole_of(trial.rotation_deg, holes)
-        where = say.angle(trial.rotation_deg) if hole is None else say("foot.hole", hole=hole)
-        if trial.trace:
-            file, value = shown(trial.trace.file), say.number(trial.F_ior_arcsec, ".1f")
-            digest = trial.trace.sha256[:DIGITS]
-            told.append(say("foot.traced", where=where, file=file, digest=digest, value=value))
-        else:
-            told.append(say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec)))
-    return (say("foot.trials", torque=say.torque(at), trials="; ".join(told)),)
+def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
+    """Directions of the mark now and afterwards (one where they are the same), and of the cam offset if it has one."""
+    drive, turned = facts.choice.drive, facts.choice.target.rotation_deg
+    rigid = drive.mounting.fixed == "rigid"
+    measured = facts.measured and facts.measured.fixed(drive)
+    mark = measured.mark_deg if measured else drive.phases.xi_b if rigid else drive.phases.xi_g
+    if turned % 360:
+        yield SeatMark("now", mark % 360, "a", say("pointer.now"))
+        yield SeatMark("after", (mark % 360 + turned) % 360, "b", say("pointer.after"))
+    else:
+        yield SeatMark("after", mark % 360, "b", say("pointer.stays"))
+    if facts.cam_deg is not None:
+        yield SeatMark("cam", facts.cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
 
 
-def _foot(advice: Advice, say: Texts, made: date) -> tuple[str, ...]:
-    drive, origin = advice.drive, advice.drive.origin
-    lines = [
-        say("foot.source"),
-        say(
-            "foot.origin",
-            version=__version__,
-            name=drive.name,
-            digest=origin.sha256[:DIGITS],
-            date=say.date(made),
-        ),
+def _torques(choice: Choice, say: Texts) -> Table:
+    """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
+    names = ("torque", "now", *(("after", "change") if choice.turn else ()), "measured")
+    rows = []
+    values = zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True)
+    for M_g, now, new in list(values)[:TORQUES]:
+        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if choice.turn else ()
+        rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
+    more = len(choice.torques) - TORQUES
+    note = say("torques.more", count=more) if more > 0 else ""
+    return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), note)
+
+
+def _other_positions(choice: Choice, say: Texts) -> Table:
+    """What the positions to both sides, the second best and the worst one would cost against the target."""
+    beside, holes = len(choice.torques) <= BESIDE, choice.drive.mounting.holes
+    torques = say("unit.torque", torque=" / ".join(map(say.number, choice.torques)))
+    head = [
+        say("others.position"),
+        say("others.hole" if holes else "others.turn"),
+        *([say("others.values", torques=torques)] if beside else []),
+        say("others.against_now"),
+        say("others.lost"),
     ]
-    for name, measured in wheels(advice.measured):
-        digest = measured.pitch.sha256[:DIGITS]
-        file = shown(measured.pitch.file)
-        lines.append(say("foot.measured", wheel=say(f"wheel.{name}"), file=file, digest=digest))
-    if origin.overrides:
-        values = ", ".join(origin.overrides)
-        lines.append(
-            say("foot.overrides", values=values if len(values) <= LETTERS else f"{values[:LETTERS].rstrip()}...")
-        )
-    return tuple(lines)
+    rows = []
+    for words, position in _others(choice, say):
+        if isinstance(position, int):
+            rows.append((words, f"{position}", *["-"] * (len(head) - 2)))
+            continue
+        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
+        values = [" / ".join(say.number(v, ".2f") for v in position.F_ior_arcsec)] if beside else []
+        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, choice.target))
+        rows.append((words, where, *values, *changes))
+    note = say("others.counted") + ("" if beside else " " + say("others.more"))
+    return Table(say("others.title"), tuple(head), tuple(rows), note if rows else "")
+
+
+def _others(choice: Choice, say: Texts) -> Iterator[tuple[str, Position | int]]:
+    """Each other position once, with all that it is in words; a number for a hole that is not allowed."""
+    target, ranked = choice.target, choice.ranked
+    ahead, back = _neighbour(choice, 1), _neighbour(choice, -1)
+    named: list[tuple[str, Position | int | None]] = [
+        (say("others.ahead", step=_step(target, ahead, say)), ahead),
+        (say("others.back", step=_step(target, back, say)), back),
+    ]
+    if not choice.turn:
+        named.append((say("others.not_worth"), choice.chosen))
+    if choice.drive.mounting.holes:  # at a free angle it lies beside the best
+        named.append((say("others.second"), next((p for p in ranked if p not in (target, choice.chosen)), None)))
+    named += [(say("seat.worst"), ranked[-1]), (say("seat.now"), choice.current)]
+    merged: dict[Position | int, list[str]] = {}
+    for words, position in named:
+        alone = words == say("seat.now") and position not in merged  # it has a table of its own
+        if position is not None and position != target and not alone:
+            merged.setdefault(position, []).append(words)
+    for position, words_of in merged.items():
+        yield "; ".join([*words_of, *([say("others.not_allowed")] if isinstance(position, int) else [])]), position
+
+
+def _neighbour(choice: Choice, side: int) -> Position | int | None:
+    """The position one hole further, its number where it is not allowed; at a free angle the nearest that was tried."""
+    target = choice.target
+    if holes := choice.drive.mounting.holes:
+        wanted = ((target.hole or 0) + side) % holes
+        return next((p for p in choice.ranked if p.hole == wanted), wanted)
+    steps = [(side * _away(p, target), p) for p in choice.ranked]
+    return min((pair for pair in steps if pair[0] >= FREE_STEP / 2), default=(0.0, None), key=lambda pair: pair[0])[1]
+
+
+def _step(target: Position, found: Position | int | None, say: Texts) -> str:
+    """How far away a neighbour is: a hole, or an angle where the seat has none."""
+    if isinstance(found, Position) and found.hole is None:
+        return say.angle(round(abs(_away(found, target)), 6))
+    return say.holes(1)
+
+
+def _away(one: Position, other: Position) -> float:
+    """Counter-clockwise turn from the other to the one [deg], in -180..180."""
+    return (one.rotation_deg - other.rotation_deg + 180) % 360 - 180
+
+
+def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
+    choice, chances = facts.choice, facts.chances
+    if chances and choice.turn:
+        best, gain = say.percent(chances.chosen), say.percent(chances.gain)
+        yield say("chance.turn", samples=chances.samples, best=best, gain=gain)
+    elif chances and chances.current is not None:
+        yield say("chance.leave", samples=chances.samples, best=say.percent(chances.current))
+        if choice.chosen != choice.current:
+            yield say("chance.not_sure", gain=say.percent(chances.gain))
+    if facts.weights:
+        yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
+
+
+def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:
+    chosen = facts.choice.chosen
+    yield say("checks.clean")
+    yield say("checks.pilot")
+    if facts.choice.turn:
+        name = "checks.place_angle" if chosen.hole is None else "checks.place_hole"
+        yield say(name, turn=turn(chosen, say), hole=chosen.hole)
+    elif facts.trials:
+        yield say("checks.place_first")
+    for name in ("free", "screws", "mesh"):
+        yield say(f"checks.{name}")
+
+
+def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:
+    yield from map(_cut, found[:WARNINGS])
+    if len(found) > WARNINGS:
+        yield say("warnings.more", count=len(found) - WARNINGS)
+
+
+def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
+    drive = facts.choice.drive
+    if facts.trials:
+        yield facts.trials
+    yield say("foot.source")
+    digest = drive.origin.sha256[:DIGITS]
+    yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
+    for name, measured in wheels(facts.measured):
+        file, digest = shown(measured.pitch.file), measured.pitch.sha256[:DIGITS]
+        yield say("foot.measured", wheel=say(f"wheel.{name}"), file=file, digest=digest)
+    if drive.origin.overrides:
+        yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))
+
+
+def _cut(text: str) -> str:
+    """As much of a text as a card has room for."""
+    return text if len(text) <= LETTERS else f"{text[:LETTERS].rstrip()}..."

@@ -1,24 +1,50 @@
-"""The assembly card of `hdassist mount`: what is asked for, checked before anything is computed."""
+"""Options and the end that `hdassist mount` and `hdassist trials` share: how to choose, and the assembly card."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from hdassist.errors import UsageError
 from hdassist.terminal.files import require_writable, write_text
-from hdassist.terminal.output import Output, note
+from hdassist.terminal.options import AnswerOptions, CardOptions, OptionGroup
 
 if TYPE_CHECKING:
-    from hdassist.mounting.advice import Advice
+    from hdassist.mounting.card import CardFacts
+    from hdassist.terminal.output import Output
+    from hdassist.terminal.runs import Answer
     from hdassist.terminal.texts import Texts
-    from hdassist.trials.trial import Trial
 
 KINDS = (".txt", ".md", ".html")
 SERIAL = 60  # letters that a serial number may have
+
+
+@dataclass(frozen=True)
+class ChoiceOptions(OptionGroup):
+    """What decides between positions."""
+
+    weights: Annotated[
+        str | None, typer.Option(metavar="W,W", help="Weights of the torques in the choice, in their order.")
+    ] = None
+    criterion: Annotated[
+        str, typer.Option(metavar="NAME", help="Under uncertainty: expected, worst, or quantile:0.9.")
+    ] = "expected"
+
+    def numbers(self) -> list[float] | None:
+        """The weights as numbers. Raises UsageError for what is none."""
+        if self.weights is None:
+            return None
+        try:
+            return [float(word) for word in self.weights.split(",")]
+        except ValueError:
+            raise UsageError(
+                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
+            ) from None
 
 
 @dataclass(frozen=True)
@@ -33,61 +59,75 @@ class CardFile:
     force: bool
 
     @classmethod
-    def open(
-        cls, path: str | None, lang: str | None, serial: str | None, *, out: Output, ascii: bool, instead: bool
-    ) -> CardFile | None:
+    def open(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
         """The card that options ask for, None without any.
 
-        Arguments: options of the command line; out, where its other answers go; ascii, 7-bit characters only;
-        instead, whether a card on stdout may stand in place of the answer. Raises UsageError and DataError before
+        Arguments: asked; options of the other answers, and out, where they go. Raises UsageError and DataError before
         anything is computed.
         """
+        path = asked.card
         if path is None:
-            if lang is not None or serial is not None:
+            if asked.lang is not None or asked.serial is not None:
                 raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
             return None
         from hdassist.terminal.texts import HOME, texts
 
-        say = texts(HOME if lang is None else lang)
+        say = texts(HOME if asked.lang is None else asked.lang)
         kind = ".txt" if path == "-" else Path(path).suffix.lower()
         if kind not in KINDS:
             raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(KINDS)}")
-        if path == "-" and (out.csv == "-" or (out.target == "-" and not instead)):
+        if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
             raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
         if path != "-" and any(_same(path, other) for other in (out.target, out.csv)):
             raise UsageError(f"{path} is to take the card and another answer")
-        number = serial or ""
-        if not (number == "" or number.isprintable()) or len(number) > SERIAL:
+        serial = asked.serial or ""
+        if not (serial == "" or serial.isprintable()) or len(serial) > SERIAL:
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
         require_writable(path, out.force)
-        return cls(path, kind, say, number.strip(), ascii or (path == "-" and out.style.ascii), out.force)
+        ascii = options.ascii or (path == "-" and out.style.ascii)
+        return cls(path, kind, say, serial.strip(), ascii, out.force)
 
-    def replaces(self, out: Output) -> bool:
-        """Whether the card takes the place of the answer on stdout."""
-        return self.path == "-" and out.target == "-"
-
-    def write(
-        self, advice: Advice, trials: Sequence[Trial] = (), at: float = 0.0, warned: Sequence[str] | None = None
-    ) -> None:
-        """Make the card and write it; an interrupted advice has none.
-
-        Arguments: advice; trials that it rests on, and their torque [N*m]; warned, what the card warns of, without it
-        what the advice does.
-        """
-        if advice.curve.interrupted:
-            note("no card: the work was interrupted")
-            return
-        from hdassist.mounting import card_html, card_markdown, card_text
+    def write(self, facts: CardFacts) -> None:
+        """Make the card and write it."""
+        from hdassist.mounting import card_render
         from hdassist.mounting.card import card_of
 
-        card = card_of(advice, self.say, serial=self.serial, made=date.today(), trials=trials, at=at, warned=warned)
+        card = card_of(facts, self.say, serial=self.serial, made=date.today())
         if self.kind == ".html":
-            text = card_html.render(card)
+            text = card_render.html(card)
         elif self.kind == ".md":
-            text = card_markdown.render(card)
+            text = card_render.markdown(card)
         else:
-            text = card_text.render(card, ascii=self.ascii)
+            text = card_render.plain_text(card, ascii=self.ascii)
         write_text(self.path, text, self.force)
+
+
+def give_with_card(
+    command: str,
+    answer: Answer,
+    card: CardFile | None,
+    facts: Callable[[Texts], CardFacts] | None,
+    options: AnswerOptions,
+    out: Output,
+) -> int:
+    """Say the warnings of an answer, write it and its card; returns the exit code.
+
+    Arguments: command, for the schema; answer; card that was asked for; facts that it tells, in the language of its
+    texts, None where the work was interrupted: then there is no card; options; out.
+    """
+    from hdassist.terminal.output import note, warn
+    from hdassist.terminal.runs import give
+
+    for text in answer.warnings:
+        warn(text)
+    if card and card.path == out.target == "-":  # the card in place of the page
+        answer = replace(answer, page=None)
+    code = give(command, [answer], options, out)
+    if card and facts:
+        card.write(facts(card.say))
+    elif card:
+        note("no card: the work was interrupted")
+    return code
 
 
 def _same(path: str, other: str | None) -> bool:

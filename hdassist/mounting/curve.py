@@ -16,7 +16,6 @@ from scipy.optimize import minimize_scalar
 
 from hdassist.error.cycle import CrossCheck, kinematic_error
 from hdassist.error.search import QUICK, SEARCHED, THOROUGH, CycleSearch, Effort, searchable, worth_searching
-from hdassist.error.sensitivity import SEARCHES
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
@@ -31,14 +30,14 @@ SAMPLE = 1  # random states solved again at each position, besides those of the 
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 GROUP = 6  # positions that one task searches
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
-FREE = 12  # positions tried under alternatives where the seat has no holes
+FREE_POSITIONS = 12  # positions tried under alternatives where the seat has no holes
 PROVEN = 2  # positions where every state is solved
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
 
-def work(
+def curve_states(
     drive: Drive,
     torques: Sequence[float],
     rotations_deg: Sequence[float],
@@ -46,15 +45,11 @@ def work(
     every_state: bool,
     measured: MeasuredTeeth | None = None,
 ) -> int:
-    """Number of states that a mounting curve and its sensitivities solve, about, for a progress bar."""
+    """Number of states that a mounting curve solves, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
-    if measured:
+    if every_state or measured or not worth_searching(drive):
         return len(torques) * len(rotations_deg) * cycle
-    others = 2 * SEARCHES + len(drive.alternatives) * (drive.mounting.holes or FREE)
-    slopes = others * SEARCHED if searchable(drive) else 0
-    if every_state or not worth_searching(drive):
-        return len(torques) * (len(rotations_deg) * cycle + slopes)
-    return len(torques) * (len(rotations_deg) * SEARCHED + PROVEN * cycle + slopes)
+    return len(torques) * (len(rotations_deg) * SEARCHED + PROVEN * cycle)
 
 
 def mounting_curve(
@@ -124,7 +119,7 @@ def alternatives(
 
     Fields that were overridden keep their override. Arguments and errors as in mounting_curve.
     """
-    count = drive.mounting.holes or FREE
+    count = drive.mounting.holes or FREE_POSITIONS
     rotations = np.arange(count, dtype=float) * 360 / count
     found = []
     for given in drive.alternatives:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -12,13 +11,18 @@ from rich.text import Text
 
 from hdassist.error.sensitivity import Sensitivity
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.positions import MountingCurve, Position
-from hdassist.mounting.seat import circle, instruction, wheel
-from hdassist.terminal.answers import certificate_object, csv_text, envelope
+from hdassist.mounting.card import CardFacts
+from hdassist.mounting.positions import Chances, MountingCurve, Position
+from hdassist.mounting.robust import Robust
+from hdassist.mounting.seat_page import instruction, seat_text, wheel
+from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
+from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
+
+SHOWN = 6  # positions that the table of uncertainty lists, best first
 
 
 def _phase_words(advice: Advice) -> str:
@@ -47,6 +51,19 @@ def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     return tuple(found)
 
 
+def answer(advice: Advice, *, seed: int, plots: bool) -> Answer:
+    """What there is to say of an advice; seed, of its samples; plots, whether seat and curves are drawn."""
+    return Answer(
+        to_json=lambda: to_json(advice, seed),
+        page=lambda style: render(advice, style, plots=plots),
+        summary_line=lambda: summary_line(advice),
+        figures=lambda: figures(advice),
+        warnings=warnings(advice),
+        proof=advice.curve.certificate,
+        exit_code=exit_code(advice),
+    )
+
+
 def exit_code(advice: Advice) -> int:
     """Exit code of the command: 130 where it was interrupted."""
     return 130 if advice.curve.interrupted else 0
@@ -56,13 +73,13 @@ def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableTyp
     """The instruction, the seat, a plot per torque, and tables of the positions."""
     drive, result = advice.drive, advice.curve
     words = f"{drive.name}: turning the fixed {wheel(drive)} on its seat{heading(advice.measured)}"
-    parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(instruction(advice)))]
+    parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(instruction(advice.choice)))]
     if plots:
-        parts.append(Text(circle(advice, style)))
+        parts.append(Text(seat_text(advice.choice, style)))
         parts += [Text(drawn) for drawn in _curves(advice, style)]
     parts += [_positions(advice, style), _torques(result, style)]
     if advice.robust:
-        parts += [_uncertain(advice, style)]
+        parts.append(_uncertain(advice, advice.robust, style))
     if advice.now:
         parts.append(_slopes(advice, style))
     turns = "Turns are counter-clockwise seen from the cam side, from where the wheel stands."
@@ -83,23 +100,13 @@ def _curves(advice: Advice, style: Style) -> list[str]:
 
 
 def _proof(result: MountingCurve) -> str:
-    proof = certificate_object(result.certificate, result.cross_checks)
     solved, places = int(result.every_state.sum()), result.every_state.size
-    words = f"certificate: {proof['states']} states, greatest residual {proof['max_residual']:.1e} of its scale"
+    proof = result.certificate
+    words = f"certificate: {proof.states} states, greatest residual {proof.max_residual:.1e} of its scale"
+    words += cross_checked(result.cross_checks)
     if solved < places:
         words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
-    if cross := proof["cross_check"]:
-        words += f"; {cross['states']} again by {cross['solver']}: {cross['max_difference_arcsec']:.1e} arcsec apart"
     return words
-
-
-def _named(advice: Advice) -> list[tuple[str, Position]]:
-    result = advice.curve
-    rows = [("now", result.current), ("best", advice.chosen)]
-    second = next((p for p in result.ranked if p != advice.chosen), None)
-    if second is not None:
-        rows.append(("second", second))
-    return [*rows, ("worst", result.worst)]
 
 
 def _positions(advice: Advice, style: Style) -> Table:
@@ -108,11 +115,20 @@ def _positions(advice: Advice, style: Style) -> Table:
     grid.add_column("position")
     for words in ("hole", "turn, deg", f"phase {_phase_words(advice)}, deg", "F'_ior, arcsec", "against now"):
         grid.add_column(words, justify="right")
-    for words, position in _named(advice):
+    named = {"now": result.current, "best": advice.chosen, "second": advice.second, "worst": result.worst}
+    for words, position in named.items():
+        if position is None:
+            continue
         values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
         hole = "-" if position.hole is None else f"{position.hole}"
-        change = gain(result, position)
-        grid.add_row(words, hole, f"{position.rotation_deg:g}", f"{position.phase_deg:g}", values, f"{change:+.0%}")
+        grid.add_row(
+            words,
+            hole,
+            f"{position.rotation_deg:g}",
+            f"{position.phase_deg:g}",
+            values,
+            f"{position.change_from(result.current):+.0%}",
+        )
     return grid
 
 
@@ -134,9 +150,8 @@ def _torques(result: MountingCurve, style: Style) -> Table:
     return grid
 
 
-def _uncertain(advice: Advice, style: Style) -> Table:
-    sampled, result = advice.robust, advice.curve
-    assert sampled is not None
+def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
+    result = advice.curve
     title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
     if any(sampled.standard_error_arcsec):
         errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
@@ -154,9 +169,6 @@ def _uncertain(advice: Advice, style: Style) -> Table:
     return grid
 
 
-SHOWN = 6  # positions that the table of uncertainty lists, best first
-
-
 def _slopes(advice: Advice, style: Style) -> Table:
     grid = table(style, "what a micrometre more does to F'_ior, arcsec")
     grid.add_column("position")
@@ -168,20 +180,14 @@ def _slopes(advice: Advice, style: Style) -> Table:
     return grid
 
 
-def gain(result: MountingCurve, position: Position) -> float:
-    """Change of F'_ior against the present position, of the torque that is served worst."""
-    return max(new / now for new, now in zip(position.F_ior_arcsec, result.current.F_ior_arcsec, strict=True)) - 1
-
-
-def answer(advice: Advice, seed: int) -> dict[str, Any]:
+def to_json(advice: Advice, seed: int) -> Json:
     """The curves and positions as a JSON object."""
-    result = advice.curve
-    second = next((p for p in result.ranked if p != advice.chosen), None)
+    result, second = advice.curve, advice.second
     return {
         **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
         "complete": not result.interrupted,
         "pitch": pitch_object(advice.measured),
-        "instruction": instruction(advice),
+        "instruction": instruction(advice.choice),
         "turn": advice.worth_turning,
         "curves": [
             {
@@ -206,7 +212,7 @@ def answer(advice: Advice, seed: int) -> dict[str, Any]:
     }
 
 
-def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> dict[str, Any]:
+def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> Json:
     told = {
         f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in ("j_n", "W_0", "g_b")
     }
@@ -219,7 +225,7 @@ def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> dict[st
     }
 
 
-def _robust(advice: Advice) -> dict[str, Any] | None:
+def _robust(advice: Advice) -> Json | None:
     sampled, result = advice.robust, advice.curve
     if sampled is None:
         return None
@@ -246,18 +252,37 @@ def _robust(advice: Advice) -> dict[str, Any] | None:
     }
 
 
-def csv(advice: Advice) -> str:
-    """One row per torque and position."""
+def figures(advice: Advice) -> Figures:
+    """Header and rows of a table, one row per torque and position."""
     result = advice.curve
     rows = [
         [M_g, float(rotation), float(phase), float(value), int(every)]
         for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         for rotation, phase, value, every in zip(result.rotation_deg, result.phase_deg, values, solved, strict=True)
     ]
-    return csv_text(["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows)
+    return ["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows
 
 
-def brief(advice: Advice) -> str:
+def summary_line(advice: Advice) -> str:
     """The answer alone: the hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
-    chosen = advice.chosen if advice.worth_turning else advice.curve.current
-    return f"{chosen.rotation_deg:g}" if chosen.hole is None else f"{chosen.hole}"
+    target = advice.choice.target
+    return f"{target.rotation_deg:g}" if target.hole is None else f"{target.hole}"
+
+
+def card_facts(advice: Advice, say: Texts) -> CardFacts:
+    """What the assembly card tells of an advice; say, the texts of its language."""
+    drive, sampled = advice.drive, advice.robust
+    rigid = drive.mounting.fixed == "rigid"
+    offset, cam = ("e_hb", "phi_hb") if rigid else ("e_hg", "phi_hg")
+    chances = None
+    if sampled:
+        best = dict(zip(sampled.places, map(float, sampled.probability_best), strict=True))
+        chances = Chances(len(sampled.merits), best[sampled.recommended], best.get(0), sampled.probability_gain)
+    return CardFacts(
+        choice=advice.choice,
+        cam_deg=getattr(drive.phases, cam) if getattr(drive.tolerances, offset) else None,
+        measured=advice.measured,
+        chances=chances,
+        weights=advice.curve.weights,
+        warnings=warnings(advice, say),
+    )

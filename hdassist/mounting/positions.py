@@ -39,6 +39,46 @@ class Position:
         """The same turn by the shorter way, in -180..180: negative is clockwise."""
         return self.rotation_deg - 360 if self.rotation_deg > 180 else self.rotation_deg
 
+    def change_from(self, other: Position) -> float:
+        """Change of F'_ior against another position, as a share of it, of the torque that is served worst."""
+        return max(here / there for here, there in zip(self.F_ior_arcsec, other.F_ior_arcsec, strict=True)) - 1
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The position that the fixed wheel is to have, among those that it may have.
+
+    torques [N*m], those of every position's F_ior_arcsec; current, where the wheel stands (where it stood before the
+    first trial, if there were trials); chosen, the best one; turn, whether to go there from the current one; ranked,
+    the usable positions, best first.
+    """
+
+    drive: Drive
+    torques: tuple[float, ...]
+    current: Position
+    chosen: Position
+    turn: bool
+    ranked: tuple[Position, ...]
+
+    @property
+    def target(self) -> Position:
+        """Where the wheel is to be."""
+        return self.chosen if self.turn else self.current
+
+
+@dataclass(frozen=True)
+class Chances:
+    """How sure a choice is, over samples of what is uncertain, as shares of them.
+
+    chosen and current: those in which the chosen and the current position are the best one (None: the current one may
+    not be used); gain: those in which the chosen one is better than the current one.
+    """
+
+    samples: int
+    chosen: float
+    current: float | None
+    gain: float
+
 
 @dataclass(frozen=True)
 class MountingCurve:

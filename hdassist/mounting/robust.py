@@ -14,12 +14,12 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import MountingCurve, merit, rotated
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import Drive, least_of
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import least_of
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
-SURE = 0.95  # share of samples in which a turn must be a gain to be worth making
-BEST = 0.999  # of the merit: positions this near to the best of a sample share it
+LEAST_PROBABILITY = 0.95  # of a gain, for a turn to be worth making
+TIE = 0.999  # of the merit: positions this near to the best of a sample share it
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,7 @@ class Robust:
     @property
     def probability_best(self) -> Array:
         """Share of samples in which each position is the best one, ties shared, shape (positions,)."""
-        first = self.merits <= self.merits.min(axis=1, keepdims=True) / BEST
-        return np.asarray((first / first.sum(axis=1, keepdims=True)).mean(axis=0))
+        return share_best(self.merits)
 
     @property
     def probability_gain(self) -> float:
@@ -97,12 +96,21 @@ class Robust:
     @property
     def worth_turning(self) -> bool:
         """Whether the gain is more than the uncertainty."""
-        return self.probability_gain >= SURE
+        return self.probability_gain >= LEAST_PROBABILITY
 
     def loss(self, place: int) -> float:
         """Expected loss of another place on the curve against the choice, as a share of the present error."""
         position = self.places.index(place)
         return float(np.mean(self.merits[:, position] - self.merits[:, self.best]))
+
+
+def share_best(merits: Array) -> Array:
+    """Share of samples in which each position is the best one, ties shared, shape (positions,).
+
+    Arguments: merits, shape (samples, positions).
+    """
+    first = merits <= merits.min(axis=1, keepdims=True) / TIE
+    return np.asarray((first / first.sum(axis=1, keepdims=True)).mean(axis=0))
 
 
 def robust(
@@ -153,7 +161,7 @@ def interpolates(drive: Drive, samples: int, positions: int) -> bool:
     return deviations and samples * positions * QUICK_STATES > STATES
 
 
-def work(drive: Drive, samples: int, positions: int) -> int:
+def sample_states(drive: Drive, samples: int, positions: int) -> int:
     """Number of states that the samples take at one torque, about, for a progress bar."""
     if not drive.uncertainty or not samples:
         return 0

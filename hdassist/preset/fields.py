@@ -6,60 +6,21 @@ Numbers are held in the unit of their field; the model converts them.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from math import inf, isfinite
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from functools import cache
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError
+from pydantic import BaseModel, Field, PrivateAttr, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
+from hdassist.preset.kinds import CLOSED, PerOrder, PerTorque, Section, field, in_range, kind_of, range_of, unit_of
+from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
+from hdassist.preset.yamltext import Unread
+
 SCHEMA = "hdassist.preset/1"
-
-Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
-
-
-class Section(BaseModel):
-    """A group of preset fields: immutable, closed, and strict about types."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-def field(meaning: str, unit: str = "", default: Any = ..., example: Any = None, **limits: float) -> Any:
-    """Declare a field: what it means, its unit, its default (none: required), an example, its range."""
-    examples = None if example is None else [example]
-    return Field(  # type: ignore[call-overload]
-        default, description=meaning, examples=examples, json_schema_extra={"unit": unit}, **limits
-    )
-
-
-def _as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value if isinstance(value, tuple) else (value,)
-
-
-def is_number(key: str) -> bool:
-    """Whether a key of a table of limits is a number, such as a torque [N*m] (the other key is "all")."""
-    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
-
-
-def _keys(limits: dict[str, float]) -> dict[str, float]:
-    for key in limits:
-        if key != "all" and not is_number(key):
-            raise ValueError("each key must be a number, or all")
-    return limits
-
-
-def _order_keys(limits: dict[str, float]) -> dict[str, float]:
-    for key in limits:
-        if not is_number(key) or float(key) <= 0:
-            raise ValueError("each key must be an order per cam turn")
-    return limits
-
-
-Limit = Annotated[float, Field(gt=0, le=1e6)]
-PerTorque = Annotated[dict[str, Limit], AfterValidator(_keys)]
 
 
 class Gears(Section):
@@ -158,16 +119,13 @@ class Mounting(Section):
     )
     holes: int = field("holes of the seat of the fixed wheel (0: free angle)", default=12, ge=0, le=360)
     first_hole: float = field("angle of hole 0", "deg", 0.0, ge=-360, le=360)
-    allowed: Annotated[
-        Literal["all"] | tuple[int, ...],
-        BeforeValidator(lambda value: value if value == "all" else _as_tuple(value)),
-    ] = field("usable holes", default="all")
+    allowed: Literal["all"] | tuple[int, ...] = field("usable holes", default="all")
 
 
 class Operation(Section):
     """Load."""
 
-    M_g: Annotated[tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...], BeforeValidator(_as_tuple)] = field(
+    M_g: tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...] = field(
         "torques on the flexspline, counter-clockwise positive", "N*m", example=(80.0, 800.0)
     )
     rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
@@ -181,7 +139,7 @@ class Acceptance(Section):
     )
     turn_range: PerTorque = field("limit of the range within one cam turn, as F_ior", "arcsec", {})
     self_error: PerTorque = field("limit of the self error, as F_ior", "arcsec", {})
-    order_amplitude: Annotated[dict[str, Limit], AfterValidator(_order_keys)] = field(
+    order_amplitude: PerOrder = field(
         "limit of the amplitude of orders per cam turn {2: 10}, at all torques", "arcsec", {}
     )
     lost_motion: float | None = field("limit of the lost motion", "arcsec", None, gt=0, le=1e6)
@@ -226,8 +184,10 @@ class Origin:
     warnings: tuple[str, ...] = ()
 
 
-class Drive(Section):
+class Drive(BaseModel):
     """A strain wave drive as a preset describes it."""
+
+    model_config = CLOSED
 
     name: str = field("name of the drive", min_length=1, max_length=200)
     description: str = field("what the drive is, and how its numbers were found", default="")
@@ -254,6 +214,35 @@ class Drive(Section):
 
     _origin: Origin = PrivateAttr(default=Origin())
 
+    @model_validator(mode="before")
+    @classmethod
+    def _join_spreads(cls, data: Any) -> Any:
+        """Put the uncertainties that stand beside values to the others; of two for a field, the other one counts."""
+        table = data.get("uncertainty") or {} if isinstance(data, dict) else None
+        if not isinstance(table, dict):
+            return data
+        beside = {path: spread for path, spread in spreads(data).items() if path not in table}
+        return data | {"uncertainty": table | beside} if beside else data
+
+    @field_validator("uncertainty", mode="before")
+    @classmethod
+    def _read_uncertainty(cls, table: Any) -> Any:
+        return _read_measures(table, Unread("only single measures have an uncertainty", at_key=True))
+
+    @field_validator("alternatives", mode="before")
+    @classmethod
+    def _read_alternatives(cls, tables: Any) -> Any:
+        if tables is None or isinstance(tables, list | tuple):
+            return tuple(_read_alternative(table) for table in tables or ())
+        return tables if isinstance(tables, Unread) else Unread("must be a list of tables", "like - {gears.j_n: 6.1}")
+
+    @field_validator("source", mode="before")
+    @classmethod
+    def _read_source(cls, table: Any) -> Any:
+        if not isinstance(table, dict):
+            return {} if table is None else table
+        return {path: _read_entry(path, entry) for path, entry in table.items()}
+
     @property
     def origin(self) -> Origin:
         """Where the drive was read."""
@@ -274,13 +263,7 @@ class Drive(Section):
 
     def allows(self, path: str, value: float) -> bool:
         """Whether a value is within the range of a field, by path ("gears.j_n")."""
-        section, name = path.split(".")
-        table = getattr(self, section)
-        try:
-            type(table).model_validate({**table.model_dump(), name: value})
-        except ValidationError:
-            return False
-        return True
+        return in_range(field_table()[path], value)
 
     def with_values(self, values: Mapping[str, float]) -> Drive:
         """The drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
@@ -299,73 +282,73 @@ def sections() -> Iterator[tuple[str, type[Section]]]:
             yield name, info.annotation
 
 
-def fields() -> Iterator[tuple[str, FieldInfo]]:
+@cache
+def field_table() -> dict[str, FieldInfo]:
     """Path ("gears.z_g") and declaration of each field that stands in a section."""
-    for section, model in sections():
-        for name, info in model.model_fields.items():
-            yield f"{section}.{name}", info
+    return {f"{section}.{name}": info for section, model in sections() for name, info in model.model_fields.items()}
 
 
-def unit_of(info: FieldInfo) -> str:
-    """Unit of a field as declared, empty for a pure number."""
-    extra = info.json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+def fields() -> Iterator[tuple[str, FieldInfo]]:
+    """Path and declaration of each field, in the order they are written."""
+    yield from field_table().items()
 
 
-def kind_of(info: FieldInfo) -> Kind:
-    """What a field takes: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
-    union = get_origin(info.annotation) in (Union, UnionType)
-    parts = get_args(info.annotation) if union else (info.annotation,)
-    if float in parts:
-        return "number"
-    if int in parts:
-        return "count"
-    origins = [get_origin(part) for part in parts]
-    if Literal in origins:
-        return "holes" if tuple in origins else "choice"
-    if dict in origins:
-        return "orders" if AfterValidator(_order_keys) in info.metadata else "limits"
-    return "numbers" if tuple in origins else "text"
+@cache
+def measures() -> dict[str, FieldInfo]:
+    """Path and declaration of each field that holds a single number, and so may have an uncertainty."""
+    return {path: info for path, info in fields() if kind_of(info) == "number"}
 
 
-def is_optional(info: FieldInfo) -> bool:
-    """Whether a field may be empty."""
-    return type(None) in get_args(info.annotation)
+def spreads(data: Mapping[str, Any]) -> dict[str, float]:
+    """Uncertainties that stand beside values ("260 ± 10"), by path, each in the unit of its field."""
+    found = {}
+    for section, table in data.items():
+        for name, value in table.items() if isinstance(table, dict) else ():
+            path = f"{section}.{name}"
+            if isinstance(value, str) and is_spread(value) and path in measures():
+                with suppress(UnitError):  # the value itself is refused
+                    found[path] = read_spread(value, unit_of(measures()[path]))[1]
+    return found
 
 
-def choices_of(info: FieldInfo) -> tuple[str, ...]:
-    """Words that a field of the kind "choice" takes."""
-    return tuple(map(str, get_args(info.annotation)))
+def _read_measures(table: Any, no_measure: Unread | None) -> Any:
+    """A table of measures by path, each in the unit of its field; no_measure, what is said of a field that is none."""
+    if not isinstance(table, dict):
+        return {} if table is None else table
+    read: dict[str, float | Unread] = {}
+    for path, value in table.items():
+        if path in measures():
+            read[path] = read_number(value, unit_of(measures()[path]))
+        elif no_measure is not None and path in field_table():
+            read[path] = no_measure
+        else:
+            read[path] = Unread(
+                "names no field" if no_measure else "names no measure of a preset",
+                _near_path(path, measures()),
+                at_key=True,
+            )
+    return read
 
 
-def range_of(info: FieldInfo, unit: str = "") -> str:
-    """Range of a field, or of each item of it, in words and with the unit; empty where there is none."""
-    limits = list(_limits(info))
-    low, above, high = (
-        next((plain(getattr(limit, name)) for limit in limits if hasattr(limit, name)), "")
-        for name in ("ge", "gt", "le")
-    )
-    if not high:
-        return f"{low} {unit}".rstrip() + " or more" if low else ""
-    return f"{f'above {above}, up' if above else low} to {high} {unit}".rstrip()
+def _read_alternative(table: Any) -> Any:
+    read = _read_measures(table, None)
+    for path, value in read.items() if isinstance(read, dict) else ():
+        if not isinstance(value, Unread) and not in_range(info := measures()[path], value):
+            read[path] = Unread(f"out of range: {range_of(info, unit_of(info))}")
+    return read
 
 
-def _limits(info: FieldInfo) -> Iterator[object]:
-    yield from info.metadata
-    waiting: list[object] = [info.annotation]
-    while waiting:
-        annotation = waiting.pop()
-        for extra in getattr(annotation, "__metadata__", ()):
-            yield from extra.metadata if isinstance(extra, FieldInfo) else ()
-        waiting.extend(get_args(annotation))
+def _read_entry(path: str, entry: Any) -> Any:
+    if path not in field_table():
+        return Unread("names no field", _near_path(path, field_table()), at_key=True)
+    if isinstance(entry, dict | Unread | Source):
+        return entry
+    return Unread("must be a table of keys", "like {kind: given, ref: page 6}")
 
 
-def least_of(info: FieldInfo) -> float:
-    """Least value that a field takes."""
-    bounds = (getattr(limit, "ge", None) for limit in _limits(info))
-    return next((float(bound) for bound in bounds if bound is not None), -inf)
-
-
-def plain(number: float) -> str:
-    """Number as one would write it in a preset: 20, 0.05, 1e7."""
-    return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")
+def _near_path(word: str, paths: Iterable[str]) -> str:
+    """A hint at the field that a word may mean."""
+    name = word.split(".")[-1]
+    whole = next((path for path in paths if path.split(".")[1] == name), "")
+    close = [whole] if whole else difflib.get_close_matches(word[:60], paths, 1, 0.7)
+    return f"did you mean {close[0]}?" if close else "write section.key, like gears.z_g"

@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
 from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.preset import overrides as sets
-from hdassist.preset import yamltext
-from hdassist.preset.convert import Converter, Values, field_table
 from hdassist.preset.fields import (
     SCHEMA,
     Drive,
     Origin,
     Source,
-    choices_of,
-    plain,
-    range_of,
+    field_table,
     sections,
-    unit_of,
+    spreads,
 )
-from hdassist.preset.findings import OVERRIDE, Findings, in_order, near
+from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.rules import conflicts
-from hdassist.preset.yamltext import Document, Path
+from hdassist.preset.yamltext import (
+    MAX_FINDINGS,
+    OVERRIDE,
+    Document,
+    Findings,
+    Path,
+    Unread,
+    in_order,
+    near,
+    path_text,
+    read,
+    resolve,
+    shown,
+)
 
 
 def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Drive:
@@ -36,7 +45,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
-    own = yamltext.read(text, file)
+    own = read(text, file)
     drive, findings = _drive(sets.apply(own, parsed) if own.complete else own, file)
     if findings.items or drive is None:
         found = findings.sorted()
@@ -59,76 +68,96 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
     if not document.complete:
         return None, findings
     if not isinstance(document.data, dict):
-        if document.data is None:
-            findings.add((), "the preset is empty", "hdassist presets new NAME prints one to start from", "")
-        elif document.data is not yamltext.BROKEN:
-            findings.add((), "a preset must be a table of keys", "hdassist presets new NAME prints one to start from")
+        if not isinstance(document.data, Unread):
+            message, got = (
+                ("the preset is empty", "") if document.data is None else ("a preset must be a table of keys", None)
+            )
+            findings.add((), message, "hdassist presets new NAME prints one to start from", got)
         return None, findings
-    _check_schema(findings, document.data)
-    values = Converter(findings).drive(document.data)
-    drive = _validate(values, findings)
-    for conflict, involved in conflicts(_valid(values, findings)):
+    data = dict(document.data)
+    _check_schema(findings, data)
+    _settle_spreads(findings, data)
+    drive = None
+    try:
+        drive = Drive.model_validate(data)
+    except ValidationError as error:
+        problems = error.errors(include_url=False, include_context=False)
+        for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
+            _translate(problem["loc"], problem["type"], problem["input"], findings)
+    for conflict, involved in conflicts(_valid(drive, data, findings)):
         paths = [tuple(path.split(".")) for path in (conflict.path, *involved)]
         path = next((p for p in paths if findings.where(p)[0] == OVERRIDE), paths[0])
         findings.add(path, conflict.message, conflict.hint, conflict.got)
-    if drive is not None:
-        _check_alternatives(findings, drive)
     return drive, findings
-
-
-def _check_alternatives(findings: Findings, drive: Drive) -> None:
-    for index, values in enumerate(drive.alternatives):
-        for path, value in values.items():
-            if not drive.allows(path, value):
-                info = field_table()[path]
-                findings.add(("alternatives", index, path), f"out of range: {range_of(info, unit_of(info))}")
 
 
 def _check_schema(findings: Findings, data: dict[str, Any]) -> None:
     if "schema" not in data:
         findings.add(("schema",), "missing key", f"write schema: {SCHEMA}")
-    elif data["schema"] is not yamltext.BROKEN and data["schema"] != SCHEMA:
+    elif not isinstance(given := data.pop("schema"), Unread) and given != SCHEMA:
         findings.add(("schema",), f"must be {SCHEMA}")
 
 
-def _validate(values: Values, findings: Findings) -> Drive | None:
-    try:
-        return Drive.model_validate(values)
-    except ValidationError as error:
-        for problem in error.errors(include_url=False):
-            _translate(dict(problem), findings)
-        return None
+def _settle_spreads(findings: Findings, data: dict[str, Any]) -> None:
+    """Of two uncertainties of a field, one beside its value, the one on the command line counts."""
+    if not isinstance(table := data.get("uncertainty"), dict):
+        return
+    for path, spread in spreads(data).items():
+        own = ("uncertainty", path)
+        own_wins, beside_wins = (findings.where(p)[0] == OVERRIDE for p in (own, tuple(path.split("."))))
+        if path in table and beside_wins and not own_wins:
+            data["uncertainty"] = table = table | {path: spread}
+        elif path in table and beside_wins == own_wins:
+            findings.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
 
 
-def _translate(problem: dict[str, Any], findings: Findings) -> None:
+def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
     """Add what pydantic found, in the words of somebody who writes presets."""
-    path: Path = problem["loc"]
-    if findings.is_bad(path) or path[:2] == ("mounting", "allowed"):
+    if findings.is_bad(path):
         return  # found and said before
-    kind = str(problem["type"])
-    if kind != "missing" and path not in findings.places:
+    if kind == "missing":
+        findings.add(path, *_missing(path), got="")
+        return
+    if path not in findings.places:
         path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
     info = field_table().get(".".join(map(str, path[:2]))) or Drive.model_fields.get(str(path[0]))
     if path[0] == "source" and len(path) > 2:
         info = Source.model_fields.get(str(path[2]))
-    if kind == "missing":
-        findings.add(path, *_missing(path), got="")
-    elif kind == "extra_forbidden":
-        findings.add(path, "unknown key", near(str(path[-1]), Source.model_fields) or "known: kind, ref", "", key=True)
+    if kind == "extra_forbidden":
+        hint = "" if len(findings.items) > MAX_FINDINGS else _unknown_hint(path, value)
+        findings.add(path, "unknown key", hint, "", key=True)
+    elif isinstance(value, Unread):
+        findings.refuse(path, value)
+    elif kind in ("model_type", "dict_type"):
+        findings.add(path, "must be a table of keys")
     elif kind == "literal_error" and info is not None:
         choices = choices_of(info)
-        findings.add(path, f"must be one of {', '.join(choices)}", near(str(problem["input"]), choices))
+        findings.add(path, f"must be one of {', '.join(choices)}", near(str(value), choices))
     elif kind == "string_type":
-        quotes = "put it in quotes" if isinstance(problem["input"], int | float) else ""
-        findings.add(path, "must be text", quotes)
-    elif kind in ("greater_than_equal", "less_than_equal", "greater_than") and info is not None:
-        unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
-        hint = _converted(problem["input"], findings.written(path), unit)
-        findings.add(path, f"out of range: {range_of(info, unit)}", hint)
+        findings.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
     elif kind.startswith("string_too"):
         findings.add(path, "must have 1 to 200 characters")
-    else:
-        findings.add(path, str(problem["msg"]).removeprefix("Value error, "))
+    elif info is not None:
+        unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
+        converted = isinstance(resolve(findings.written(path)), str)  # written in another unit
+        hint = f"that is {value:g} {unit}" if converted else ""
+        findings.add(path, f"out of range: {range_of(info, unit)}", hint)
+
+
+def _unknown_hint(path: Path, value: Any) -> str:
+    """What a key may mean that is none here."""
+    key, table = str(path[-1]), str(path[0])
+    if value is None and ":" in key:
+        return "a space is missing behind the colon"
+    if value is None and key.replace(".", "").isdigit():
+        return "a comma in a number? write a decimal point"
+    home = next((section for section, model in sections() if key in model.model_fields), "")
+    if home and table != "source":
+        return f"{key} belongs to {home}"
+    options = ["schema", *Drive.model_fields]
+    if len(path) > 1:
+        options = list((Source if table == "source" else dict(sections())[table]).model_fields)
+    return near(key, options) or f"known: {', '.join(options)}"
 
 
 def _missing(path: Path) -> tuple[str, str]:
@@ -144,44 +173,35 @@ def _missing(path: Path) -> tuple[str, str]:
     return "missing key", f"{meaning}, in {unit}" if unit else meaning
 
 
-def _converted(value: float, written: str, unit: str) -> str:
-    """The number in the unit of the field, where it was written in another one."""
-    return f"that is {value:g} {unit}" if isinstance(yamltext.resolve(written), str) else ""
-
-
-def _valid(values: Values, findings: Findings) -> dict[str, Any]:
+def _valid(drive: Drive | None, data: dict[str, Any], findings: Findings) -> dict[str, Any]:
     """Fields without a finding, by path: as given, or their default."""
+    if drive is not None:
+        return {path: drive.value(path) for path in field_table()}
     valid: dict[str, Any] = {}
+    bad = {path[:2] for path in findings.bad}
     for path, info in field_table().items():
         section, name = path.split(".")
-        if findings.is_bad((section, name)) or any(bad[:2] == (section, name) for bad in findings.bad):
+        given = data.get(section) or {}
+        if (section,) in bad or (section, name) in bad:
             continue
-        given = values.get(section, {})
         if name in given:
-            valid[path] = given[name]
+            valid[path] = read_value(info, given[name])
         elif not info.is_required():
             valid[path] = info.default
     return valid
 
 
-def _warnings(drive: Drive, findings: Findings) -> Iterator[Finding]:
-    found: list[Finding] = []
-
-    def warn(path: Path, message: str, hint: str = "") -> None:
-        file, mark = findings.where(path, key=True)
-        found.append(Finding(file, *mark, yamltext.path_text(path), message, hint=hint))
-
+def _warnings(drive: Drive, findings: Findings) -> list[Finding]:
+    """Limits at torques that are not computed; those of the file may be more than the torques of one run."""
+    warnings = []
     used = set(drive.operation.M_g)
-    narrowed = findings.where(("operation", "M_g"))[0] == OVERRIDE  # this run's torques: the file's limits may be more
-    torques = yamltext.shown(", ".join(map(plain, drive.operation.M_g[:20])))
-    for path in sets.PER_TORQUE:
-        for key in drive.value(".".join(path)):
-            if key == "all" or float(key) in used:
-                continue
-            if not narrowed or findings.where((*path, key))[0] == OVERRIDE:
-                warn(
-                    (*path, key),
-                    "a limit for a torque that is not in operation.M_g: accept looks at it, check does not",
-                    f"M_g: {torques}",
-                )
-    yield from in_order(found)
+    narrowed = findings.where(("operation", "M_g"))[0] == OVERRIDE
+    torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
+    message = "a limit for a torque that is not in operation.M_g: accept looks at it, check does not"
+    for section, name in sets.PER_TORQUE:
+        for key in drive.value(f"{section}.{name}"):
+            path = (section, name, key)
+            file, mark = findings.where(path, key=True)
+            if key != "all" and float(key) not in used and (file == OVERRIDE or not narrowed):
+                warnings.append(Finding(file, *mark, path_text(path), message, hint=f"M_g: {torques}"))
+    return in_order(warnings)

@@ -7,9 +7,9 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 
 from hdassist.errors import Finding, UsageError
-from hdassist.preset.fields import fields, kind_of
-from hdassist.preset.findings import OVERRIDE
-from hdassist.preset.yamltext import Document, Mark, Path, Place, path_text, read, shown
+from hdassist.preset.fields import fields
+from hdassist.preset.kinds import kind_of
+from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read, shown
 
 PER_TORQUE = [tuple(path.split(".")) for path, info in fields() if kind_of(info) == "limits"]
 
@@ -45,11 +45,12 @@ def parse(text: str, index: int) -> Override:
     document.findings = [replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings]
     if document.findings:
         raise UsageError("\n".join(map(str, document.findings)))
-    places = {
-        (*path, *inner): Place(OVERRIDE, moved(p.key) if inner else Mark(index, 1), moved(p.value), p.text, p.quoted)
+    own = Mark(index, 1)
+    places = {path: SourceSpan(OVERRIDE, own, Mark(index, start + 1))} | {
+        (*path, *inner): SourceSpan(OVERRIDE, moved(p.key) if inner else own, moved(p.value), p.text, p.quoted)
         for inner, p in document.places.items()
-    } or {path: Place(OVERRIDE, Mark(index, 1), Mark(index, start + 1))}
-    return Override(path, Mark(index, 1), replace(document, places=places))
+    }
+    return Override(path, own, replace(document, places=places))
 
 
 def path_of(key: str) -> Path:

@@ -1,14 +1,16 @@
-"""JSON Schema of presets, for editors that complete and check YAML."""
+"""What presets may say, as JSON Schema for editors; and what one really says, field by field."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.fields import SCHEMA, Drive, Section, fields, is_optional, kind_of, sections, unit_of
-from hdassist.preset.spread import spread_pattern
-from hdassist.preset.units import pattern_for, spelled_units, units_for
+from hdassist.preset.fields import SCHEMA, Drive, fields, sections
+from hdassist.preset.kinds import Section, is_optional, kind_of, unit_of
+from hdassist.preset.overrides import is_overridden
+from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
 Schema = dict[str, Any]
 NUMBER = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
@@ -83,7 +85,7 @@ def _field(declared: Schema, info: FieldInfo) -> Schema:
     number = declared.get("anyOf", [declared])[0]
     choices = _quantity(number, unit) + ([{"type": "null"}] if is_optional(info) else [])
     if kind == "number":
-        choices.append({"type": "string", "pattern": spread_pattern(spelled_units(unit))})
+        choices.append({"type": "string", "pattern": spread_pattern(unit)})
     return about | (choices[0] if len(choices) == 1 else {"anyOf": choices})
 
 
@@ -110,3 +112,34 @@ def _bare(definition: Schema) -> Schema:
         for name, field in definition["properties"].items()
     }
     return {key: value for key, value in definition.items() if key != "title"} | {"properties": properties}
+
+
+@dataclass(frozen=True)
+class ResolvedField:
+    """One field: path, value in its unit, kind of origin, reference, meaning.
+
+    Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override.
+    """
+
+    path: str
+    value: Any
+    unit: str
+    kind: str
+    ref: str
+    meaning: str
+
+
+def resolved(drive: Drive) -> list[ResolvedField]:
+    """Rows for every field of a drive that stands in a section, in the order of the declarations."""
+    rows = []
+    for path, info in fields():
+        section, name = path.split(".")
+        table = getattr(drive, section)
+        source = drive.source.get(path)
+        kind, ref = (str(source.kind), source.ref) if source is not None else ("given", "")
+        if is_overridden(path, drive.origin.overrides):
+            kind, ref = "override", "--set"
+        elif name not in table.model_fields_set:
+            kind = "default"
+        rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description)))
+    return rows

@@ -1,4 +1,4 @@
-"""Numbers with a unit, such as "75 um", converted to the unit of a field.
+"""Numbers with a unit such as "75 um", with an uncertainty such as "260 ± 10 deg", in the unit of a field.
 
 Conversion is decimal and rounds once, so "75 um" and 0.075 are the same number.
 """
@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import difflib
 import re
+from dataclasses import replace
 from decimal import Decimal
+from math import isfinite, isinf
+from typing import Any
 
-from hdassist.preset.yamltext import NUMBER, shown
+from hdassist.preset.yamltext import NUMBER, Unread, shown
 
 PI = Decimal("3.14159265358979323846264338328")
 _DEGREE = PI / 180
@@ -69,7 +72,10 @@ _SPELLINGS = str.maketrans({
     "µ": "u", "μ": "u", "·": "*", "⋅": "*", "∙": "*", "•": "*", "×": "*", "²": "2",
     "′": "'", "″": '"', "º": "°",
 })  # fmt: skip
+_DOUBLES = {"°", "'", '"', "Nm", "N m", "kNm", "kN m", "Nmm", "N mm", "mNm"}  # known by another name as well
 _SPLIT = re.compile(rf"({NUMBER})\s*(.*)", re.DOTALL)
+_SIGN = r"(?:±|\+/-|\+-)"
+_SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 _SMALLEST = 1e-290
 
@@ -97,7 +103,7 @@ def convert(text: str, unit: str) -> float:
     if given == "":
         raise UnitError("must be a number, not text", "leave out the quotes")
     value = float(number)
-    if value in (float("inf"), float("-inf")):
+    if isinf(value):
         raise UnitError("must be a finite number")
     if looks := re.match(r"[:,_0-9]", given):
         raise _no_number(text.strip(), unit, looks[0])
@@ -105,6 +111,68 @@ def convert(text: str, unit: str) -> float:
     if abs(value) < _SMALLEST:
         return value * float(factor)
     return float(Decimal(number) * factor)
+
+
+def is_spread(text: str) -> bool:
+    """Whether a text has a sign of an uncertainty in it."""
+    return _SPREAD.fullmatch(text.strip()) is not None
+
+
+def read_spread(text: str, unit: str) -> tuple[float, float]:
+    """A number and its expanded uncertainty (k = 2), both in the unit of the field.
+
+    Arguments: text, such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin": a unit that one of them lacks is the
+    other's, and two bare numbers are in the unit of the field. Raises UnitError for anything else.
+    """
+    match = _SPREAD.fullmatch(text.strip())
+    if match is None:
+        raise UnitError("must be a number and its uncertainty", "like 260 ± 10")
+    units = [found[2] if (found := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
+    common = units[0] or units[1]
+    value, spread = (
+        convert(part if own else f"{part} {common}", unit) if common or not re.fullmatch(NUMBER, part) else float(part)
+        for part, own in zip(match.groups(), units, strict=True)
+    )
+    if match[2].startswith(("-", "+")):
+        raise UnitError("an uncertainty has no sign", "like 260 ± 10")
+    if not (isfinite(value) and isfinite(spread)):
+        raise UnitError("must be a finite number")
+    return value, spread
+
+
+def read_number(value: Any, unit: str) -> float | Unread:
+    """A number in a unit, from what a preset gives: a number, or a text with a unit; else why it is none."""
+    if isinstance(value, Unread):
+        return value
+    if isinstance(value, str):
+        try:
+            return convert(value, unit)
+        except UnitError as error:
+            return Unread(error.message, error.hint)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return value if isfinite(value) else Unread("must be a finite number")
+    return Unread("must be a number", f"in {unit}" if unit else "")
+
+
+def read_measure(value: Any, unit: str) -> float | Unread:
+    """A number as `read_number` takes it, or one with its uncertainty, which is left to `read_spread`."""
+    if not (isinstance(value, str) and is_spread(value)):
+        return read_number(value, unit)
+    try:
+        return read_spread(value, unit)[0]
+    except UnitError as error:
+        return Unread(error.message, error.hint)
+
+
+def read_count(value: Any) -> int | Unread:
+    """A whole number, from what a preset gives; else why it is none."""
+    if isinstance(value, float) and not value.is_integer():
+        return Unread("must be a whole number")
+    number = read_number(value, "")
+    if isinstance(number, Unread):
+        words = number.message.replace("a number", "a whole number").replace("a pure", "a whole")
+        return replace(number, message=words)
+    return int(number)
 
 
 def units_for(unit: str) -> tuple[str, ...]:
@@ -124,7 +192,11 @@ def spelled_units(unit: str) -> str:
     return "|".join(_spelled(u) for u in sorted(_SIZES[dimension], key=lambda u: (-len(u), u))) if dimension else ""
 
 
-_DOUBLES = {"°", "'", '"', "Nm", "N m", "kNm", "kN m", "Nmm", "N mm", "mNm"}
+def spread_pattern(unit: str) -> str:
+    """Regular expression of the texts that a measure in this unit and its uncertainty make, for editors."""
+    spelled = rf"\s*(?:{spelled_units(unit)})?" if spelled_units(unit) else ""
+    positive = NUMBER.replace("[-+]?", "", 1)
+    return rf"^\s*{NUMBER}{spelled}\s*{_SIGN}\s*{positive}{spelled}\s*$"
 
 
 def _spelled(unit: str) -> str:

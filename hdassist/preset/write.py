@@ -1,17 +1,19 @@
-"""A commented preset to start from, written from the declarations of the fields."""
+"""Texts of presets: a commented one to start from, and one with other values put into it."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.errors import UsageError
-from hdassist.preset.fields import SCHEMA, Section, plain, sections, unit_of
-from hdassist.preset.yamltext import resolve
+from hdassist.errors import DataError, UsageError
+from hdassist.preset.fields import SCHEMA, sections
+from hdassist.preset.kinds import Section, plain, unit_of
+from hdassist.preset.load import load_text
+from hdassist.preset.yamltext import Path, read, resolve
 
 MAX_NAME = 200
 
@@ -73,3 +75,82 @@ def _text(text: str) -> str:
     """A text as YAML: as it is where that is safe, else in quotes."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
     return text if word and isinstance(resolve(text), str) else json.dumps(text, ensure_ascii=False)
+
+
+def with_found_values(
+    text: str, file: str, values: Mapping[str, float], ref: str, alternatives: Sequence[Mapping[str, float]] = ()
+) -> str:
+    """Text of a preset with identified values.
+
+    Arguments: text; file, its name in messages; values, by path, of fields that the text gives; ref, where they
+    come from; alternatives, other sets of such values.
+    Raises DataError where the text is not laid out so that it can be changed in place.
+    """
+    changed = text if text.endswith("\n") else text + "\n"
+    for path, value in values.items():
+        changed = _with_value(changed, file, path, f"{value:g}" if f"{value:g}" == repr(value) else repr(value))
+        changed = _with_source(changed, file, path, f"{{kind: identified, ref: {json.dumps(ref, ensure_ascii=False)}}}")
+    changed = _without_block(changed, file, ("alternatives",))
+    if alternatives:
+        lines = [f"  - {{{', '.join(f'{path}: {value!r}' for path, value in each.items())}}}" for each in alternatives]
+        changed += "\n".join(["", "alternatives:  # other values that agree with the same targets", *lines, ""])
+    _require(changed, file, values, alternatives)
+    return changed
+
+
+def _with_value(text: str, file: str, path: str, written: str) -> str:
+    place = read(text, file).places.get(tuple(path.split(".")))
+    lines = text.split("\n")
+    if place is None:
+        raise DataError(f"{file}: {path} is not in the text", "write it into the preset")
+    row, column = place.value.line - 1, place.value.column - 1
+    length = len(place.text) + 2 * place.quoted
+    lines[row] = lines[row][:column] + written + lines[row][column + length :]
+    return "\n".join(lines)
+
+
+def _with_source(text: str, file: str, path: str, entry: str) -> str:
+    text = _without_block(text, file, ("source", path))
+    place = read(text, file).places.get(("source",))
+    if place is None:
+        return f"{text}\nsource:\n  {path}: {entry}\n"
+    lines = text.split("\n")
+    row = place.key.line - 1
+    following = next((line for line in lines[row + 1 :] if line.strip() and not line.lstrip().startswith("#")), "")
+    indent = following[: len(following) - len(following.lstrip())] or "  "
+    lines.insert(row + 1, f"{indent}{path}: {entry}")
+    return "\n".join(lines)
+
+
+def _without_block(text: str, file: str, path: Path) -> str:
+    """The text without a key and all that is indented under it."""
+    place = read(text, file).places.get(path)
+    if place is None:
+        return text
+    lines = text.split("\n")
+    first = place.key.line - 1
+    depth = place.key.column - 1
+    last = first + 1
+    while last < len(lines) and _belongs(lines[last], depth):
+        last += 1
+    return "\n".join(lines[:first] + lines[last:])
+
+
+def _belongs(line: str, depth: int) -> bool:
+    indent = len(line) - len(line.lstrip())
+    return bool(line.strip()) and (indent > depth or (indent == depth and line.lstrip().startswith("- ")))
+
+
+def _require(text: str, file: str, values: Mapping[str, float], alternatives: Sequence[Mapping[str, float]]) -> None:
+    """Read the text again: what was put in has to come out."""
+    try:
+        drive = load_text(text, file)
+        right = all(drive.value(path) == value for path, value in values.items())
+        right = right and [dict(each) for each in drive.alternatives] == [dict(each) for each in alternatives]
+    except DataError:
+        right = False
+    if not right:
+        raise DataError(
+            f"{file} is not laid out so that values can be put into it",
+            "one key a line, and source as a block of lines; hdassist presets new shows the form",
+        )

@@ -1,4 +1,4 @@
-"""Strict YAML text to plain data, with the place of every key and value.
+"""Strict YAML text to plain data, with the place of every key and value, and what is wrong with them.
 
 A preset needs little of YAML, and a slip in a number must not pass unseen. So there are no anchors, aliases
 and tags, a key stands once, and a plain scalar is read by the rules below and no others.
@@ -6,11 +6,11 @@ and tags, a key stands once, and a plain scalar is read by the rules below and n
 
 from __future__ import annotations
 
+import difflib
 import re
 from codecs import BOM_UTF8
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import Any, NamedTuple
 
 import yaml
@@ -20,17 +20,22 @@ from hdassist.errors import Finding
 MAX_BYTES = 256 * 1024
 MAX_DEPTH = 20
 MAX_DIGITS = 300  # a longer whole number is read as a float
+MAX_FINDINGS = 100
+OVERRIDE = "--set"  # stands for the file in findings on overrides
 
 Path = tuple[str | int, ...]
 
 
-class Broken(Enum):
-    """Stands for a value that could not be read; the finding about it is already there."""
+@dataclass(frozen=True)
+class Unread:
+    """Stands for a value that cannot be read: why (empty where a finding says it already), a hint, or a bad key."""
 
-    BROKEN = "broken"
+    message: str = ""
+    hint: str = ""
+    at_key: bool = False
 
 
-BROKEN = Broken.BROKEN
+BROKEN = Unread()
 
 
 class Mark(NamedTuple):
@@ -41,7 +46,7 @@ class Mark(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Place:
+class SourceSpan:
     """Where a key and its value stand, and the value as it is written."""
 
     file: str
@@ -56,7 +61,7 @@ class Document:
     """What a text says: data, the place of each path, what is wrong, and whether it was read to its end."""
 
     data: Any = None
-    places: dict[Path, Place] = field(default_factory=dict)
+    places: dict[Path, SourceSpan] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     complete: bool = True
 
@@ -91,8 +96,7 @@ def read(text: bytes | str, file: str) -> Document:
     """
     document = Document()
     try:
-        decoded = _decode(text)
-        _Builder(document, file).run(decoded)
+        _Builder(document, file, _decode(text)).run()
     except _EndError as end:
         document.findings.append(Finding(file, *end.mark, "", end.message, end.got, end.hint))
         document.complete = False
@@ -116,12 +120,8 @@ def _decode(text: bytes | str) -> str:
         decoded = data.decode()
     except UnicodeDecodeError as error:
         before = data[: error.start].decode()
-        raise _EndError(
-            _mark_at_end(before),
-            "not UTF-8 text",
-            f"byte 0x{data[error.start]:02x}",
-            "save the file as UTF-8",
-        ) from None
+        got = f"byte 0x{data[error.start]:02x}"
+        raise _EndError(_mark_at_end(before), "not UTF-8 text", got, "save the file as UTF-8") from None
     if found := _UNPRINTABLE.search(decoded):
         mark = _mark_at_end(decoded[: found.start()])
         raise _EndError(mark, "a control character, which YAML does not allow", shown(found.group()))
@@ -134,24 +134,26 @@ def _mark_at_end(text: str) -> Mark:
 
 
 class _Builder:
-    """One pass over the events of the parser, building data and places and collecting findings."""
+    """One pass over the events of the parser, building data and places and collecting findings.
 
-    def __init__(self, document: Document, file: str) -> None:
-        self.document = document
-        self.file = file
+    Nodes composed first would come with less: a text that breaks off has none, and an alias in it has no place.
+    """
+
+    def __init__(self, document: Document, file: str, text: str) -> None:
+        self.document, self.file = document, file
+        self.events = self._parsed(text)
         self.last = Mark(1, 1)
 
-    def run(self, text: str) -> None:
-        events = self._events(text)
+    def run(self) -> None:
         documents = 0
-        for event in events:
+        for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
                     raise _EndError(_mark(event.start_mark), "a second document", hint="one preset, one document")
-                self.document.data = self._node(next(events), events, (), None, self.document.places)
+                self.document.data = self._value(next(self.events), (), None, self.document.places)
 
-    def _events(self, text: str) -> Iterator[yaml.Event]:
+    def _parsed(self, text: str) -> Iterator[yaml.Event]:
         try:
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
                 self.last = _mark(event.end_mark)
@@ -161,25 +163,20 @@ class _Builder:
         except (yaml.YAMLError, ValueError, OverflowError):  # the parser fails so on "\U99999999"
             raise _EndError(self.last, "not valid YAML", hint="a bad escape in a quoted text?") from None
 
-    def _find(self, mark: Mark, path: Path, message: str, got: str = "", hint: str = "") -> None:
-        self.document.findings.append(Finding(self.file, *mark, path_text(path), message, got, hint))
+    def _until(self, end: type[yaml.Event]) -> Iterator[yaml.Event]:
+        while not isinstance(event := next(self.events), end):
+            yield event
 
-    def _node(
-        self,
-        event: yaml.Event,
-        events: Iterator[yaml.Event],
-        path: Path,
-        key: Mark | None,
-        places: dict[Path, Place],
-    ) -> Any:
+    def _value(self, event: Any, path: Path, key: Mark | None, places: dict[Path, SourceSpan]) -> Any:
+        """Value that begins with an event; key, where its key stands; places, which it is added to."""
         mark = _mark(event.start_mark)
-        value: Any
         text, quoted = "", False
+        value: Any = BROKEN
         if isinstance(event, yaml.AliasEvent):
-            self._find(mark, path, "aliases are not allowed", shown(f"*{event.anchor}"), "write the value out")
-            places[path] = Place(self.file, key or mark, mark, f"*{event.anchor}")
+            text = f"*{event.anchor}"
+            self._find(mark, path, "aliases are not allowed", shown(text), "write the value out")
+            places[path] = SourceSpan(self.file, key or mark, mark, text)
             return BROKEN
-        assert isinstance(event, yaml.ScalarEvent | yaml.SequenceStartEvent | yaml.MappingStartEvent)
         if len(path) >= MAX_DEPTH:
             raise _EndError(mark, f"nested deeper than {MAX_DEPTH} levels")
         if event.anchor is not None:
@@ -187,56 +184,42 @@ class _Builder:
         if event.tag is not None:
             tag = str(event.tag).replace("tag:yaml.org,2002:", "!!")
             self._find(mark, path, "tags are not allowed", shown(tag), "leave the tag out")
-        if isinstance(event, yaml.ScalarEvent):
-            value, text, quoted = self._scalar(event, path)
-        elif isinstance(event, yaml.SequenceStartEvent):
-            value, text = self._sequence(events, path, places), "a list"
+        if isinstance(event, yaml.SequenceStartEvent):
+            items = enumerate(self._until(yaml.SequenceEndEvent))
+            value, text = [self._value(item, (*path, index), None, places) for index, item in items], "a list"
+        elif isinstance(event, yaml.MappingStartEvent):
+            value, text = self._table(path, places), "a table of keys"
         else:
-            value, text = self._mapping(events, path, places), "a table of keys"
-        places[path] = Place(self.file, key or mark, mark, text, quoted)
+            text, quoted = str(event.value), event.style is not None
+            if _SURROGATE.search(text):
+                self._find(mark, path, "half of a surrogate pair is no character", shown(text))
+            else:
+                value = text if quoted else resolve(text)
+        places[path] = SourceSpan(self.file, key or mark, mark, text, quoted)
         return BROKEN if event.tag is not None else value
 
-    def _scalar(self, event: yaml.ScalarEvent, path: Path) -> tuple[Any, str, bool]:
-        text, quoted = str(event.value), event.style is not None
-        if _SURROGATE.search(text):
-            self._find(_mark(event.start_mark), path, "half of a surrogate pair is no character", shown(text))
-            return BROKEN, text, quoted
-        return (text if quoted else resolve(text)), text, quoted
-
-    def _sequence(self, events: Iterator[yaml.Event], path: Path, places: dict[Path, Place]) -> list[Any]:
-        items: list[Any] = []
-        for event in events:
-            if isinstance(event, yaml.SequenceEndEvent):
-                break
-            items.append(self._node(event, events, (*path, len(items)), None, places))
-        return items
-
-    def _mapping(self, events: Iterator[yaml.Event], path: Path, places: dict[Path, Place]) -> dict[str, Any]:
+    def _table(self, path: Path, places: dict[Path, SourceSpan]) -> dict[str, Any]:
         table: dict[str, Any] = {}
-        for event in events:
-            if isinstance(event, yaml.MappingEndEvent):
-                break
-            mark = _mark(event.start_mark)
-            known = len(self.document.findings)
-            name = str(event.value) if isinstance(event, yaml.ScalarEvent) else ""
-            scratch: dict[Path, Place] = {}
-            key = self._node(event, events, (*path, name), mark, scratch)
-            bad_key = len(self.document.findings) > known
-            if not isinstance(event, yaml.ScalarEvent) and not bad_key:
-                self._find(mark, path, "a key must be a single word", scratch[(*path, name)].text)
+        for event in self._until(yaml.MappingEndEvent):
+            mark, known = _mark(event.start_mark), len(self.document.findings)
+            word = isinstance(event, yaml.ScalarEvent)
+            name = str(event.value) if word else ""
+            at, of_key = (*path, name), dict[Path, SourceSpan]()
+            broken = self._value(event, at, mark, of_key) is BROKEN
+            if not word and len(self.document.findings) == known:
+                self._find(mark, path, "a key must be a single word", of_key[at].text)
             if name in table:
-                first = places[(*path, name)].key
-                self._find(
-                    mark,
-                    (*path, name),
-                    "duplicate key",
-                    hint=f"first given in line {first.line}, column {first.column}",
-                )
-            keep = isinstance(event, yaml.ScalarEvent) and key is not BROKEN and name not in table
-            value = self._node(next(events), events, (*path, name), mark, places if keep else {})
+                first = places[at].key
+                hint = f"first given in line {first.line}, column {first.column}"
+                self._find(mark, at, "duplicate key", hint=hint)
+            keep = word and not broken and name not in table
+            value = self._value(next(self.events), at, mark, places if keep else {})
             if keep:
                 table[name] = value
         return table
+
+    def _find(self, mark: Mark, path: Path, message: str, got: str = "", hint: str = "") -> None:
+        self.document.findings.append(Finding(self.file, *mark, path_text(path), message, got, hint))
 
 
 def _mark(mark: Any) -> Mark:
@@ -251,11 +234,7 @@ def path_text(path: Path) -> str:
 
 # What the parser says, and what it means to somebody who writes a preset.
 _WORDS = (
-    (
-        "mapping values are not allowed",
-        "a ':' where none can stand",
-        "wrong indentation, or a text that needs quotes",
-    ),
+    ("mapping values are not allowed", "a ':' where none can stand", "wrong indentation, or a text that needs quotes"),
     ("could not find expected ':'", "a line without a ':' behind its key", ""),
     ("found character '\\t'", "a tab", "indent with spaces"),
     ("expected ',' or", "a bracket is not closed, or a comma is missing", ""),
@@ -263,11 +242,7 @@ _WORDS = (
     ("expected the node content", "a value is missing, or a bracket stays open", ""),
     ("expected <block end>", "wrong indentation", "keys of one table start in the same column"),
     ("unknown escape character", "a bad escape in a quoted text", "single quotes take \\ as it is"),
-    (
-        "that cannot start any token",
-        "a character that no plain text can start with",
-        "put the text in quotes",
-    ),
+    ("that cannot start any token", "a character that no plain text can start with", "put the text in quotes"),
 )
 
 
@@ -282,3 +257,72 @@ def _syntax_error(error: yaml.MarkedYAMLError, last: Mark) -> _EndError:
                 hint = f"opened in line {begun.line + 1}, column {begun.column + 1}"
             return _EndError(mark, f"not valid YAML: {message}", hint=hint)
     return _EndError(mark, f"not valid YAML: {shown(problem, 100)}")
+
+
+class Findings:
+    """Findings on one document, and the paths whose values are not to be used."""
+
+    def __init__(self, document: Document, file: str) -> None:
+        self.file = file
+        self.places = document.places
+        self.items = list(document.findings)
+        self.bad: set[Path] = set()
+
+    def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
+        """Note what is wrong with a value (or, on demand, with a key) and mark the path as bad.
+
+        Without `got` the finding says how the value is written.
+        """
+        self.bad.add(path)
+        file, mark = self.where(path, key)
+        self.items.append(
+            Finding(file, *mark, path_text(path), message, self.written(path) if got is None else got, hint)
+        )
+
+    def refuse(self, path: Path, unread: Unread) -> None:
+        """Note why a value cannot be read, unless a finding says it already."""
+        self.bad.add(path)
+        if unread.message:
+            got = (shown(str(path[-1])) or "nothing") if unread.at_key else None
+            self.add(path, unread.message, unread.hint, got, key=unread.at_key)
+
+    def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
+        """File and place of a value or key; of the nearest table around it where it is not given."""
+        while path and path not in self.places:
+            path, key = path[:-1], True
+        if not path:
+            return self.file, Mark(1, 1)
+        place = self.places[path]
+        return place.file, place.key if key else place.value
+
+    def written(self, path: Path) -> str:
+        """Value of a path as it is written; empty if it is not given."""
+        place = self.places.get(path)
+        if place is None:
+            return ""
+        text = shown(place.text)
+        return f'"{text}"' if place.quoted else text or "nothing"
+
+    def is_bad(self, path: Path) -> bool:
+        """Whether a path, or a table around it, has a finding."""
+        return any(path[:n] in self.bad for n in range(1, len(path) + 1))
+
+    def sorted(self) -> list[Finding]:
+        """Every finding in order; the first hundred of very many."""
+        return in_order(self.items)
+
+
+def in_order(items: Iterable[Finding]) -> list[Finding]:
+    """Findings in the order of the file, then of the overrides; the first hundred of very many."""
+    ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
+    if len(ordered) > MAX_FINDINGS:
+        last, more = ordered[MAX_FINDINGS], len(ordered) - MAX_FINDINGS
+        ordered[MAX_FINDINGS:] = [Finding(last.file, last.line, last.column, "", f"and {more} more")]
+    return ordered
+
+
+def near(word: str, options: Iterable[str]) -> str:
+    """A hint "did you mean ...?" if an option looks like the word, else an empty text."""
+    known = {option.lower(): option for option in options}
+    close = difflib.get_close_matches(word[:60].lower(), known, 1, 0.6)
+    return f"did you mean {known[close[0]]}?" if close else ""

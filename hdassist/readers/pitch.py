@@ -1,7 +1,7 @@
 """Pitch deviations of a wheel, measured on a gear checker, from a file with a row for each tooth.
 
 The deviation of a tooth is where its flank lies against the place it should have, along the pitch circle, up to a
-constant for the whole wheel. A file has two columns, tooth number and deviation, and may say in comments:
+constant for the whole wheel. A file has two columns, tooth number and deviation, and may say in remarks:
 
     # form: cumulative | single   cumulative deviations F_p (default), or single pitch deviations f_pt, that of tooth
                                   k between the teeth k - 1 and k; "index" means the same as "single"
@@ -27,50 +27,54 @@ teeth, numbered clockwise, mark on tooth 2:
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+import re
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import PresetError, UsageError
-from hdassist.preset.findings import in_order
-from hdassist.readers.pitchsettings import Settings, settle
-from hdassist.readers.table import MAX_BYTES, NumberTable, parse
-from hdassist.readers.toothnumbers import rows_by_tooth
-from hdassist.textfile import read_bytes
+from hdassist.errors import UsageError
+from hdassist.model.wheels import PitchFile
+from hdassist.preset.units import UnitError
+from hdassist.preset.yamltext import near
+from hdassist.readers.table import NumberTable, few, read_numbers
+from hdassist.readers.words import (
+    AMBIGUOUS,
+    PITCH_KEYS,
+    flank_in,
+    form_in,
+    length_in,
+    micrometres,
+    names_teeth,
+    plain_unit,
+)
+from hdassist.textfile import Source
 
 LEAST, MOST = 0.5, 1000.0  # um: range over a wheel that can be meant
 CLOSING = 0.2  # of the range: how far the single deviations may be from closing
 NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
+_CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
 
 Form = Literal["cumulative", "single", "index"]
 Sense = Literal["ccw", "cw"]
 Sign = Literal["along", "ccw", "cw"]
 Flank = Literal["left", "right"]
+Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class PitchFile:
-    """Measured pitch deviations of a wheel.
-
-    deviation: cumulative deviations [um] without their mean, shape (teeth,), positive along +theta
-    (counter-clockwise, seen from the cam side); element 0 is the tooth with the mark, and teeth follow
-    counter-clockwise. mark: the number of that tooth in the file. notes: what was converted or assumed.
-    """
-
-    deviation: NDArray[np.float64]
-    mark: int
-    flank: Flank | None
-    file: str
-    sha256: str
-    notes: tuple[str, ...]
+CHOICES = {"form": get_args(Form), "sense": get_args(Sense), "sign": get_args(Sign), "flank": get_args(Flank)}
+MEANT = {  # what may be stated, for messages
+    "form": "cumulative or single",
+    "unit": "um or mm",
+    "sense": "ccw or cw, seen from the cam side",
+    "sign": "along (the numbering), ccw or cw",
+    "mark": "the number of a tooth",
+    "flank": "left or right",
+}
+HOW = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 
 
 def read_pitch(
-    path: str | Path,
+    source: Source,
     teeth: int,
     *,
     form: Form | None = None,
@@ -81,100 +85,242 @@ def read_pitch(
 ) -> PitchFile:
     """Read the pitch deviations of a wheel; see the module for what a file may say.
 
-    Arguments: path, or "-" for standard input; teeth of the wheel; the others win over what the file says,
-    and flank chooses among columns for two flanks.
+    Arguments: source, a path ("-" is standard input), stream or bytes; teeth of the wheel; the others win over what
+    the file says, and flank chooses among columns for two flanks.
     Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
     """
-    asked = {key: str(value) for key, value in _checked(teeth, form, sense, sign, mark, flank).items()}
-    data, file = read_bytes(path, MAX_BYTES + 1)
-    table = parse(data, file, ("tooth number", "deviation"))
-    sound = not table.findings
-    notes = table.notes
-    settings = settle(table, asked, notes)
-    start, order = rows_by_tooth(table, settings.teeth_in, teeth) if sound else (1, [])
-    if mark is None and sound:
-        _check_mark(table, settings, start, teeth)
-    deviation = _deviations(table, settings, order, notes) if not table.findings else np.zeros(teeth)
-    if table.findings:
-        raise PresetError(in_order(table.findings))
-    tooth = start if settings.mark is None else settings.mark
-    if not start <= tooth < start + teeth:
-        raise UsageError(
-            f"mark {tooth} is no tooth of the wheel", f"{file} has the teeth {start} to {start + teeth - 1}"
-        )
-    deviation = _turned(deviation, settings, tooth - start, notes)
-    deviation.setflags(write=False)
-    side: Flank | None = "left" if settings.flank == "left" else "right" if settings.flank == "right" else None
-    return PitchFile(deviation, tooth, side, file, hashlib.sha256(data).hexdigest(), tuple(notes))
-
-
-def _checked(
-    teeth: int, form: str | None, sense: str | None, sign: str | None, mark: int | None, flank: str | None
-) -> dict[str, object]:
-    """Arguments that are given, by key."""
+    asked = {"form": form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
+    given = {key: str(value) for key, value in asked.items() if value is not None}
+    for key, choices in CHOICES.items():
+        if given.get(key, choices[0]) not in choices:
+            raise UsageError(f"{key} must be one of {', '.join(choices)} (got {given[key]})")
     if teeth < 2:
         raise UsageError(f"a wheel has two teeth or more (got {teeth})")
-    choices = (
-        ("form", form, ("cumulative", "single", "index")),
-        ("sense", sense, ("ccw", "cw")),
-        ("sign", sign, ("along", "ccw", "cw")),
-        ("flank", flank, ("left", "right")),
-    )
-    for key, value, options in choices:
-        if value is not None and value not in options:
-            raise UsageError(f"{key} must be one of {', '.join(options)} (got {value})")
-    given = {"form": "single" if form == "index" else form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
-    return {key: value for key, value in given.items() if value is not None}
+    table = read_numbers(source, ("tooth number", "deviation"))
+    is_table = not table.findings
+    stated = _Statements(table, given)
+    teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
+    unit, size = stated.unit()
+    is_single = stated.value("form", "cumulative", "no form given: cumulative deviations") == "single"
+    sense_is = stated.value("sense", "ccw", "no sense given: numbered counter-clockwise, seen from the cam side")
+    sign_is, side = stated.value("sign", "along"), stated.value("flank")
+    first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
+    tooth = stated.tooth(range(first, first + teeth) if is_table else None)
+    table.require_sound()
+    values = _cumulative(table, deviation_in, order, (unit, size), is_single)
+    table.require_sound()
+    if not first <= tooth < first + teeth:
+        hint = f"{table.file} has the teeth {first} to {first + teeth - 1}"
+        raise UsageError(f"mark {tooth} is no tooth of the wheel", hint)
+    values = np.roll(values, first - tooth)
+    if sense_is == "cw":
+        values = np.roll(values[::-1], 1)
+        table.notes.append("numbers turned round")
+    if (sense_is if sign_is == "along" else sign_is) == "cw":
+        values = -values
+        table.notes.append("signs turned round")
+    deviation = np.asarray(values - values.mean(), dtype=np.float64)
+    deviation.setflags(write=False)
+    known: Flank | None = "left" if side == "left" else "right" if side == "right" else None
+    return PitchFile(deviation, tooth, known, table.file, table.sha256, tuple(table.notes))
 
 
-def _check_mark(table: NumberTable, settings: Settings, start: int, teeth: int) -> None:
-    """Note a mark that the file puts on no tooth, and one that it does not give."""
-    if settings.mark is None:
-        table.notes.append(f"no mark given: tooth {start} has it")
-    elif not start <= settings.mark < start + teeth:
-        message = f"no tooth of the wheel: {start} to {start + teeth - 1}"
-        table.add(*settings.mark_at, "mark", message, str(settings.mark), "give the number of the tooth with the mark")
+class _Statement(NamedTuple):
+    """What a file says for a key: the value, empty if it cannot be meant; its text, and where it stands."""
+
+    value: str
+    text: str
+    line: int
+    column: int
 
 
-def _deviations(table: NumberTable, settings: Settings, order: list[int], notes: list[str]) -> NDArray[np.float64]:
-    """Cumulative deviations [um] in the order of the tooth numbers, with their signs in the file."""
-    column, row = settings.deviation_in, table.rows[0]
-    place = row.line, row.columns[column], table.name(column)
-    values = np.array([table.rows[index].numbers[column] for index in order]) * settings.scale
-    if settings.scale != 1:
-        notes.append(f"{settings.unit} to um")
-    gap = 0.0
-    if settings.form == "single":
-        gap = float(values.sum())
+class _Statements:
+    """What is said of a file of pitch deviations: asked for, in its remarks, and by the name of its column."""
+
+    def __init__(self, table: NumberTable, asked: dict[str, str]) -> None:
+        self.table = table
+        self.asked = {key: _plain(value) for key, value in asked.items()}
+        self.stated: dict[str, list[_Statement]] = {key: [] for key in PITCH_KEYS.values()}
+        for remark in table.remarks:
+            if remark.entry is None:
+                continue
+            word, text, column = remark.entry
+            self._require_readable(remark.number, remark.remark, word)
+            if key := PITCH_KEYS.get(word):
+                self.stated[key].append(_Statement(_meant(key, text), text, remark.number, column))
+            elif hint := near(word, PITCH_KEYS):
+                table.notes.append(f'line {remark.number}: "{word}" is passed over; {hint}')
+
+    def _require_readable(self, line: int, column: int, name: str) -> None:
+        if self.table.is_latin and _CODE_PAGE.search(name):
+            self.table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
+
+    def value(self, key: str, default: str = "", if_none: str = "") -> str:
+        """Value of a key: as asked for, else as the file states it, else the default with its note."""
+        stated, asked = self.stated[key], self.asked.get(key)
+        if asked is not None:
+            other = next((s.text for s in stated if s.value != asked), None)
+            if other is not None:
+                self.table.notes.append(f"{key} {asked} as asked for; the file says {other}")
+            return asked
+        for statement in stated:
+            if not statement.value:
+                self._refuse(key, statement, f"must be {MEANT[key]}")
+                return default
+            if statement.value != stated[0].value:
+                hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
+                self._refuse(key, statement, "stated twice, and not the same", hint)
+                return default
+        if not stated and if_none:
+            self.table.notes.append(if_none)
+        return stated[0].value if stated else default
+
+    def unit(self) -> tuple[str, float]:
+        """Unit of the deviations, and its size in um."""
+        unit = self.value("unit", "um", "no unit given: um")
+        try:
+            return unit, micrometres(unit)
+        except UnitError as error:
+            self._refuse("unit", self.stated["unit"][0], error.message, error.hint)
+            return "um", 1.0
+
+    def tooth(self, teeth: range | None) -> int:
+        """The tooth with the mark, by default the first one; teeth: their numbers in the file, where it has them."""
+        said = self.value("mark")
+        if teeth is None or "mark" in self.asked:
+            return int(said or 1)
+        if not said:
+            self.table.notes.append(f"no mark given: tooth {teeth[0]} has it")
+        elif int(said) not in teeth:
+            message = f"no tooth of the wheel: {teeth[0]} to {teeth[-1]}"
+            self._refuse("mark", self.stated["mark"][0], message, "give the number of the tooth with the mark")
+        return int(said or teeth[0])
+
+    def columns(self) -> tuple[int, int]:
+        """Columns of the tooth numbers and of the deviations; states what the name of the latter says."""
+        table = self.table
+        if table.names_in_remark and not any(map(names_teeth, table.names)):
+            table.names = ()  # a remark with as many words as there are columns
+        names = table.names
+        for name in names:
+            self._require_readable(table.names_line, 1, name)
+        teeth = [index for index, name in enumerate(names) if names_teeth(name)]
+        first = teeth[0] if len(teeth) == 1 else 0
+        others = [index for index in range(table.values.shape[1]) if index != first]
+        for key, meaning in (("flank", flank_in), ("form", form_in)):
+            wanted = self.asked.get(key) or next((s.value for s in self.stated[key]), "")
+            if wanted and len(others) > 1 and names:
+                others = [index for index in others if meaning(names[index]) == wanted] or others
+        if len(others) > 1:
+            self._refuse_columns(others)
+        elif names:
+            self._name_says(names[others[0]])
+        return first, others[0]
+
+    def _refuse_columns(self, columns: list[int]) -> None:
+        table, names = self.table, [self.table.name(column) for column in columns]
+        hint = "name the columns in a line above the rows (left, right), or keep one of them"
+        if table.names and len(set(map(flank_in, names))) > 1:
+            hint = "ask for one flank: flank left or right"
+        elif table.names and len(set(map(form_in, names))) > 1:
+            hint = "ask for one form: form cumulative or form single"
+        got = " and ".join(f'"{name}"' for name in names)
+        line = table.names_line if table.names else int(table.lines[0])
+        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, hint)
+
+    def _name_says(self, name: str) -> None:
+        line = self.table.names_line
+        for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
+            if value == AMBIGUOUS:
+                if not self.stated[key] and key not in self.asked:
+                    self.table.add(line, 1, key, "single pitch deviations, or cumulative ones?", name, HOW)
+            elif value:
+                self.stated[key].append(_Statement(value, name, line, 1))
+
+    def _refuse(self, key: str, at: _Statement, message: str, hint: str = "") -> None:
+        self.table.add(at.line, at.column, key, message, at.text or "nothing", hint)
+
+
+def _meant(key: str, text: str) -> str:
+    """Value of a remark; empty for one that cannot be meant."""
+    if key == "unit":
+        return plain_unit(text)
+    if key == "mark":
+        return str(int(text)) if re.fullmatch(r"[+]?[0-9]{1,9}", text) else ""
+    value = _plain(re.sub(r"[\s-]+", "", text.lower()))
+    return value if value in CHOICES[key] else ""
+
+
+def _plain(value: str) -> str:
+    return {"index": "single", "clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}.get(value, value)
+
+
+def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, list[int]]:
+    """The first tooth number, 0 or 1, and the row (from 0) of each tooth of the wheel, from the first on.
+
+    What is wrong with the tooth numbers in a column of the table is added to its findings.
+    """
+    numbers = table.values[:, column].tolist()
+    found: dict[int, int] = {}
+    broken = [row for row, number in enumerate(numbers) if not number.is_integer()]
+    few_broken = 2 * len(broken) <= len(numbers)
+    for row in broken if few_broken else broken[:1]:
+        message = "must be the whole number of a tooth" if few_broken else "no column of tooth numbers"
+        hint = "the first column has the tooth numbers, unless a line of names says otherwise"
+        table.add_at(row, column, message, f"{numbers[row]:g}", hint)
+    for row, number in enumerate(numbers):
+        if number.is_integer() and found.setdefault(int(number), row) != row:
+            hint = f"first in line {table.lines[found[int(number)]]}; keep one row"
+            table.add_at(row, column, "a tooth for the second time", f"{number:g}", hint)
+    wanted = range(teeth) if 0 in found else range(1, teeth + 1)
+    if few_broken:
+        _require_all(table, column, found, wanted)
+    return wanted[0], [found.get(number, 0) for number in wanted]
+
+
+def _require_all(table: NumberTable, column: int, found: dict[int, int], wanted: range) -> None:
+    """Note which teeth of the wheel have no row, and which rows are of none of its teeth."""
+    beyond, missing = sorted(found.keys() - set(wanted)), sorted(set(wanted) - found.keys())
+    if (beyond or missing) and sorted(found) == list(range(wanted[0], wanted[0] + len(found))):
+        hint = "leave out the first tooth, measured again" if len(beyond) == 1 else "is it the file of the other wheel?"
+        got = f"tooth {few(beyond)} too" if beyond else f"no row for tooth {few(missing)}"
+        message = f"the wheel has {len(wanted)} teeth, the file {len(found)}"
+        table.add_at(found[beyond[0]] if beyond else 0, column, message, got, hint)
+        return
+    if beyond:
+        message, hint = f"tooth numbers beyond {wanted[0]} to {wanted[-1]}", "count the teeth from 0 or from 1 on"
+        table.add_at(found[beyond[0]], column, message, few(beyond), hint)
+    if missing:
+        message, got = f"no row for tooth {few(missing)}", f"{len(table.lines)} rows"
+        table.add_at(0, column, message, got, f"{len(wanted)} are needed")
+
+
+def _cumulative(table: NumberTable, column: int, order: list[int], unit: tuple[str, float], is_single: bool) -> Array:
+    """Cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
+
+    Arguments: table, whose notes and findings are added to; column of the deviations, and their rows in order; unit,
+    its name and size in um; is_single, whether they are single pitch deviations.
+    """
+    name, size = unit
+    values = table.values[order, column] * size
+    if size != 1:
+        table.notes.append(f"{name} to um")
+    if is_single:
+        gap, whole = float(values.sum()), float(np.abs(values).sum())
         values = np.cumsum(values - gap / len(values))
-    reach = float(np.ptp(values))
-    if abs(gap) > NOISE * float(np.abs(values).sum()):
-        if abs(gap) > CLOSING * reach:
-            message = (
-                f"single pitch deviations do not close: their sum is {gap:.3g} um, their curve spans {reach:.3g} um"
-            )
+        closes = abs(gap) <= NOISE * whole
+        if not closes and abs(gap) > CLOSING * np.ptp(values):
+            found = f"their sum is {gap:.3g} um, their curve spans {np.ptp(values):.3g} um"
             hint = "is it form cumulative? or rounded too far, or teeth measured in several passes?"
-            table.add(*place, message, "", hint)
+            table.add_at(0, column, f"single pitch deviations do not close: {found}", "", hint)
         else:
-            notes.append(f"single pitch deviations summed up, closing error of {gap:.3g} um shared out")
-    elif settings.form == "single":
-        notes.append("single pitch deviations summed up")
+            shared = "" if closes else f", closing error of {gap:.3g} um shared out"
+            table.notes.append(f"single pitch deviations summed up{shared}")
+    reach = float(np.ptp(values))
     if reach > MOST:
         hint = "is the unit right, and are these deviations, not places?"
-        table.add(*place, f"{reach:.4g} um over the whole wheel", f"unit {settings.unit}", hint)
+        table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
     elif 0 < reach < LEAST:
-        hint = "is it mm?" if settings.unit != "mm" else "is it um? no wheel is that good"
-        table.add(*place, f"{reach:.3g} um over the whole wheel", f"unit {settings.unit}", hint)
-    return values
-
-
-def _turned(values: NDArray[np.float64], settings: Settings, first: int, notes: list[str]) -> NDArray[np.float64]:
-    """Deviations counter-clockwise from the tooth at index first, positive counter-clockwise, without their mean."""
-    values = np.roll(values, -first)
-    if settings.sense == "cw":
-        values = np.roll(values[::-1], 1)
-        notes.append("numbers turned round")
-    if (settings.sense if settings.sign == "along" else settings.sign) == "cw":
-        values = -values
-        notes.append("signs turned round")
-    return np.asarray(values - values.mean(), dtype=np.float64)
+        hint = "is it mm?" if name != "mm" else "is it um? no wheel is that good"
+        table.add_at(0, column, f"{reach:.3g} um over the whole wheel", f"unit {name}", hint)
+    return np.asarray(values)

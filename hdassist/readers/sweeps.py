@@ -59,11 +59,11 @@ def sweeps(angle: Angles) -> list[Sweep]:
     Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
     are left out. Raises AngleError: an angle that runs backwards within a move.
     """
-    steps = np.diff(angle)
-    moving = np.abs(steps[steps != 0])
-    if not len(moving):
+    steps = np.abs(np.diff(angle))
+    steps = steps[steps > 0]
+    if not len(steps):
         raise AngleError(0, "the angle does not change", "is it the column of the angle?")
-    step = float(np.median(moving))
+    step = float(np.median(steps, overwrite_input=True))
     found = [Sweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, min(STEPS * step, MOST)))]
     for index, sweep in enumerate(found[:-1]):
         following = found[index + 1]
@@ -89,13 +89,12 @@ def _is_restart(angle: Angles, before: Sweep, back: Sweep, after: Sweep, step: f
 
 def _runs(angle: Angles, least: float) -> list[tuple[int, int, int]]:
     """Runs (start, stop, direction) between turning points that lie at least so far apart."""
-    signs = np.sign(np.diff(angle))
+    signs = np.sign(np.diff(angle)).astype(np.int8)
     if (signs >= 0).all() or (signs <= 0).all():
         return [(0, len(angle), 1 if signs.max() > 0 else -1)]
     # only places where the direction changes can be turning points
-    signs = signs[signs != 0]
-    kept = np.flatnonzero(np.diff(angle) != 0)
-    ends = [0, *(kept[1:][np.diff(signs) != 0]).tolist(), len(angle) - 1]
+    moving = np.flatnonzero(signs)
+    ends = [0, *moving[1:][np.diff(signs[moving]) != 0].tolist(), len(angle) - 1]
     runs: list[tuple[int, int, int]] = []
     start, extreme, direction = 0, 0, 0
     for row in ends[1:]:

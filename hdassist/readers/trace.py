@@ -6,18 +6,19 @@ output; then the error is output angle - cam angle / ratio, with the sign of the
 
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import DataError, Finding, PresetError, UsageError
-from hdassist.readers.columns import Columns, read_columns
+from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, Sweep, looks_wrapped, sweeps, unwrapped
-from hdassist.readers.tracecolumns import Roles, Shaft, TraceForm, roles
-from hdassist.textfile import read_bytes
+from hdassist.readers.table import NumberTable, read_numbers
+from hdassist.readers.words import ANGLES, angle_fault, plain_unit, role_in, unit_in
+from hdassist.textfile import Source
 
 MAX_BYTES = 100_000_000
 ARCSEC = 3600.0  # per degree
@@ -26,6 +27,46 @@ SLIP = 0.02  # of the ratio: how far the two encoders may disagree with it
 FEWEST = 20  # rows
 
 Array = NDArray[np.float64]
+Shaft = Literal["cam", "output"]
+
+
+@dataclass(frozen=True)
+class TraceForm:
+    """What is asked of a file: columns by name or number (from 1), their units, and what the angle is that of.
+
+    Of error and second one at most; second is the column of the output's own encoder. wrap is the angle [deg] after
+    which the encoders begin again. None: found out.
+    """
+
+    angle: str | None = None
+    angle_of: Shaft | None = None
+    angle_unit: str | None = None
+    error: str | None = None
+    error_unit: str | None = None
+    second: str | None = None
+    wrap: float | None = None
+
+    def require_sound(self) -> None:
+        """Raise UsageError for what no file could meet: units that are none, a wrap of none, both error and second."""
+        if self.error is not None and self.second is not None:
+            raise UsageError("the error, or the angle of a second encoder, not both")
+        for option, unit in (("--angle-unit", self.angle_unit), ("--error-unit", self.error_unit)):
+            if unit is not None and (fault := angle_fault(unit)):
+                raise UsageError(f"{option}: no unit of angle: {unit}", fault)
+        if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap > 0):
+            raise UsageError(f"--wrap must be an angle above 0 deg, not {self.wrap:g}")
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Columns (from 0) of the angle and of the error or second angle; sizes of their units in arcsec."""
+
+    angle: int
+    angle_of: Shaft
+    angle_size: float
+    other: int
+    other_is: Literal["error", "second"]
+    other_size: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,38 +92,39 @@ class MeasuredTrace:
     sense: int = 0
 
 
-def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | None = None) -> MeasuredTrace:
+def read_trace(
+    source: Source, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST
+) -> MeasuredTrace:
     """Read a measured trace.
 
-    Arguments: path, or "-" for standard input; form, what is asked of the columns; ratio, cam turns per output turn,
-    needed for angles of the output and for two encoders. Raises DataError: a file that cannot be read; PresetError:
-    every fault of its rows, or the first one of its angles; UsageError: a wrong argument.
+    Arguments: source, a path ("-" is standard input), stream or bytes; form, what is asked of the columns; ratio, cam
+    turns per output turn, needed for angles of the output and for two encoders; fewest rows that are enough.
+    Raises DataError: a file that cannot be read; PresetError: every fault of its rows, or the first one of its angles;
+    UsageError: a wrong argument.
     """
     form = form or TraceForm()
-    if form.wrap is not None and not (np.isfinite(form.wrap) and form.wrap > 0):
-        raise UsageError(f"--wrap must be an angle above 0 deg, not {form.wrap:g}")
-    data, file = read_bytes(path, MAX_BYTES + 1)
-    table = read_columns(data, file, ("angle", "error"), MAX_BYTES)
-    sha256 = hashlib.sha256(data).hexdigest()
-    del data
+    form.require_sound()
+    table = read_numbers(source, ("angle", "error"), MAX_BYTES)
+    table.require_sound()
     notes = list(table.notes)
-    column = roles(table, form, notes)
-    if len(table.lines) < FEWEST:
-        raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {FEWEST} rows or more")
+    column = _roles(table, form, notes)
+    if len(table.lines) < fewest:
+        raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
     if ratio is None and (column.angle_of == "output" or column.other_is == "second"):
-        raise DataError(
-            f"{file}: the ratio is needed to bring output and cam together", "--ratio 100, or --drive PRESET"
-        )
-    angle = _angle(table, column.angle, column.angle_size, form.wrap, notes)
-    cam = angle * (abs(ratio) if ratio and column.angle_of == "output" else 1.0)
-    readings = table.values[:, column.other]
+        message = f"{table.file}: the ratio is needed to bring output and cam together"
+        raise DataError(message, "--ratio 100, or --drive PRESET")
+    angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
+    table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
+    cam = _angle(table, column.angle, angle * (column.angle_size / ARCSEC), form.wrap, notes)
+    if ratio and column.angle_of == "output":
+        cam *= abs(ratio)
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
     step = _step(readings) * column.other_size
+    error, sense = readings * column.other_size, 0
     if column.other_is == "second":
-        error, sense = _second(table, column, form, cam, abs(ratio or 0), notes)
-    else:
-        error, sense = readings * column.other_size, 0
+        output = _angle(table, column.other, error / ARCSEC, form.wrap, notes)
+        error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -96,37 +138,34 @@ def read_trace(path: str | Path, form: TraceForm | None = None, ratio: float | N
     if left:
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
-        file, sha256, cam, np.array(error), table.lines, step, tuple(moves), tuple(notes), column.angle_of, sense
-    )
+        table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
+        column.angle_of, sense,
+    )  # fmt: skip
 
 
-def _angle(table: Columns, column: int, size: float, wrap: float | None, notes: list[str]) -> Array:
-    """A column of angles [deg] without wraps."""
-    angle = np.asarray(table.values[:, column] * (size / ARCSEC))
+def _angle(table: NumberTable, column: int, angle: Array, wrap: float | None, notes: list[str]) -> Array:
+    """Angles [deg] of a column without wraps."""
     if not np.ptp(angle):
         raise _fault(table, 0, column, "a constant column", "is it the column of the angle?")
     if wrap is None and looks_wrapped(angle):
         wrap = 360.0
         notes.append(f'"{table.name(column)}" begins again after 360 deg: joined')
-    if wrap is None:
-        return angle
     try:
-        return unwrapped(angle, wrap)
+        return angle if wrap is None else unwrapped(angle, wrap)
     except AngleError as wrong:
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
 
 def _second(
-    table: Columns, column: Roles, form: TraceForm, cam: Array, ratio: float, notes: list[str]
+    table: NumberTable, column: int, output: Array, cam: Array, ratio: float, notes: list[str]
 ) -> tuple[Array, int]:
-    """Error [arcsec] out of the angles of two encoders, and the sense in which they count."""
-    output = _angle(table, column.other, column.other_size, form.wrap, notes)
+    """Error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > SLIP:
         found = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         hint = "are the units, the ratio and the columns right?"
-        raise _fault(table, 0, column.other, f"{found}, the ratio is {ratio:g}", hint)
+        raise _fault(table, 0, column, f"{found}, the ratio is {ratio:g}", hint)
     sense = 1 if slope > 0 else -1
     notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC
@@ -144,5 +183,76 @@ def _step(readings: Array) -> float:
     return step if np.abs(apart / step - np.rint(apart / step)).max() < 0.01 else 0.0
 
 
-def _fault(table: Columns, row: int, column: int, message: str, hint: str) -> PresetError:
+def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -> PresetError:
     return PresetError([Finding(table.file, int(table.lines[row]), 1, table.name(column), message, hint=hint)])
+
+
+def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
+    """Find out what the columns hold: as asked for, by their names, or by their order.
+
+    Arguments: table; form, what is asked; notes, to which is added what was found out.
+    Raises UsageError: one column for both; PresetError: columns that cannot be told.
+    """
+    kinds = [role_in(name) for name in table.names] or [""] * table.values.shape[1]
+    if len(kinds) == 2 and not any(kinds):
+        kinds = ["cam", "error"]
+        notes.append("columns by their order: cam angle, error")
+    angle = _column(table, form.angle, _first_of(kinds, "cam", "angle", "output"), "angle")
+    of: Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
+    kinds[angle] = ""
+    by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
+    asked, found = (form.second, "output") if by_second else (form.error, "error")
+    other = _column(table, asked, _first_of(kinds, found), "second" if by_second else "error")
+    if other == angle:
+        raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {_listed(table)}")
+    if by_second and of == "output":
+        raise _unclear(table, "no column of cam angles", "name one: --angle NAME --angle-of cam")
+    angle_unit, angle_size = _unit(table, angle, form.angle_unit, "deg", "--angle-unit", notes)
+    other_unit = (form.error_unit, "arcsec") if not by_second else (None, angle_unit)
+    unit, size = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit", notes)
+    words = "output angle, second encoder" if by_second else "error"
+    notes.append(f'"{table.name(angle)}": {of} angle, {angle_unit}; "{table.name(other)}": {words}, {unit}')
+    return Roles(angle, of, angle_size, other, "second" if by_second else "error", size)
+
+
+def _first_of(kinds: Sequence[str], *wanted: str) -> list[int]:
+    """Columns of the first kind that there is."""
+    return next((found for kind in wanted if (found := [i for i, k in enumerate(kinds) if k == kind])), [])
+
+
+def _column(table: NumberTable, asked: str | None, found: list[int], option: str) -> int:
+    if asked is not None:
+        for plain in (str, str.lower):
+            same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
+            if len(same) == 1:
+                return same[0]
+        if asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
+            return int(asked) - 1
+        raise _unclear(table, f"no column {asked}", "give its name or number")
+    if len(found) == 1:
+        return found[0]
+    what = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
+    if found:
+        several = ", ".join(f'"{table.name(i)}"' for i in found)
+        raise _unclear(table, f"{len(found)} columns of {what}: {several}", f"choose one: --{option} NAME")
+    raise _unclear(table, f"no column of {what} by its name", f"name it: --{option} NAME, or its number")
+
+
+def _unit(
+    table: NumberTable, column: int, asked: str | None, default: str, option: str, notes: list[str]
+) -> tuple[str, float]:
+    named = unit_in(table.name(column))
+    unit = plain_unit(asked) if asked is not None else named or default
+    if asked is not None and named not in ("", unit):
+        notes.append(f'"{table.name(column)}": {asked} as asked for, though the name says {named}')
+    elif asked is None and not named:
+        notes.append(f'"{table.name(column)}": no unit given, {default} assumed ({option})')
+    return unit, ANGLES[unit]
+
+
+def _listed(table: NumberTable) -> str:
+    return shown(", ".join(table.name(i) for i in range(table.values.shape[1])))
+
+
+def _unclear(table: NumberTable, message: str, hint: str) -> PresetError:
+    return PresetError([Finding(table.file, table.names_line, 1, "", message, _listed(table), hint)])

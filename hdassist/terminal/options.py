@@ -15,7 +15,7 @@ from hdassist.errors import UsageError
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
-    from hdassist.readers.tracecolumns import Shaft
+    from hdassist.readers.trace import Shaft, TraceForm
     from hdassist.terminal.output import Output
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
@@ -163,6 +163,13 @@ class TraceOptions(OptionGroup):
         list[str],
         typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
     ] = field(default_factory=list)
+
+    def form(self) -> TraceForm:
+        """What is asked of the columns of the file. Raises UsageError for a shaft that is none."""
+        from hdassist.readers.trace import TraceForm
+
+        angle_of = shaft(self.angle_of)
+        return TraceForm(self.angle, angle_of, self.angle_unit, self.error, self.error_unit, self.second, self.wrap)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.terminal.options import PitchOptions
@@ -15,81 +15,80 @@ if TYPE_CHECKING:
     from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
     from hdassist.preset.fields import Drive
 
+WORDS = {"b": "rigid wheel", "g": "flexspline"}
+
 
 @dataclass(frozen=True)
 class PitchFiles:
     """Pitch files of the rigid wheel (b) and the flexspline (g), and how to read them."""
 
-    b: tuple[str | None, float | None]
-    g: tuple[str | None, float | None]
-    form: Literal["cumulative", "single"] | None
-    sense: Literal["ccw", "cw"] | None
-    flank: Literal["left", "right"] | None
+    options: PitchOptions
 
     @classmethod
     def asked(cls, presets: Sequence[str], options: PitchOptions) -> PitchFiles:
         """What the options ask for. Raises UsageError for options that cannot be meant, before any file is read."""
-        b, g = (options.pitch_b, options.mark_b), (options.pitch_g, options.mark_g)
-        form, sense, flank = options.pitch_form, options.pitch_sense, options.pitch_flank
-        for name, (file, mark) in (("b", b), ("g", g)):
+        found = cls(options)
+        named = [file for file, _ in map(found._asked, WORDS) if file is not None]
+        for name in WORDS:
+            file, mark = found._asked(name)
             if mark is not None and file is None:
                 raise UsageError(
                     f"--mark-{name} is the mark of a measured wheel", f"--pitch-{name} FILE names its file"
                 )
             if mark is not None and not isfinite(mark):
                 raise UsageError(f"--mark-{name} must be an angle in degrees, not {mark}")
-        files = [file for file, _ in (b, g) if file is not None]
-        if not files and (form or sense or flank):
+        if not named and (options.pitch_form or options.pitch_sense or options.pitch_flank):
             raise UsageError("--pitch-form, --pitch-sense and --pitch-flank say how to read --pitch-b and --pitch-g")
-        if files and len(presets) > 1:
+        if named and len(presets) > 1:
             raise UsageError("measured teeth are those of one drive", "check the drives one by one")
-        if [*presets, *files].count("-") > 1:
+        if [*presets, *named].count("-") > 1:
             raise UsageError("standard input has one file, and - is given twice", "name the other file")
-        return cls(b, g, form, sense, flank)
+        return found
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
         """The measured wheels of a drive, None without a file; says on stderr what was assumed.
 
         Raises PresetError with the faults of both files, DataError for a file that cannot be read.
         """
-        if self.b[0] is None and self.g[0] is None:
-            return None
         from hdassist.model.wheels import MeasuredTeeth
 
-        found: dict[str, MeasuredWheel | None] = {}
+        found: dict[str, MeasuredWheel] = {}
         errors: list[DataError] = []
-        for name in ("b", "g"):
+        for name in WORDS:
+            file, mark = self._asked(name)
             try:
-                found[name] = self._wheel(name, drive)
+                if file is not None:
+                    found[name] = self._wheel(name, file, mark, drive)
             except DataError as error:
                 errors.append(error)
         if errors:
             raise errors[0] if len(errors) == 1 else _both(errors)
-        for name, words in (("b", "rigid wheel"), ("g", "flexspline")):
-            wheel = found[name]
-            for text in wheel.pitch.notes if wheel else ():
-                note(f"note: {words}, {wheel.pitch.file if wheel else ''}: {text}")
-        return MeasuredTeeth(**found)
+        for name, wheel in found.items():
+            for text in wheel.pitch.notes:
+                note(f"note: {WORDS[name]}, {wheel.pitch.file}: {text}")
+        return MeasuredTeeth(**found) if found else None
 
-    def _wheel(self, name: str, drive: Drive) -> MeasuredWheel | None:
+    def _asked(self, name: str) -> tuple[str | None, float | None]:
+        """File of a wheel, and direction [deg] of its mark."""
+        asked = self.options
+        return (asked.pitch_b, asked.mark_b) if name == "b" else (asked.pitch_g, asked.mark_g)
+
+    def _wheel(self, name: str, file: str, mark: float | None, drive: Drive) -> MeasuredWheel:
         from hdassist.model.wheels import MeasuredWheel
         from hdassist.preset.overrides import is_overridden
         from hdassist.readers.pitch import read_pitch
 
-        file, mark = self.b if name == "b" else self.g
-        if file is None:
-            return None
-        teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
-        pitch = read_pitch(file, teeth, form=self.form, sense=self.sense, flank=self.flank)
+        asked = self.options
+        teeth, F_i = (drive.gears.z_b, "F_i2") if name == "b" else (drive.gears.z_g, "F_i1")
+        pitch = read_pitch(file, teeth, form=asked.pitch_form, sense=asked.pitch_sense, flank=asked.pitch_flank)
         notes = list(pitch.notes)
         if mark is None:
             mark = float(drive.value(f"phases.xi_{name}"))
             notes.append(
                 f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset; --mark-{name} says otherwise"
             )
-        replaced = f"tolerances.F_i{2 if name == 'b' else 1}"
-        if is_overridden(replaced, drive.origin.overrides):
-            notes.append(f"{replaced} has no effect, the teeth are measured")
+        if is_overridden(f"tolerances.{F_i}", drive.origin.overrides):
+            notes.append(f"tolerances.{F_i} has no effect, the teeth are measured")
         return MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
 
 

@@ -18,9 +18,12 @@ def workers(jobs: int) -> Iterator[Executor]:
 
     One job is a process too: the same arithmetic, so the same digits for any number of jobs.
     """
+    context = multiprocessing.get_context(_way())
+    if context.get_start_method() == "forkserver":
+        context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
     pool = ProcessPoolExecutor(
         max_workers=count(jobs),
-        mp_context=multiprocessing.get_context(_way()),
+        mp_context=context,
         initializer=signal.signal,
         initargs=(signal.SIGINT, signal.SIG_IGN),  # an interrupt is the parent's to handle
     )
@@ -45,8 +48,14 @@ def _deaf() -> Iterator[None]:
 
 
 def _way() -> str:
-    """How processes begin: with all that is imported here already (a second each), where that is safe."""
-    return "fork" if sys.platform == "linux" and threading.active_count() == 1 else "spawn"
+    """How processes begin: with all that is imported here already (a second each), where that can be had.
+
+    A fork of a process with threads may inherit a lock that nobody will open; there a process without threads, which
+    has imported the same, does the forking.
+    """
+    if sys.platform != "linux":
+        return "spawn"
+    return "fork" if threading.active_count() == 1 else "forkserver"
 
 
 def count(jobs: int) -> int:

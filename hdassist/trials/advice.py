@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hdassist.error.table import STATES
 from hdassist.errors import UsageError
-from hdassist.mounting.advice import Advice
-from hdassist.mounting.positions import MountingCurve, Position, hole_of, phase_deg, rotated
-from hdassist.mounting.robust import Criterion, Robust
+from hdassist.model.geometry import Array
+from hdassist.mounting.positions import Chances, Choice, Position, hole_of, phase_deg, rotated
+from hdassist.mounting.robust import Criterion, share_best
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 from hdassist.trials.posterior import NextTrial, Posterior, posterior, require_weights
@@ -39,14 +40,18 @@ class TrialAdvice:
     def at(self, place: int) -> Position:
         """One of the positions, with the F'_ior expected there; its phase is that of the likeliest direction."""
         rotation = self.known.rotations_deg[place]
-        F_ior = self.known.expected_F_ior()[: self.known.deciding, place]
+        F_ior = self._expected_F_ior[: self.known.deciding, place]
         return Position(rotation, self.phase(rotation), hole_of(rotation, self.drive.mounting.holes), tuple(F_ior))
 
     def phase(self, rotation_deg: float) -> float:
         """Phase [deg] of a rotation if the offset points where it most likely does."""
         return phase_deg(rotated(self._facing, rotation_deg))
 
-    @property
+    @cached_property
+    def _expected_F_ior(self) -> Array:
+        return self.known.expected_F_ior()
+
+    @cached_property
     def _facing(self) -> Drive:
         return self.drive.with_values({OffsetNames.of(self.drive).direction: self.known.likeliest_deg})
 
@@ -66,75 +71,31 @@ class TrialAdvice:
         return [int(place) for place in self.known.value.argsort(kind="stable")]
 
     @property
-    def as_advice(self) -> Advice:
-        """The same as advice on a drive whose offset points where it most likely does, sampled from what is known."""
+    def present(self) -> Position:
+        """Where the wheel stood before the first trial, be it allowed or not, with the F'_ior expected there."""
+        F_ior = (self.known.now_arcsec @ self.known.weight)[: self.known.deciding]
+        return Position(0.0, self.phase(0.0), hole_of(0.0, self.drive.mounting.holes), tuple(F_ior))
+
+    @property
+    def choice(self) -> Choice:
+        """The chosen position beside the others."""
+        known, ranked = self.known, tuple(self.at(place) for place in self.ranked)
+        current = next((p for p in ranked if not p.rotation_deg), self.present)
+        turn = bool(ranked[0].rotation_deg)
+        return Choice(self.drive, known.prior.torques[: known.deciding], current, ranked[0], turn, ranked)
+
+    @property
+    def chances(self) -> Chances:
+        """How sure the choice is, over SAMPLES of what is known."""
         known = self.known
-        rotations, expected = np.array(known.rotations_deg), known.expected_F_ior()[: known.deciding]
-        present = (known.now_arcsec @ known.weight)[: known.deciding]
-        at_present = bool(len(rotations) and rotations[0] == 0)
-        if not at_present:  # a position that must be left: it is shown all the same
-            rotations, expected = np.append(0.0, rotations), np.column_stack([present, expected])
-        mounting = self.drive.mounting
-        curve = MountingCurve(
-            torques=known.prior.torques[: known.deciding],
-            rotation_deg=rotations,
-            phase_deg=np.array([self.phase(float(rotation)) for rotation in rotations]),
-            F_ior_arcsec=expected,
-            certificate=known.prior.certificate,
-            cross_checks=(),
-            every_state=np.zeros(expected.shape, dtype=bool),
-            holes=mounting.holes,
-            allowed=None if mounting.allowed == "all" else mounting.allowed,
-            weights=known.weights,
-        )
         some = picked(known.weight, SAMPLES)
-        sampled = FromTrials(
-            known.criterion,
-            tuple(range(len(rotations) - len(known.rotations_deg), len(rotations))),
-            np.moveaxis(known.F_ior_arcsec[: known.deciding][:, some], 0, 1),
-            known.merits[some],
-            known.now_merits[some],
-            0,
-            known.prior.certificate,
-            tuple(known.prior.standard_error_arcsec[: known.deciding]),
-            order=tuple(self.ranked),
-        )
-        drive = self._facing
-        if not known.pointed:  # no direction to draw
-            drive = drive.with_values({OffsetNames.of(drive).size: 0.0})
-        return AdviceFromTrials(drive, curve, sampled, (), (), ())
+        best, merits = share_best(known.merits[some]), known.merits[some, known.best]
+        current = float(best[known.rotations_deg.index(0.0)]) if 0.0 in known.rotations_deg else None
+        gain = float(np.mean(merits < known.now_merits[some]))
+        return Chances(len(some), float(best[known.best]), current, gain)
 
 
-@dataclass(frozen=True)
-class FromTrials(Robust):
-    """Samples of what is known after trials, whose choice is made; order: the positions, best first."""
-
-    order: tuple[int, ...] = (0,)
-
-    @property
-    def best(self) -> int:
-        """Which of the positions is the choice."""
-        return self.order[0]
-
-
-@dataclass(frozen=True)
-class AdviceFromTrials(Advice):
-    """Advice whose choice stands: after trials the wheel lies elsewhere, and leaving it is no choice."""
-
-    @property
-    def worth_turning(self) -> bool:
-        """Whether the choice is another position than the first one."""
-        return bool(self.chosen.rotation_deg)
-
-    @property
-    def ranked(self) -> list[Position]:
-        """The positions by the criterion that decides, best first, as the report has them."""
-        sampled = self.robust
-        assert isinstance(sampled, FromTrials)
-        return [self.curve.at(sampled.places[place]) for place in sampled.order]
-
-
-def work(drive: Drive, torques: Sequence[float], rig: Rig, *, traced: bool = False) -> int:
+def estimate_states(drive: Drive, torques: Sequence[float], rig: Rig, *, traced: bool = False) -> int:
     """Number of states that advice from trials is worth, about, for a progress bar; traced: with traces."""
     models = 1 + len(drive.alternatives)
     return len(_torques(torques, rig)) * models * (STATES + (TRACED if traced else WORLDS) * WORLD_STATES)

@@ -1,87 +1,107 @@
-"""The part of `hdassist mount` that takes measured trials."""
+"""`hdassist trials`: the position of the fixed wheel from measurements in a few positions."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-if TYPE_CHECKING:
-    from hdassist.mounting.card_command import CardFile
-    from hdassist.preset.fields import Drive
-    from hdassist.terminal.output import Output
+import typer
 
-NOISE = 1.0  # arcsec, of a measured F'_ior where nothing is said
+from hdassist.mounting.card_command import CardFile, ChoiceOptions, give_with_card
+from hdassist.terminal import options as o
 
 
-def with_trials(
-    out: Output,
-    page: CardFile | None,
-    drive: Drive,
-    trials: Sequence[str],
-    verify: str | None,
-    rig: tuple[float | None, float | None, float | None],
+@o.with_groups
+def command(
+    preset: o.Preset,
+    trials: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="WHERE:F_IOR...",
+            help="F'_ior measured with the wheel turned: h4:17.3 (hole) or 120:17.3 (deg); or a trace, h4:run.csv.",
+        ),
+    ],
     *,
-    reverse: bool,
-    weights: Sequence[float] | None,
-    criterion: str,
-    seed: int,
-    jobs: int,
-    json: bool,
-    quiet: bool,
-    verbose: bool,
-) -> int:
-    """Advise from trials; returns the exit code.
+    drives: o.LoadedDriveOptions,
+    trial_torque: Annotated[
+        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
+    ] = None,
+    noise: Annotated[
+        float,
+        typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior, or of slow errors of its trace."),
+    ] = 1.0,
+    reverse_error: Annotated[
+        bool, typer.Option("--reverse-error", help="Traces of trials have the other sign of the error.")
+    ] = False,
+    reseat: Annotated[
+        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
+    ] = 0.0,
+    verify: Annotated[
+        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
+    ] = None,
+    choosing: ChoiceOptions,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn.")] = 0,
+    jobs: o.Jobs = 0,
+    card: o.CardOptions,
+    options: o.FigureOptions,
+) -> None:
+    """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
-    Arguments: out, where answers go; page, the card that is asked for; trials and verify as on the command line; rig:
-    torque of the trials [N*m] (None: the lightest), noise [arcsec], error of the seat [um]; reverse the error of
-    traces. Raises UsageError for what
-    is no trial, and what the analysis raises.
+    \b
+    Examples:
+      hdassist trials vzp160 h0:28.1 h4:17.3 h8:24.9
+      hdassist trials my-drive.yaml h0:run.csv h4:run4.csv --noise 0.5
+      hdassist trials my-drive.yaml h0:28.1 h4:17.3 h8:24.9 --trial-torque 80 --card card.html
+      hdassist trials my-drive.yaml h0:28.1 h4:17.3 h8:24.9 --verify h5:16.2
+
+    Mount the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline) in a few positions of its
+    seat, three, 120 deg apart, at a light torque, measure F'_ior in each and give them all: the offset of the cam (wave
+    generator) is inferred, with all that is uncertain, and the best position with it. Turns and holes count from where
+    the wheel stood before the first trial, counter-clockwise seen from the cam side. Repeat a position to learn the
+    noise of a value. Where the trials do not settle it the exit code is 6, and the position to measure next is named.
+    --verify compares the outcome with its prediction and says keep, or go back (exit code 3). -q prints the hole to be
+    in, 0 being the first one.
+
+    In place of F'_ior a trial may have a trace over one cam turn or more (two are better): h4:run.csv, with the cam's
+    angle from its index, counter-clockwise seen from the cam side, and the error F_kpp = cam/u - output, as hdassist
+    trace writes it, or both encoders. Growing angles are taken if it has them. It carries phase: one or two may do.
+    Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
-    from hdassist.terminal.answers import json_text
-    from hdassist.terminal.output import note, warn
+    from hdassist.terminal.output import note
     from hdassist.terminal.workers import workers
-    from hdassist.trials import page as report
-    from hdassist.trials.advice import advise_from_trials, work
+    from hdassist.trials.advice import advise_from_trials, estimate_states
+    from hdassist.trials.page import answer, card_facts
     from hdassist.trials.trial import Rig, read_trial
 
-    if not trials:
-        raise UsageError("--verify needs the trials that the prediction rests on", "--trial 0:28.1 --trial h4:17.3")
-    if verify is not None and page:
+    out = options.open()
+    card_file = CardFile.open(card, options, out)
+    drive, weights = drives.load(preset), choosing.numbers()
+    if verify is not None and card_file:
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
-    measured = [read_trial(text, drive.mounting.holes, drive, reverse=reverse) for text in trials]
+    measured = [read_trial(text, drive.mounting.holes, drive, reverse=reverse_error) for text in trials]
     traced = any(trial.trace for trial in measured)
-    if reverse and not traced:
-        raise UsageError("--reverse-error is for traces of trials", "--trial h4:run.csv gives one")
+    if reverse_error and not traced:
+        raise UsageError("--reverse-error is for traces of trials", "h4:run.csv is one")
     outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
-    torque, noise, reseat = rig
     torques = drive.operation.M_g
-    lightest = min(torques, key=abs)
-    how = Rig(lightest if torque is None else torque, NOISE if noise is None else noise, reseat or 0.0)
+    rig = Rig(min(torques, key=abs) if trial_torque is None else trial_torque, noise, reseat)
     begun = time.monotonic()
-    with out.progress(drive.name, work(drive, torques, how, traced=traced)) as progress, workers(jobs) as executor:
+    total = estimate_states(drive, torques, rig, traced=traced)
+    with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         advice = advise_from_trials(
             drive,
             torques,
             measured,
-            how,
+            rig,
             outcome=outcome,
-            criterion=criterion,
+            criterion=choosing.criterion,
             weights=weights,
             seed=seed,
             executor=executor,
             progress=progress,
         )
-    for text in report.warnings(advice):
-        warn(text)
-    if verbose:
+    if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.known.prior.certificate}")
-    if json:
-        out.text(json_text(report.answer(advice, seed)))
-    elif not (page and page.replaces(out)):
-        out.human(report.brief(advice) if quiet else report.render(advice, out.style))
-    out.figures(report.csv(advice))
-    if page:
-        page.write(advice.as_advice, advice.known.trials, how.M_g, report.warnings(advice, page.say))
-    return report.exit_code(advice)
+    told = answer(advice, seed)
+    raise typer.Exit(give_with_card("trials", told, card_file, lambda say: card_facts(advice, say), options, out))

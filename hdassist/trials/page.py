@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
-import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.mounting.positions import Position, hole_of, hole_words
-from hdassist.mounting.seat import turn, wheel
-from hdassist.terminal.answers import csv_text, envelope
+from hdassist.mounting.card import DIGITS, CardFacts
+from hdassist.mounting.positions import hole_of, hole_words
+from hdassist.mounting.seat_page import turn, wheel
+from hdassist.preset.fields import Drive
+from hdassist.preset.yamltext import shown
+from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import OPEN, Direction
 from hdassist.trials.prior import SCALE, SCALES
 from hdassist.trials.trial import Trial
+from hdassist.trials.weighted import quantile
 
 TEACHES = 0.002  # of the expected loss: a trial that brings less is not worth naming
+INTERVAL = {"low": 0.05, "high": 0.95}  # quantiles
+ON_CARD = 8  # trials that a card tells
 SHOWN = 6  # positions that are listed, best first
 GO_BACK, UNSETTLED = 3, 6  # exit codes, those of the verdicts FAIL and INCONCLUSIVE
 
@@ -39,6 +45,19 @@ def warnings(advice: TrialAdvice, say: Texts | None = None) -> tuple[str, ...]:
             f"({advice.outcome.low_arcsec:.1f} to {advice.outcome.high_arcsec:.1f}): check the seat and the measurement"
         )
     return tuple(found)
+
+
+def answer(advice: TrialAdvice, seed: int) -> Answer:
+    """What there is to say of an advice; seed, of what was drawn."""
+    return Answer(
+        to_json=lambda: to_json(advice, seed),
+        page=lambda style: render(advice, style),
+        summary_line=lambda: summary_line(advice),
+        figures=lambda: figures(advice),
+        warnings=warnings(advice),
+        proof=advice.known.prior.certificate,
+        exit_code=exit_code(advice),
+    )
 
 
 def exit_code(advice: TrialAdvice) -> int:
@@ -100,7 +119,7 @@ def _next(advice: TrialAdvice) -> str:
     return (
         f"A trial at {_where(advice, advice.next.rotation_deg)} would teach most: the choice is expected to lose "
         f"{then:.1%} against the best position after it, {now:.1%} now{_by(known.criterion.name)}. What is measured "
-        "after mounting can be given as one more --trial, or as --verify."
+        "after mounting can be given as one more trial, or as --verify."
     )
 
 
@@ -175,7 +194,7 @@ def _positions(advice: TrialAdvice, style: Style) -> Table:
     grid.add_column("position", no_wrap=True)
     for words in ("best, %", "expected", "5 %", "95 %", "loss, %"):
         grid.add_column(words, justify="right", no_wrap=words in ("expected", "5 %", "95 %"))
-    levels = [known.expected_F_ior(level) for level in (None, 0.05, 0.95)]
+    levels = [known.expected_F_ior(level) for level in (None, *INTERVAL.values())]
     for place in advice.ranked[:SHOWN]:
         values = [" / ".join(f"{v:.1f}" for v in level[: known.deciding, place]) for level in levels]
         share, loss = f"{known.probability_best[place]:.0%}", f"{known.expected_loss[place]:.1%}"
@@ -201,34 +220,41 @@ def _basis(advice: TrialAdvice) -> str:
     return f"{words}. F'_ior interpolated, standard error {errors} arcsec."
 
 
-def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
-    """What the trials teach as a JSON object."""
-    known, count = advice.known, advice.known.deciding
-    expected = known.expected_F_ior()
-    low, high = known.expected_F_ior(0.05), known.expected_F_ior(0.95)
-    places = range(len(known.rotations_deg))
+def to_json(advice: TrialAdvice, seed: int) -> Json:
+    """What the trials teach as a JSON object: one shape, whatever was given."""
+    known, ranked = advice.known, advice.ranked
+    certificate, chosen, present = known.prior.certificate, advice.chosen, advice.present
+    positions = _positions_object(advice)
     return {
-        **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
+        **envelope("trials", advice.drive, exit_code(advice), warnings(advice)),
         "complete": True,
         "instruction": instruction(advice),
-        "turn": bool(advice.chosen.rotation_deg),
-        "curves": [
-            {
-                "M_g_Nm": M_g,
-                "phase_deg": [advice.phase(rotation) for rotation in known.rotations_deg],
-                "F_ior_arcsec": expected[k].tolist(),
-                "F_ior_5_percent_arcsec": low[k].tolist(),
-                "F_ior_95_percent_arcsec": high[k].tolist(),
-            }
-            for k, M_g in enumerate(known.prior.torques[:count])
-        ],
-        "rotation_deg": list(known.rotations_deg),
-        "current": _position(_present(advice)),
-        "recommended": _position(advice.chosen),
-        "second": _position(advice.at(advice.ranked[1])) if len(advice.ranked) > 1 else None,
-        "worst": _position(advice.at(advice.ranked[-1])),
+        "turn": bool(chosen.rotation_deg),
+        "M_g_Nm": list(known.prior.torques[: known.deciding]),
         "weights": None if known.weights is None else list(known.weights),
-        "gain": 1 - float(np.max(np.array(advice.chosen.F_ior_arcsec) / _present(advice).F_ior_arcsec)),
+        "criterion": known.criterion.name,
+        "positions": positions,
+        "current": {
+            **_place(advice, present.rotation_deg),
+            "phase_deg": present.phase_deg,
+            "F_ior_arcsec": {
+                "expected": list(map(float, present.F_ior_arcsec)),
+                **{
+                    name: [quantile(values, known.weight, level) for values in known.now_arcsec[: known.deciding]]
+                    for name, level in INTERVAL.items()
+                },
+            },
+        },
+        "recommended": positions[ranked[0]],
+        "second": positions[ranked[1]] if len(ranked) > 1 else None,
+        "worst": positions[ranked[-1]],
+        "gain": float(-chosen.change_from(present)),
+        "settled": advice.settled,
+        "next": {
+            **_place(advice, advice.next.rotation_deg),
+            "expected_loss": advice.next.loss,
+            "criterion": "expected",  # whatever decides the mounting
+        },
         "trials": {
             "M_g_Nm": known.rig.M_g,
             "noise_arcsec": known.rig.noise_arcsec,
@@ -239,8 +265,10 @@ def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
                     known.trials, known.predicted_arcsec, known.predicted_spread_arcsec, strict=True
                 )
             ],
-            "offset_um": known.offset_um[0],
-            "offset_sd_um": known.offset_um[1],
+        },
+        "offset": {
+            "size_um": known.offset_um[0],
+            "size_sd_um": known.offset_um[1],
             "directions": [
                 {
                     "probability": one.share,
@@ -251,56 +279,42 @@ def answer(advice: TrialAdvice, seed: int) -> dict[str, Any]:
                 }
                 for one in known.directions()
             ],
-            "scale": known.scale[0],
-            "scale_sd": known.scale[1],
-            "stiffness_sets": known.model_share.tolist(),
-            "criterion": known.criterion.name,
-            "positions": [
-                {
-                    **_place(advice, known.rotations_deg[place]),
-                    "probability_best": float(known.probability_best[place]),
-                    "expected_loss": float(known.expected_loss[place]),
-                }
-                for place in places
-            ],
-            "settled": advice.settled,
-            "next": {
-                **_place(advice, advice.next.rotation_deg),
-                "expected_loss": advice.next.loss,
-                "criterion": "expected",  # whatever decides the mounting
-            },
-            "standard_error_arcsec": known.prior.standard_error_arcsec.tolist(),
-            "verify": _outcome(advice),
         },
+        "scale": known.scale[0],
+        "scale_sd": known.scale[1],
+        "stiffness_sets": known.model_share.tolist(),
+        "standard_error_arcsec": known.prior.standard_error_arcsec.tolist(),
+        "verification": _outcome(advice),
         "certificate": {
-            "states": known.prior.certificate.states,
-            "max_residual": known.prior.certificate.max_residual,
-            "fallbacks": known.prior.certificate.fallbacks,
+            "states": certificate.states,
+            "max_residual": certificate.max_residual,
+            "fallbacks": certificate.fallbacks,
         },
         "seed": seed,
     }
 
 
-def _present(advice: TrialAdvice) -> Position:
+def _positions_object(advice: TrialAdvice) -> list[Json]:
+    """The positions that may be chosen, with F'_ior at each torque that decides."""
     known = advice.known
-    F_ior = (known.now_arcsec @ known.weight)[: known.deciding]
-    return Position(0.0, advice.phase(0.0), 0 if advice.drive.mounting.holes else None, tuple(F_ior))
+    F_ior = {name: known.expected_F_ior(level) for name, level in (("expected", None), *INTERVAL.items())}
+    return [
+        {
+            **_place(advice, rotation),
+            "phase_deg": advice.phase(rotation),
+            "F_ior_arcsec": {name: values[: known.deciding, place].tolist() for name, values in F_ior.items()},
+            "probability_best": float(known.probability_best[place]),
+            "expected_loss": float(known.expected_loss[place]),
+        }
+        for place, rotation in enumerate(known.rotations_deg)
+    ]
 
 
-def _position(position: Position) -> dict[str, Any]:
-    return {
-        "rotation_deg": position.rotation_deg,
-        "phase_deg": position.phase_deg,
-        "hole": position.hole,
-        "F_ior_arcsec": [float(value) for value in position.F_ior_arcsec],
-    }
-
-
-def _place(advice: TrialAdvice, rotation_deg: float) -> dict[str, Any]:
+def _place(advice: TrialAdvice, rotation_deg: float) -> Json:
     return {"rotation_deg": rotation_deg, "hole": hole_of(rotation_deg, advice.drive.mounting.holes)}
 
 
-def _trial(advice: TrialAdvice, trial: Trial) -> dict[str, Any]:
+def _trial(advice: TrialAdvice, trial: Trial) -> Json:
     if trial.trace is None:
         return {**_place(advice, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec, "trace": None}
     trace = trial.trace
@@ -319,7 +333,7 @@ def _trial(advice: TrialAdvice, trial: Trial) -> dict[str, Any]:
     }
 
 
-def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:
+def _outcome(advice: TrialAdvice) -> Json | None:
     outcome = advice.outcome
     if outcome is None:
         return None
@@ -334,19 +348,50 @@ def _outcome(advice: TrialAdvice) -> dict[str, Any] | None:
     }
 
 
-def csv(advice: TrialAdvice) -> str:
-    """One row per torque and position."""
+def figures(advice: TrialAdvice) -> Figures:
+    """Header and rows of a table, one row per torque and position."""
     known, expected = advice.known, advice.known.expected_F_ior()
     rows = [
         [M_g, rotation, float(expected[k, p]), float(known.probability_best[p]), float(known.expected_loss[p])]
         for k, M_g in enumerate(known.prior.torques[: known.deciding])
         for p, rotation in enumerate(known.rotations_deg)
     ]
-    return csv_text(["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows)
+    return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", "probability_best", "expected_loss"], rows
 
 
-def brief(advice: TrialAdvice) -> str:
+def summary_line(advice: TrialAdvice) -> str:
     """The answer alone: the hole (or angle in degrees) to mount the wheel in, after an outcome the one to stay in."""
     rotation = advice.outcome.stay_deg if advice.outcome else advice.chosen.rotation_deg
     hole = _place(advice, rotation)["hole"]
     return f"{rotation:g}" if hole is None else f"{hole}"
+
+
+def card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
+    """What the assembly card tells of an advice; say, the texts of its language."""
+    known = advice.known
+    return CardFacts(
+        choice=advice.choice,
+        cam_deg=known.likeliest_deg if known.pointed else None,  # else there is no direction to draw
+        chances=advice.chances,
+        weights=known.weights,
+        warnings=warnings(advice, say),
+        trials=trials_line(advice.drive, known.trials, known.rig.M_g, say),
+    )
+
+
+def trials_line(drive: Drive, trials: Sequence[Trial], M_g: float, say: Texts) -> str:
+    """The trials that a card rests on, in a sentence: as many as it has room for.
+
+    Arguments: drive; trials, and their torque [N*m]; say, the texts of the card's language.
+    """
+    told = []
+    for trial in trials[:ON_CARD]:
+        hole = hole_of(trial.rotation_deg, drive.mounting.holes)
+        where = say.angle(trial.rotation_deg) if hole is None else say("foot.hole", hole=hole)
+        if trial.trace:
+            file, digest = shown(trial.trace.file), trial.trace.sha256[:DIGITS]
+            value = say.number(trial.F_ior_arcsec, ".1f")
+            told.append(say("foot.traced", where=where, file=file, digest=digest, value=value))
+        else:
+            told.append(say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec)))
+    return say("foot.trials", torque=say.torque(M_g), trials="; ".join(told))

@@ -229,7 +229,7 @@ def posterior(
     """
     how = Criterion.of(criterion)
     if not trials or not all(np.isfinite(t.F_ior_arcsec) and t.F_ior_arcsec > 0 for t in trials):
-        raise UsageError("a trial needs a measured F'_ior above zero", "--trial 0:28.1 --trial h4:17.3")
+        raise UsageError("a trial needs a measured F'_ior above zero", "like h0:28.1 h4:17.3")
     if {id(trial.trace) for trial in trials if trial.trace} != {id(trial.trace) for trial in prior.traced}:
         raise UsageError("the traces of the trials must be those of the prior")
     rig.require_sound()

@@ -13,8 +13,8 @@ from scipy.stats import norm, qmc
 
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
-from hdassist.preset.convert import field_table
-from hdassist.preset.fields import Drive, least_of
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import least_of
 
 FINE_SIZES, FINE_DIRECTIONS = 41, 72  # of the offset, over which it is weighed
 NARROWEST = 1.0  # um: a size needs some width to be weighed over

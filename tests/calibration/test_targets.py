@@ -1,11 +1,14 @@
 """Targets of a calibration: what is read, and what is refused with its place."""
 
+import numpy as np
 import pytest
 
 from hdassist import load_preset
 from hdassist.calibration.targets import KINDS, read_targets
 from hdassist.errors import PresetError
+from hdassist.model.kinematics import Kinematics
 from tests.process import SMALL
+from tests.rigs import text as written
 
 GOOD = """\
 schema: hdassist.targets/1
@@ -93,15 +96,42 @@ def test_a_trace_is_read_beside_the_targets(tmp_path):
     assert target.trace[0][:2] == (0, 3)
     assert target.trace[1][:6] == (0, 1, 2, 3, 4, 0)
     for spoiled, words in (
-        (rows.replace("6,2", "6,two"), "line 4"),
-        (rows.replace("6,2", "1,2"), "growing"),
-        ("x\n", "needs"),
+        (rows.replace("6,2", "6,two"), r"trace\.csv:4:3: error_arcsec: must be a number"),
+        (rows.replace("60,0", "6,0"), r"trace\.csv:22:1: phi_h_deg: the angle runs backwards"),
+        ("\n-".join(rows.rstrip().split("\n")), "from 0 on"),
+        ("\n".join(rows.split("\n")[:10]), "9 rows"),
+        ("x\n", "no rows of numbers"),
     ):
         (tmp_path / "trace.csv").write_text(spoiled)
         with pytest.raises(PresetError, match=words):
             read(GOOD + line, str(tmp_path / "rig.yaml"))
     with pytest.raises(PresetError, match="cannot be read"):
         read(GOOD + line.replace("trace.csv", "none.csv"), str(tmp_path / "rig.yaml"))
+
+
+def test_a_trace_is_read_as_measure_reads_it(tmp_path):
+    """Any rig's columns, units, separators and encoding, wrapped angles, both directions; two encoders give F_kpp."""
+    line = "  - {quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.5}\n"
+    angle, error = np.arange(0, 720, 9.0), 5 * np.cos(np.arange(80) / 7)
+
+    def found(data: str, encoding: str = "utf-8"):
+        (tmp_path / "trace.csv").write_bytes(data.encode(encoding))
+        return [np.array(part) for part in read(GOOD + line, str(tmp_path / "rig.yaml")).targets[-1].trace]
+
+    u = Kinematics.of(load_preset(SMALL)).u
+    plain = written([angle, error], "phi_h_deg,error_arcsec")
+    for got in (
+        found(plain),
+        found(written([angle, error / 60], "# Winkel [°]; Fehler [arcmin]", ";", 9).replace(".", ","), "utf-16"),
+        found(written([np.mod(angle, 360), error], "cam;err", ";"), "utf-8-sig"),
+        found(written([angle, (angle / u - error / 3600)], "motor_deg,output_deg", digits=9)),
+        found(written([angle, -angle / u + error / 3600], "motor_deg,output_deg", digits=9)),
+    ):
+        assert got[0] == pytest.approx(angle, abs=1e-4)
+        assert got[1] - got[1].mean() == pytest.approx(error - error.mean(), abs=1e-2)
+    there = found(written([np.r_[angle, angle[::-1]], np.r_[error, error[::-1]]], "cam,err"))
+    assert there[0] == pytest.approx(np.repeat(angle, 2))
+    assert there[1] == pytest.approx(np.repeat(error, 2), abs=1e-4)
 
 
 def test_every_kind_says_what_it_is():

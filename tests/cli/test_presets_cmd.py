@@ -104,7 +104,7 @@ def test_on_a_terminal_the_table_fits_and_cuts_no_number(columns: int, monkeypat
     monkeypatch.setattr("sys.stdout", terminal)
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setenv("NO_COLOR", "1")
-    presets.show("vzp160", resolved=True)
+    presets.app(["show", "vzp160", "--resolved"], standalone_mode=False)
     text = terminal.getvalue()
     assert max(map(len, text.splitlines())) <= columns
     assert "\x1b" not in text and "…" not in text

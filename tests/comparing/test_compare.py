@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, trace
-from hdassist.comparing.compare import Reading, compare, place_of, torque_of, zero_of
-from hdassist.comparing.record import Place
-from hdassist.comparing.solvedrecord import solved_curve
+from hdassist.comparing.compare import RecordConvention, alignment_of, compare, torque_of, zero_of
+from hdassist.comparing.page import overrides_of
+from hdassist.comparing.record import Alignment, solved_curve
 from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
 from hdassist.error.waves import Torus
 from hdassist.errors import UsageError
@@ -23,7 +23,7 @@ from tests.rigs import recorded
 
 M_G = 4.0
 START = 20.0
-KNOWN = Reading(start_deg=START)
+KNOWN = RecordConvention(start_deg=START)
 
 
 @pytest.fixture(scope="module")
@@ -49,29 +49,31 @@ def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
 
 
 def test_a_drive_agrees_with_itself(drive):
-    result = compare(rig(drive, 4), drive, M_G, reading=KNOWN)
-    assert result.finding.kind == "agrees"
+    result = compare(rig(drive, 4), drive, M_G, convention=KNOWN)
+    assert result.conclusion.kind == "agrees"
     assert np.abs(result.residual_arcsec).max() < 1e-6
-    assert result.place == Place(start=np.radians(START))
+    assert result.unchanged.alignment == Alignment(start=np.radians(START))
     assert result.mirror is None
     assert result.joint is None
     assert result.certificate.max_residual < 1e-9
 
 
 def test_its_mirror_image_does_not_and_is_reported(drive):
-    result = compare(rig(drive, 4, way=-1.0), drive, M_G, reading=KNOWN)
-    assert result.finding.kind == "mirrored"
+    result = compare(rig(drive, 4, way=-1.0), drive, M_G, convention=KNOWN)
+    assert result.conclusion.kind == "mirrored"
     assert result.mirror is not None
-    assert result.mirror.option == "error_is"
+    assert result.mirror.swapped == "error_is"
     assert result.difference_rms_arcsec > 20 * result.mirror.rms_arcsec
-    again = compare(rig(drive, 4, way=-1.0), drive, M_G, reading=Reading(start_deg=START, error_is="output-cam"))
+    again = compare(
+        rig(drive, 4, way=-1.0), drive, M_G, convention=RecordConvention(start_deg=START, error_is="output-cam")
+    )
     assert np.abs(again.residual_arcsec).max() < 1e-6
 
 
 def test_a_cam_angle_that_counts_clockwise(drive):
     turned = rig(drive, 4)
     clockwise = recorded(-turned.cam_deg / 360, turned.error_arcsec)
-    result = compare(clockwise, drive, M_G, reading=Reading(start_deg=START, cam_sense="cw"))
+    result = compare(clockwise, drive, M_G, convention=RecordConvention(start_deg=START, cam_sense="cw"))
     assert np.abs(result.residual_arcsec).max() < 1e-6
 
 
@@ -81,19 +83,19 @@ def test_two_encoders_tell_the_sign(drive, fixed):
     u = Kinematics.of(there).u
     column = recorded(np.arange(100) / 40, np.zeros(100))
     counts_alike = replace(column, sense=np.sign(u))  # both encoders counter-clockwise
-    assert place_of(counts_alike, there, Reading()).sign == -1  # output - cam/ratio = -F_kpp
-    assert place_of(replace(column, sense=-np.sign(u)), there, Reading()).sign == 1
-    assert place_of(replace(counts_alike, angle_of="output"), there, Reading()).sense == np.sign(u)
+    assert alignment_of(counts_alike, there, RecordConvention()).sign == -1  # output - cam/ratio = -F_kpp
+    assert alignment_of(replace(column, sense=-np.sign(u)), there, RecordConvention()).sign == 1
+    assert alignment_of(replace(counts_alike, angle_of="output"), there, RecordConvention()).sense == np.sign(u)
     with pytest.raises(UsageError, match="two encoders"):
-        place_of(counts_alike, there, Reading(error_is="output-cam"))
+        alignment_of(counts_alike, there, RecordConvention(error_is="output-cam"))
 
 
 def test_where_the_record_begins_is_found(drive):
     result = compare(rig(drive, 30, noise=0.5), drive, M_G)
     assert result.start_uncertainty_deg is not None
     assert result.start_uncertainty_deg < 0.5
-    assert np.degrees(result.place.start) == pytest.approx(START, abs=4 * result.start_uncertainty_deg)
-    assert result.finding.kind == "agrees"
+    assert np.degrees(result.unchanged.alignment.start) == pytest.approx(START, abs=4 * result.start_uncertainty_deg)
+    assert result.conclusion.kind == "agrees"
 
 
 @pytest.mark.parametrize(
@@ -105,9 +107,9 @@ def test_where_the_record_begins_is_found(drive):
 )
 def test_a_hidden_deviation_is_recovered(drive, values, vector):
     hidden = drive.with_values(values)
-    result = compare(rig(hidden, 10, noise=0.5), drive, M_G, reading=KNOWN)
-    assert result.finding.kind == "one"
-    best = result.finding.best
+    result = compare(rig(hidden, 10, noise=0.5), drive, M_G, convention=KNOWN)
+    assert result.conclusion.kind == "one"
+    best = result.conclusion.best
     assert best is not None
     assert best.vectors == (vector,)
     (change,) = best.changes
@@ -119,7 +121,7 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
     apart = (change.direction_deg - np.degrees(np.angle(true)) + 180) % 360 - 180
     assert abs(apart) < 4 * change.direction_uncertainty_deg < 12
     # said again in terms of the preset, it solves to nearly the hidden drive's F'_ior
-    there = load_preset(SMALL, best.overrides)
+    there = load_preset(SMALL, overrides_of(best))
     solved = kinematic_error(there, M_G, cross_check=None).F_ior_arcsec
     assert best.F_ior_arcsec == pytest.approx(solved, abs=0.01)
     assert solved == pytest.approx(kinematic_error(hidden, M_G, cross_check=None).F_ior_arcsec, rel=0.05)
@@ -150,17 +152,17 @@ def test_what_no_deviation_explains_is_said(drive):
     turns = np.arange(10 * 62) / 62
     error = rig(drive, 10).error_arcsec + 6 * np.cos(2 * np.pi * 5 * turns)
     noisy = recorded(turns, error + 0.3 * np.random.default_rng(1).standard_normal(len(turns)))
-    result = compare(noisy, drive, M_G, reading=KNOWN)
-    assert result.finding.kind == "unexplained"
-    five = next(order for order in result.orders if order.per_cam_rev == 5)
+    result = compare(noisy, drive, M_G, convention=KNOWN)
+    assert result.conclusion.kind == "unexplained"
+    five = next(order for order in result.orders if order.measured.per_cam_rev == 5)
     assert five.difference_arcsec == pytest.approx(6, abs=0.2)
 
 
 def test_solved_states_between_pitches(drive):
     turns = np.array([0.0, 0.37, 1.5, 29.9])
-    place = Place(start=0.3, zero=0.1)
-    values, proof = solved_curve(drive, M_G, turns, place)
-    finer, _ = solved_curve(drive, M_G, np.linspace(0, 0.37, 400), place)
+    there = Alignment(start=0.3, zero=0.1)
+    values, proof = solved_curve(drive, M_G, turns, there)
+    finer, _ = solved_curve(drive, M_G, np.linspace(0, 0.37, 400), there)
     assert values[1] - values[0] == pytest.approx(finer[-1] - finer[0], abs=1e-9)
     assert proof.states <= 16
 
@@ -202,7 +204,7 @@ def test_an_angle_of_the_output_says_where_the_cam_is(drive):
     ratio = abs(Kinematics.of(drive).u)
     by_output = replace(recorded(ratio * result.states.phi_g / (2 * np.pi), result.error_arcsec), angle_of="output")
     assert zero_of(by_output, drive, None) is None
-    reading = Reading(start_deg=START, zero_deg=zero_of(by_output, drive, START))
-    found = compare(by_output, drive, M_G, reading=reading)
+    convention = RecordConvention(start_deg=START, zero_deg=zero_of(by_output, drive, START))
+    found = compare(by_output, drive, M_G, convention=convention)
     assert np.abs(found.residual_arcsec).max() < 1e-6
     assert zero_of(rig(drive, 2), drive, None) == 0

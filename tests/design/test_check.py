@@ -105,13 +105,13 @@ def test_ascii_option(plain, human):
 
 
 def test_seven_bits_in_the_c_locale(plain):
-    cold = run("check", SMALL, env={"LC_ALL": "C"})
+    cold = run_cold("check", SMALL, env={"LC_ALL": "C"})
     assert (cold.returncode, cold.stdout) == (0, plain.stdout)
 
 
 @pytest.mark.parametrize("env", [{"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])
 def test_seven_bits_where_there_are_no_more(env):
-    told = run("self-error", SMALL, env=env)
+    told = run_cold("self-error", SMALL, env=env)
     assert (told.returncode, told.stdout) == (0, run("self-error", SMALL, "--ascii").stdout)
     assert told.stdout.isascii()
     assert "N*m" in told.stdout

@@ -11,7 +11,7 @@ from hdassist.acceptance.decision import Limit, Value, decide
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.cycle import Gearing, gearing_of
 from hdassist.measuring.measure import measure
-from hdassist.measuring.order_grid import lines, parse_orders
+from hdassist.measuring.orders import order_grid, parse_orders
 from hdassist.measuring.uncertainty import combined, parse_stated
 from tests.process import SMALL
 from tests.rigs import Curve, drive_error, recorded, slow_noise, turn_range, whole_range
@@ -194,18 +194,19 @@ def test_gearings():
 def test_declared_orders():
     assert parse_orders("1-3, 6") == (1, 2, 3, 6)
     assert parse_orders("2.02") == (2.02,)
+    assert parse_orders(None) is None
     for wrong in ("", "0", "3-1", "x", "1;2", "1-", "-1", "1e9", "1.5-3"):
         with pytest.raises(UsageError):
             parse_orders(wrong)
 
 
 def test_lines_follow_what_the_record_resolves():
-    assert lines((1.0, 2.0), 3.0, 100).tolist() == [1, 2]
-    assert len(lines((1.0, 2.0), 100.0, 100)) == 6 + 2 * 13
-    part = lines((1.0, 2.0), 20.0, 100)
+    assert order_grid((1.0, 2.0), 3.0, 100).tolist() == [1, 2]
+    assert len(order_grid((1.0, 2.0), 100.0, 100)) == 6 + 2 * 13
+    part = order_grid((1.0, 2.0), 20.0, 100)
     assert np.diff(part).min() == pytest.approx(1 / 20)
-    assert lines((2.0, 2.02), 10.0, 100).tolist() == pytest.approx([0.1, 1.9, 2.0, 2.1])
-    assert lines((2.01, 2.02), 10.0, 100, beats=False).tolist() == [2.01]
+    assert order_grid((2.0, 2.02), 10.0, 100).tolist() == pytest.approx([0.1, 1.9, 2.0, 2.1])
+    assert order_grid((2.01, 2.02), 10.0, 100, beats=False).tolist() == [2.01]
 
 
 @pytest.mark.parametrize(
@@ -225,7 +226,7 @@ def test_steps_too_long_for_an_order():
     turns = np.arange(60) / 20
     assert any("orders up to 8 only" in text for text in measure(recorded(turns, wave(turns)), ratio=100).notes)
     with pytest.raises(UntrustedError, match="too long for order 12"):
-        measure(recorded(turns, wave(turns)), ratio=100, orders="1-12")
+        measure(recorded(turns, wave(turns)), ratio=100, orders=range(1, 13))
 
 
 def test_budget():
@@ -254,7 +255,7 @@ def test_the_same_seed_gives_the_same_figures():
 
 def test_rounding_does_not_move_the_draws():
     turns, error, _ = simulated(0)
-    turns = turns + 0.37 / PER_TURN  # no reading at the edge of a cell
+    turns = turns + 0.37 / PER_TURN  # no reading at the edge of a bin
     apart = turns + 1e-13 * np.random.default_rng(2).standard_normal(len(turns))
     (one,), (two,) = (measure(recorded(angles, error), ratio=RATIO).directions for angles in (turns, apart))
     assert np.abs(one.fit.factor - two.fit.factor).max() < 1e-6 * np.abs(one.fit.factor).max()

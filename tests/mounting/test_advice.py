@@ -11,10 +11,10 @@ from hdassist.errors import UsageError
 from hdassist.mounting import positions as mounting
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.page import answer, brief
+from hdassist.mounting.page import summary_line, to_json
 from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
 from hdassist.mounting.robust import Criterion, Robust, draw, robust
-from hdassist.mounting.seat import circle, instruction, turn
+from hdassist.mounting.seat_page import instruction, seat_text, turn
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.console import Style
 from tests.process import SMALL
@@ -42,7 +42,7 @@ def test_only_allowed_holes_are_recommended():
     # the present hole is not among them: it has to be left, even for a worse one
     forced = curve_of([5.0, 9.0, 8.0, 7.0, 30.0, 6.0], holes=6, allowed=(1, 2))
     assert advice_of(forced).worth_turning
-    assert brief(advice_of(forced)) == "2"
+    assert summary_line(advice_of(forced)) == "2"
     drive = load_preset(SMALL, ["mounting.allowed=[2,5]"])
     assert seat_positions(drive) == [0, 60, 150]
 
@@ -86,8 +86,8 @@ def test_no_gain_means_stay():
     # less than a hundredth is nothing
     assert not advice_of(curve_of([10.0, 9.95, 12.0], holes=3)).worth_turning
     assert advice_of(curve_of([10.0, 9.8, 12.0], holes=3)).worth_turning
-    assert brief(advice_of(curve_of([10.0, 9.95, 12.0], holes=3))) == "0"
-    assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3))) == "Leave the rigid wheel as it is."
+    assert summary_line(advice_of(curve_of([10.0, 9.95, 12.0], holes=3))) == "0"
+    assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).choice) == "Leave the rigid wheel as it is."
 
 
 def test_the_instruction_takes_the_shorter_way():
@@ -95,7 +95,7 @@ def test_the_instruction_takes_the_shorter_way():
     assert turn(curve.at(1)) == "1 hole (90 deg) counter-clockwise"
     assert turn(curve.at(2)) == "2 holes (180 deg) counter-clockwise"
     assert turn(curve.at(3)) == "1 hole (90 deg) clockwise"
-    said = instruction(advice_of(curve))
+    said = instruction(advice_of(curve).choice)
     assert said.startswith("Turn the rigid wheel by 1 hole (90 deg) clockwise, seen from the cam side: ")
     assert "20.00 -> 8.00 arcsec at 1 N" in said
     free = curve_of([20.0, 9.0, 30.0, 8.0], holes=0)
@@ -110,7 +110,7 @@ def test_the_seat_shows_where_holes_lie():
         there = drive.model_copy(
             update={"mounting": drive.mounting.model_copy(update={"first_hole": first_hole, "holes": 4})}
         )
-        rows = circle(Advice(there, curve, None, (), (), ()), LOOK).split("\n\nseat")[0].split("\n")
+        rows = seat_text(Advice(there, curve, None, (), (), ()).choice, LOOK).split("\n\nseat")[0].split("\n")
         ((row, column),) = [(r, line.index(letter)) for r, line in enumerate(rows) if letter in line]
         return column - 20, 7 - row
 
@@ -178,7 +178,7 @@ def test_without_spread_the_choice_is_the_curves():
     assert advice.robust.probability_best.max() == 1
     assert advice.robust.probability_gain == 1
     assert advice.worth_turning
-    told = answer(advice, 0)
+    told = to_json(advice, 0)
     assert told["uncertainty"]["positions"][advice.robust.best]["probability_best"] == 1
     assert told["uncertainty"]["fields"] == {"phases.xi_b": 0.001}
 

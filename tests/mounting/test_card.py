@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from hdassist.errors import UsageError
-from hdassist.mounting import card_html, card_markdown, card_text
-from hdassist.mounting.card_svg import CENTRE, HOLES, seat_svg
-from hdassist.mounting.seat import circle, instruction
+from hdassist.mounting import card_render
+from hdassist.mounting.card import Card
+from hdassist.mounting.card_svg import CENTRE, RING
+from hdassist.mounting.seat_page import drawing, instruction, seat_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
@@ -34,12 +35,18 @@ def everything(advice, language: str = "en", serial: str = "17") -> str:
     return "\n".join(strings(asdict(card(advice, language, serial))))
 
 
+def drawing_of(made: Card) -> ElementTree.Element:
+    """The drawing on a card in HTML."""
+    (svg,) = re.findall("<svg.*</svg>", card_render.html(made), re.DOTALL)
+    return ElementTree.fromstring(svg)
+
+
 def test_the_facts():
     made = card(CARDS["plain"], serial="17-042")
     assert dict(made.subject)["drive"] == "small"
     assert dict(made.subject)["serial number"] == "17-042"
     assert dict(made.subject)["teeth"] == "flexspline 60, rigid wheel 62; module 0.5 mm"
-    assert made.instruction == instruction(CARDS["plain"])
+    assert made.instruction == instruction(CARDS["plain"].choice)
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
     # hole 8 is the best; 7 lies clockwise of it and is the second best, 3 the worst
     assert made.others.rows == (
@@ -106,8 +113,8 @@ def test_holes_that_are_not_allowed():
     assert [h.number for h in made.seat.holes if h.usable] == [2, 3, 9]
     assert ("1 hole clockwise; not allowed", "1", "-", "-", "-") in made.others.rows
     assert made.seat.legend.endswith("; x not allowed")
-    assert card_text.render(made).count("x") >= 8
-    drawn = ElementTree.fromstring(seat_svg(made.seat))
+    assert drawing(made.seat).count("x") == 9
+    drawn = drawing_of(made)
     crossed = [g.get("data-hole") for g in drawn.iter(f"{SVG}g") if g.find(f"{SVG}path") is not None]
     assert crossed[1:] == ["0", "1", "4", "5", "6", "7", "8", "10", "11"]  # the first is the drawing
 
@@ -129,7 +136,7 @@ def test_chances_are_those_of_the_samples():
 @pytest.mark.parametrize("first", [0.0, 75.0])
 def test_the_drawing_is_right(first):
     advice = advice_of(overrides=(f"mounting.first_hole={first:g}", "phases.xi_b=260", "phases.phi_hb=40"))
-    drawn = ElementTree.fromstring(seat_svg(card(advice).seat))
+    drawn = drawing_of(card(advice))
 
     def direction(x: object, y: object) -> tuple[float, float]:
         right, up = float(str(x)) - CENTRE[0], CENTRE[1] - float(str(y))
@@ -140,7 +147,7 @@ def test_the_drawing_is_right(first):
     for number, hole in holes.items():
         angle, radius = direction(hole.get("cx"), hole.get("cy"))
         assert abs((angle - first - 30 * int(str(number)) + 180) % 360 - 180) < 0.1  # counter-clockwise from hole 0
-        assert radius == pytest.approx(HOLES, abs=0.01)
+        assert radius == pytest.approx(RING, abs=0.01)
         assert hole.get("fill") == ("#000" if number == "8" else "#fff")
     tips = {}
     for pointer in drawn.iter(f"{SVG}g"):
@@ -157,7 +164,7 @@ def test_the_drawing_is_right(first):
     for kind, hole in (("now", 0), ("best", 8), ("worst", 3)):
         angle, radius = words[f"place {kind}"]
         assert abs((angle - first - 30 * hole + 180) % 360 - 180) < 8
-        assert radius > HOLES + 13
+        assert radius > RING + 13
     (turn,) = [p.get("d") for p in drawn.iter(f"{SVG}path") if p.get("class") == "turn"]
     ends = re.fullmatch(r"M([\d.]+) ([\d.]+)A\S+ \S+ 0 0 1 ([\d.]+) ([\d.]+)", str(turn))  # 1: clockwise
     assert ends
@@ -188,7 +195,7 @@ class Checked(HTMLParser):
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", CARDS)
 def test_html_is_one_sound_file_without_scripts(name, language):
-    page = card_html.render(card(CARDS[name], language))
+    page = card_render.html(card(CARDS[name], language))
     checked = Checked()
     checked.feed(page)
     assert checked.open == []
@@ -204,23 +211,23 @@ def test_names_are_escaped():
     drive = advice.drive.model_copy(update={"name": evil})
     drive._origin = advice.drive.origin
     made = card(replace(advice, drive=drive), serial=evil)
-    page = card_html.render(made)
+    page = card_render.html(made)
     checked = Checked()
     checked.feed(page)
     assert "b" not in checked.tags
     assert checked.text.count(evil) == 4  # title, name, serial number, foot
-    assert "\\<b\\>\\&" in card_markdown.render(made)
-    assert f"serial number:             {evil}" in card_text.render(made)
+    assert "\\<b\\>\\&" in card_render.markdown(made)
+    assert f"serial number:             {evil}" in card_render.plain_text(made)
 
 
 @pytest.mark.parametrize("language", languages())
 @pytest.mark.parametrize("name", [*CARDS, "crowded"])
 def test_text_is_78_columns_wide_and_plain_if_asked(name, language):
     advice = crowded(CARDS["many"]) if name == "crowded" else CARDS[name]
-    page = card_text.render(card(advice, language))
+    page = card_render.plain_text(card(advice, language))
     assert max(map(len, page.splitlines())) <= 78
     assert "…" not in page
-    plain = card_text.render(card(advice, language), ascii=True)
+    plain = card_render.plain_text(card(advice, language), ascii=True)
     assert max(map(len, plain.splitlines())) <= 78
     odd = {c for c in plain if not c.isascii()}
     assert not odd if language == "en" else all("а" <= c.lower() <= "ё" for c in odd)
@@ -228,9 +235,9 @@ def test_text_is_78_columns_wide_and_plain_if_asked(name, language):
 
 
 def test_an_empty_serial_number_is_a_line_to_write_on():
-    assert "serial number:             ______" in card_text.render(card(CARDS["plain"]))
-    assert "| serial number | &nbsp;" in card_markdown.render(card(CARDS["plain"]))
-    assert "<th>serial number</th><td></td>" in card_html.render(card(CARDS["plain"]))
+    assert "serial number:             ______" in card_render.plain_text(card(CARDS["plain"]))
+    assert "| serial number | &nbsp;" in card_render.markdown(card(CARDS["plain"]))
+    assert "<th>serial number</th><td></td>" in card_render.html(card(CARDS["plain"]))
 
 
 def test_catalogues_have_the_same_keys_and_fields():
@@ -257,7 +264,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     monkeypatch.setattr(Texts, "__call__", recorded)
     for advice in [*CARDS.values(), crowded(CARDS["many"])]:
         card(advice, "ru")
-        circle(advice, Style(ascii=True, codes=False, width=80))
+        seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=[TRACED])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hdassist.preset.fields import fields
 from hdassist.preset.load import load_text
-from hdassist.preset.resolved import Row, resolved
+from hdassist.preset.schema import ResolvedField, resolved
 from hdassist.preset.write import new_preset
 
 SOURCES = """
@@ -16,7 +16,7 @@ source:
 """
 
 
-def rows(*overrides: str) -> dict[str, Row]:
+def rows(*overrides: str) -> dict[str, ResolvedField]:
     return {row.path: row for row in resolved(load_text(new_preset("x") + SOURCES, "f", overrides))}
 
 

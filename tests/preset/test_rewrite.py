@@ -8,8 +8,8 @@ import pytest
 from hdassist import load_preset
 from hdassist.errors import DataError
 from hdassist.preset.load import load_text
-from hdassist.preset.resolved import resolved
-from hdassist.preset.rewrite import with_found_values
+from hdassist.preset.schema import resolved
+from hdassist.preset.write import with_found_values
 from tests.process import SMALL
 
 VZP160 = (Path(__file__).parents[2] / "presets/vzp160.yaml").read_text(encoding="utf-8")

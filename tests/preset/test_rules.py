@@ -9,7 +9,7 @@ import pytest
 from hdassist.errors import UsageError
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.load import load_text
-from hdassist.preset.rules import CHECKS, conflicts
+from hdassist.preset.rules import RULES, conflicts
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
 
@@ -100,11 +100,11 @@ def test_checks_run_only_where_their_fields_are_valid() -> None:
 
 def test_every_check_needs_fields_that_exist() -> None:
     given = values()
-    used = {path for check in CHECKS for c, paths in conflicts(given) for path in paths}
+    used = {path for rule in RULES for c, paths in conflicts(given) for path in paths}
     assert used == set()
     names = {path.split(".")[1] for path in given}
-    for check in CHECKS:
-        assert set(check.__annotations__) - {"return"} <= names, check
+    for rule in RULES:
+        assert set(rule.__annotations__) - {"return"} <= names, rule
 
 
 def test_the_overlap_of_teeth_is_that_of_the_contact_model() -> None:

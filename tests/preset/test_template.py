@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from hdassist.errors import UsageError
-from hdassist.preset.fields import fields, unit_of
+from hdassist.preset.fields import fields
+from hdassist.preset.kinds import unit_of
 from hdassist.preset.load import load_text
 from hdassist.preset.write import new_preset
 

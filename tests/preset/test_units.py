@@ -7,7 +7,8 @@ import re
 
 import pytest
 
-from hdassist.preset.fields import fields, unit_of
+from hdassist.preset.fields import fields
+from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import UnitError, convert, pattern_for, units_for
 
 

@@ -9,7 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hdassist.errors import HdassistError, PresetError, UsageError
-from hdassist.preset.fields import Drive, fields, unit_of
+from hdassist.preset.fields import Drive, fields
+from hdassist.preset.kinds import unit_of
 from hdassist.preset.load import load_text
 from hdassist.preset.units import UnitError, convert, units_for
 from hdassist.preset.write import new_preset

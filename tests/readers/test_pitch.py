@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import DataError, Finding, PresetError, UsageError
 from hdassist.readers.pitch import PitchFile, read_pitch
-from hdassist.readers.pitchwords import flank_in, form_in, micrometres, names_teeth, unit_in
+from hdassist.readers.words import flank_in, form_in, length_in, micrometres, names_teeth
 
 FOUR = "1; 0\n2; 3\n3; -2\n4; 1\n"
 BARE = np.array([0.0, 3.0, -2.0, 1.0])
@@ -104,6 +104,16 @@ def test_what_was_done_is_noted() -> None:
         "signs turned round",
     )
     assert (result.mark, result.flank) == (2, "right")
+
+
+def test_names_in_another_code_page_are_refused() -> None:
+    text = "# Prüfer: Müller\n# форма: single\nЗуб;отклонение\n" + FOUR
+    assert "single pitch deviations summed up" in " ".join(read(text.replace("-2", "-4")).notes)
+    found = faults(text.replace("ü", "y").encode("cp1251"))
+    assert [fault.split(" (")[0] for fault in found] == [
+        "2:3: a name that is not UTF-8 text", "3:1: a name that is not UTF-8 text", "3:1: a name that is not UTF-8 text"
+    ]  # fmt: skip
+    assert all(fault.endswith("; save the file as UTF-8)") for fault in found)
 
 
 def test_a_misspelled_key_is_noted() -> None:
@@ -208,15 +218,15 @@ def test_a_flank_is_chosen_among_columns() -> None:
         ("# unit: furlong\n" + FOUR, "1:9: unit: unknown unit furlong "
          "(got furlong; a bare number is in um; units: mm, um, nm, cm)"),
         ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice, and not the same "
-         "(got dev [um]; keep one of them)"),
-        ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:3: column 2: 0.075 um over the whole wheel (got unit um; is it mm?)"),
-        ("# unit: mm\n1;0\n2;0.0001\n3;0\n4;0\n", "2:3: column 2: 0.1 um over the whole wheel "
+         "(got dev [um]; line 1 says mm; keep one of them)"),
+        ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel (got unit um; is it mm?)"),
+        ("# unit: mm\n1;0\n2;0.0001\n3;0\n4;0\n", "2:1: column 2: 0.1 um over the whole wheel "
          "(got unit mm; is it um? no wheel is that good)"),
-        ("# unit: mm\n" + FOUR, "2:4: column 2: 5000 um over the whole wheel "
+        ("# unit: mm\n" + FOUR, "2:1: column 2: 5000 um over the whole wheel "
          "(got unit mm; is the unit right, and are these deviations, not places?)"),
         # forms and flanks
         ("# form: single\n1;0\n2;5\n3;4\n4;3\n",
-         "2:3: column 2: single pitch deviations do not close: their sum is 12 um, "
+         "2:1: column 2: single pitch deviations do not close: their sum is 12 um, "
          "their curve spans 3 um (is it form cumulative? or rounded too far, or teeth measured in several passes?)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
          "ask for one flank: flank left or right)"),
@@ -290,20 +300,20 @@ def test_words_for_the_form(name: str, form: str) -> None:
 @pytest.mark.parametrize(
     ("name", "unit", "size"),
     [
-        ("dev [µm]", "µm", 1), ("dev [μm]", "μm", 1), ("Abweichung/µm", "µm", 1), ("dev (mm)", "mm", 1e3),
-        ("dev_um", "um", 1), ("um", "um", 1), ("dev microns", "microns", 1),
-        ("DEV [MM]", "MM", 1e3), ("left (mm) Fp", "mm", 1e3), ("отклонение, мкм", "мкм", 1),
-        ("Abweichung in µm", "µm", 1), ("Fp [F_p] (um)", "um", 1), ("dev [nm]", "nm", 1e-3),
+        ("dev [µm]", "um", 1), ("dev [μm]", "um", 1), ("Abweichung/µm", "um", 1), ("dev (mm)", "mm", 1e3),
+        ("dev_um", "um", 1), ("um", "um", 1), ("dev microns", "um", 1),
+        ("DEV [MM]", "mm", 1e3), ("left (mm) Fp", "mm", 1e3), ("отклонение, мкм", "um", 1),
+        ("Abweichung in µm", "um", 1), ("Fp [F_p] (um)", "um", 1), ("dev [nm]", "nm", 1e-3),
     ],
 )  # fmt: skip
 def test_units_in_names(name: str, unit: str, size: float) -> None:
-    assert unit_in(name) == unit
+    assert length_in(name) == unit
     assert micrometres(unit) == size
 
 
 def test_names_without_a_unit() -> None:
     for name in ("deviation", "Fp", "Fp (left)", "[left]", "Abweichung in Zahnrichtung", "a/b"):
-        assert unit_in(name) == ""
+        assert length_in(name) == ""
 
 
 def test_words_for_flanks_and_teeth() -> None:

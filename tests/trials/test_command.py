@@ -1,4 +1,4 @@
-"""`hdassist mount --trial` as its users meet it."""
+"""`hdassist trials` as its users meet it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ import pytest
 from tests.process import SMALL, run, run_cold
 
 # what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
-TRIALS = ("--trial", "h0:73", "--trial", "120:18.7", "--trial", "h8:25")
-ONE = ("mount", SMALL, "--torque", "4", "--set", "tolerances.e_hh=0")  # a cam that is true needs no draws
+TRIALS = ("h0:73", "120:18.7", "h8:25")
+ONE = ("trials", SMALL, "--torque", "4", "--set", "tolerances.e_hh=0")  # a cam that is true needs no draws
+OF_MOUNT = ("--step", "--every-state", "--samples", "--cross-check", "--pitch-b")
+PLACE = {"hole", "rotation_deg"}
+POSITION = {*PLACE, "phase_deg", "F_ior_arcsec", "probability_best", "expected_loss"}
 
 
 @pytest.fixture(scope="module")
@@ -24,28 +27,64 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str, str]:
     return json.loads(done.stdout), done.stderr, figures.read_text()
 
 
-def test_json_has_what_mount_has_and_what_the_trials_teach(answer):
+def test_json_tells_positions_and_what_the_trials_teach(answer):
     told, _, _ = answer
-    assert told["schema"] == "hdassist.mount/1"
-    assert [c["M_g_Nm"] for c in told["curves"]] == [4]
-    assert len(told["curves"][0]["phase_deg"]) == len(told["curves"][0]["F_ior_arcsec"]) == 12
-    for name in ("current", "recommended", "worst"):
-        assert {"rotation_deg", "phase_deg", "hole", "F_ior_arcsec"} <= set(told[name])
-    learnt = told["trials"]
-    assert [m["hole"] for m in learnt["measured"]] == [0, 4, 8]
-    assert sum(p["probability_best"] for p in learnt["positions"]) == pytest.approx(1)
-    best = min(learnt["positions"], key=lambda p: p["expected_loss"])
-    assert best["hole"] == told["recommended"]["hole"]
-    assert sum(learnt["stiffness_sets"]) == pytest.approx(1)
-    assert learnt["verify"] is None
+    assert told["schema"] == "hdassist.trials/1"
+    assert told["M_g_Nm"] == [4]
+    assert [p["hole"] for p in told["positions"]] == list(range(12))
+    for position in told["positions"]:
+        assert set(position) == POSITION
+        F_ior = position["F_ior_arcsec"]
+        assert F_ior["low"][0] <= F_ior["expected"][0] <= F_ior["high"][0]
+    for name in ("recommended", "second", "worst"):
+        assert told[name] == told["positions"][told[name]["hole"]]
+    now = told["current"]["F_ior_arcsec"]
+    assert now["low"] == told["positions"][0]["F_ior_arcsec"]["low"]
+    assert now["expected"] == pytest.approx(told["positions"][0]["F_ior_arcsec"]["expected"])
+    assert told["gain"] == pytest.approx(1 - told["recommended"]["F_ior_arcsec"]["expected"][0] / now["expected"][0])
+    assert [m["hole"] for m in told["trials"]["measured"]] == [0, 4, 8]
+    assert sum(p["probability_best"] for p in told["positions"]) == pytest.approx(1)
+    best = min(told["positions"], key=lambda p: p["expected_loss"])
+    assert best == told["recommended"]
+    assert sum(told["stiffness_sets"]) == pytest.approx(1)
+    assert told["verification"] is None
+    assert told["settled"] is True
+    assert set(told["next"]) == {*PLACE, "expected_loss", "criterion"}
     assert 0 < told["gain"] < 1
     assert told["certificate"]["max_residual"] < 1e-9
+
+
+def shape(value: object, path: str = "") -> set[str]:
+    """Keys of an object, those of objects within it too; lists by their first element."""
+    if isinstance(value, list):
+        return shape(value[0], f"{path}[]") if value else set()
+    if not isinstance(value, dict):
+        return set()
+    return {f"{path}.{key}" for key in value}.union(*(shape(part, f"{path}.{key}") for key, part in value.items()))
+
+
+def test_json_has_one_shape_whatever_was_given(answer):
+    least = run(*ONE, "h0:20", "--set", "mounting.holes=0", "--set", "mounting.allowed=all", "--json")
+    assert least.returncode in (0, 6), least.stderr
+    done = run(*ONE, *TRIALS, "--torque", "1", "--trial-torque", "4", "--verify", "h4:19", "--weights", "2,1", "--json")
+    assert done.returncode in (0, 3), done.stderr
+    told = json.loads(done.stdout)
+    assert told["M_g_Nm"] == [4, 1]
+    assert told["verification"]["verdict"] in ("KEEP", "GO_BACK")
+    for position in (told["recommended"], told["current"]):
+        assert {name: len(values) for name, values in position["F_ior_arcsec"].items()} == dict.fromkeys(
+            ("expected", "low", "high"), 2
+        )
+    more = {key for key in shape(told) if key.startswith(".verification.")}
+    assert shape(json.loads(least.stdout)) == shape(answer[0]) == shape(told) - more
 
 
 def test_csv_has_a_row_for_each_hole(answer):
     told, _, figures = answer
     rows = list(csv.DictReader(figures.splitlines()))
-    assert [float(row["F_ior_expected_arcsec"]) for row in rows] == told["curves"][0]["F_ior_arcsec"]
+    assert [float(row["F_ior_expected_arcsec"]) for row in rows] == [
+        p["F_ior_arcsec"]["expected"][0] for p in told["positions"]
+    ]
 
 
 def test_the_same_digits_for_any_number_of_jobs(answer):
@@ -69,7 +108,7 @@ def test_people_see_the_instruction_and_tables(answer):
 
 
 def test_trials_that_settle_nothing_have_an_exit_code_of_their_own():
-    one = run(*ONE, "--trial", "h0:20", "-q")
+    one = run(*ONE, "h0:20", "-q")
     assert one.returncode == 6
     assert "do not settle it" in one.stderr
 
@@ -84,21 +123,18 @@ def test_an_outcome_says_keep_or_go_back():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--trial", "h4"), "'h4' is no trial"),
-        (("--trial", "h12:17"), "h0 to h11"),
-        (("--trial", "0:17", "--set", "mounting.holes=0", "--trial", "h1:17"), "has none"),
-        (("--verify", "h4:17"), "--verify needs the trials"),
+        (("h4",), "'h4' is no trial"),
+        (("h12:17",), "h0 to h11"),
+        (("0:17", "--set", "mounting.holes=0", "h1:17"), "has none"),
+        ((), "Missing argument 'WHERE:F_IOR...'"),
+        (("--verify", "h4:17"), "Missing argument 'WHERE:F_IOR...'"),
         ((*TRIALS, "--noise", "0"), "noise of a trial"),
         ((*TRIALS, "--reseat", "-1"), "error of the seat"),
         ((*TRIALS, "--trial-torque", "0"), "torque of a trial"),
-        (
-            (*TRIALS, "--step", "10", "--samples", "9", "--cross-check", "osqp"),
-            "--step and --samples and --cross-check: no",
-        ),
+        *(((*TRIALS, option, "1"), f"No such option: {option}") for option in OF_MOUNT),
         ((*TRIALS, "--reverse-error"), "is for traces of trials"),
-        (("--trial", "h4:none.csv"), "neither a number nor a file"),
-        (("--trial", "4:17"), "was hole 4 meant? h4:17"),
-        (("--noise", "2"), "are those of trials"),
+        (("h4:none.csv",), "neither a number nor a file"),
+        (("4:17",), "was hole 4 meant? h4:17"),
         ((*TRIALS, "--verify", "h4:17", "--card", "card.txt"), "for the mounting that --verify comes after"),
         ((*TRIALS, "--weights", "1,2"), "weights must be 1 positive"),
         ((*TRIALS, "--criterion", "best"), "no criterion"),
@@ -113,9 +149,17 @@ def test_wrong_usage_is_told_before_any_work(arguments, words):
     assert done.stdout == ""
 
 
+@pytest.mark.parametrize("option", ["--trial", "--verify", "--trial-torque", "--noise", "--reseat"])
+def test_mount_names_the_command_that_takes_trials(option):
+    done = run("mount", SMALL, option, "h0:73")
+    assert done.returncode == 2
+    assert "hdassist trials PRESET h0:28.1" in done.stderr
+    assert option not in run("mount", "--help").stdout
+
+
 def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
     figures = tmp_path / "none.csv"
-    done = run(*ONE, "--trial", "h0:20", "--trial", "h4:500", "--csv", str(figures))
+    done = run(*ONE, "h0:20", "h4:500", "--csv", str(figures))
     assert done.returncode == 5
     assert "no cam offset up to 60 um explains the trials" in done.stderr
     assert done.stdout == ""
@@ -130,7 +174,7 @@ def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     text = " ".join(card.read_text(encoding="utf-8").split())
     assert "hole 0: 73 arcsec; hole 4: 18.7 arcsec; hole 8: 25 arcsec" in text
     assert "not from the last trial" in text
-    now, best = (f"{answer[0][name]['F_ior_arcsec'][0]:.2f}" for name in ("current", "recommended"))
+    now, best = (f"{answer[0][name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "recommended"))
     assert f"F'_ior {now} -> {best} arcsec at 4" in text
 
 
@@ -139,7 +183,7 @@ def test_a_trace_beside_a_number(tmp_path: Path):
     record, card = tmp_path / "run.csv", tmp_path / "card.txt"
     offset = ("--set", "tolerances.e_hb=50", "--set", "phases.phi_hb=20")
     assert run("trace", *ONE[1:], *offset, "-n", "2", "--phi-g0", "100", "--csv", str(record), "-q").returncode == 0
-    done = run(*ONE, "--trial", f"h0:{record}", "--trial", "h4:18.7", "--noise", "0.5", "--json", "--card", str(card))
+    done = run(*ONE, f"h0:{record}", "h4:18.7", "--noise", "0.5", "--json", "--card", str(card))
     assert done.returncode in (0, 6), done.stderr
     told = json.loads(done.stdout)["trials"]
     traced, number = told["measured"]
@@ -153,6 +197,6 @@ def test_a_trace_beside_a_number(tmp_path: Path):
     assert f"sha256 {traced['trace']['sha256'][:12]}, range" in text
     assert "hole 0 is where the wheel stood before the first trial" in text
     record.write_text("\n".join(record.read_text().splitlines()[:40]))
-    short = run(*ONE, "--trial", f"h0:{record}")
+    short = run(*ONE, f"h0:{record}")
     assert short.returncode == 4
     assert "less than one cam turn" in short.stderr

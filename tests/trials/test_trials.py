@@ -11,8 +11,9 @@ from hdassist.error.search import QUICK, CycleSearch
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import Drive
+from hdassist.terminal.texts import texts
 from hdassist.trials.advice import TrialAdvice
-from hdassist.trials.page import answer, brief, exit_code, instruction, warnings
+from hdassist.trials.page import card_facts, exit_code, instruction, summary_line, to_json, warnings
 from hdassist.trials.posterior import posterior
 from hdassist.trials.prior import OffsetPrior, offset_prior
 from hdassist.trials.trial import Rig, Trial, read_trial, trial_positions
@@ -257,8 +258,8 @@ def test_an_outcome_is_kept_or_given_back(prior: OffsetPrior) -> None:
     for outcome, code, hole in ((good, 0, known.best), (bad, 3, round(bad.stay_deg / 30))):
         advice = TrialAdvice(told().with_values({"mounting.holes": 12}), known, known.next_trial(), outcome)
         assert exit_code(advice) == code
-        assert brief(advice) == f"{hole}"
-        verdict = answer(advice, 0)["trials"]["verify"]["verdict"]
+        assert summary_line(advice) == f"{hole}"
+        verdict = to_json(advice, 0)["verification"]["verdict"]
         assert verdict == ("KEEP" if code == 0 else "GO_BACK")
         assert instruction(advice).startswith("Keep it" if code == 0 else "Go back to hole")
 
@@ -307,13 +308,17 @@ def test_what_is_known_exactly_is_no_fault() -> None:
 def test_the_card_says_what_the_text_says(prior: OffsetPrior) -> None:
     drive = told().with_values({"mounting.holes": 12})
     known = posterior(replace(prior, drive=drive), trials(measured(50.0, 20.0)), RIG, POSITIONS)
-    advice = TrialAdvice(drive, known, known.next_trial(), None).as_advice
-    assert advice.chosen.rotation_deg == POSITIONS[known.best]
-    assert advice.worth_turning == bool(known.best)
-    assert advice.drive.phases.phi_hb == pytest.approx(known.directions()[0].direction_deg)
+    advice = TrialAdvice(drive, known, known.next_trial(), None)
+    facts = card_facts(advice, texts())
+    assert facts.choice.chosen.rotation_deg == POSITIONS[known.best]
+    assert facts.choice.turn == bool(known.best)
+    assert facts.cam_deg == pytest.approx(known.directions()[0].direction_deg)
+    answer = to_json(advice, 0)
+    assert facts.choice.chosen.F_ior_arcsec == tuple(answer["recommended"]["F_ior_arcsec"]["expected"])
+    assert [p.rotation_deg for p in facts.choice.ranked] == [POSITIONS[place] for place in advice.ranked]
     few = posterior(replace(prior, drive=drive), trials(measured(40.0, 265.0), THIRDS[:1]), RIG, POSITIONS)
     open_one = TrialAdvice(drive, few, few.next_trial(), None)
-    assert open_one.as_advice.drive.tolerances.e_hb == 0  # no arrow to a direction that is not known
+    assert card_facts(open_one, texts()).cam_deg is None  # no arrow to a direction that is not known
     assert exit_code(open_one) == 6
 
 

@@ -1,0 +1,105 @@
+"""The assembly card as HTML that prints on one A4 page, as Markdown, or as plain text: the templates of templates/."""
+
+from __future__ import annotations
+
+import io
+import re
+import textwrap
+from collections.abc import Callable
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from rich.text import Text
+
+from hdassist.mounting.card import Card, Table
+from hdassist.mounting.card_svg import seat_geometry
+from hdassist.mounting.seat_page import drawing
+from hdassist.terminal.console import PLAIN, Style, console, table
+
+COLUMNS = 78  # of the card as plain text
+BLANK = "_" * 12  # to write on
+LINE = Markup("&nbsp;" * 24)  # the same in Markdown
+CYRILLIC = range(0x400, 0x500)
+
+
+def html(card: Card) -> str:
+    """The card as one HTML file: everything inside it, no scripts."""
+    page = _environment(autoescape=True, finalize=_rounded).get_template("card.html")
+    return page.render(card=card, lines=lines_on_paper(card), seat=card.seat, **seat_geometry(card.seat))
+
+
+def markdown(card: Card) -> str:
+    """The card as Markdown, with the tables of GitHub's dialect."""
+    page = _environment(finalize=_markdown_safe).get_template("card.md")
+    return page.render(card=card, drawing=Markup(drawing(card.seat)), line=LINE)
+
+
+def plain_text(card: Card, *, ascii: bool = False) -> str:
+    """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
+    page = _environment(wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
+    label_width = max(len(label) for label, _ in card.subject) + 2
+    text = page.get_template("card.txt").render(
+        card=card, drawing=drawing(card.seat), columns=COLUMNS, blank=BLANK, label_width=label_width
+    )
+    text = "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+    return _seven_bits(text) if ascii else text
+
+
+def lines_on_paper(card: Card) -> int:
+    """About how many lines a card has beside its drawing, headings and rows counted by their height.
+
+    By that the style sheet chooses letters with which the card is one page.
+    """
+    values = [value for _, value in card.subject]
+    texts = [*values, card.instruction, *card.chance.lines, *card.warnings.lines, *card.foot]
+    headings = sum(3 for part in (card.chance, card.warnings) if part.lines)
+    rows = 2 * len(card.torques.rows) + sum(1 + len(row[0]) // 16 for row in card.others.rows)
+    return sum(1 + len(text) // 100 for text in texts) + headings + rows
+
+
+def _environment(
+    *, autoescape: bool = False, finalize: Callable[[Any], Any] | None = None, **filters: Callable[..., str]
+) -> Environment:
+    """Where templates are found, and how what they print is made safe; lines with nothing but a tag leave none."""
+    environment = Environment(
+        loader=PackageLoader("hdassist.mounting"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=autoescape, finalize=finalize,
+    )  # fmt: skip
+    environment.filters.update(filters)
+    return environment
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers of the drawing need no more digits."""
+    return round(value, 2) if isinstance(value, float) else value
+
+
+def _markdown_safe(value: Any) -> Any:
+    """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
+    return value if isinstance(value, Markup) else re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", str(value))
+
+
+def _wrapped(text: str, first: str = "", further: str = "") -> str:
+    return textwrap.fill(text, COLUMNS, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
+
+
+def _drawn(content: Table, blank: str, ascii: bool) -> str:
+    """A table in characters; blank stands in its empty cells."""
+    style = Style(ascii=ascii, codes=False, width=COLUMNS)
+    grid = table(Style(ascii=False, codes=False, width=COLUMNS), content.title)
+    grid.box, grid.show_edge = table(style).box, style.ascii
+    for k, words in enumerate(content.head):
+        cells = " / ".join([words.replace(" ", " / "), *(row[k] for row in content.rows), blank])
+        longest = max(map(len, cells.split(" / " if k else None)))  # numbers stay whole
+        grid.add_column(Text(words), justify="right" if k else "left", min_width=longest)
+    for row in content.rows:
+        grid.add_row(*(Text(cell or blank) for cell in row))
+    page = io.StringIO()
+    console(page, style).print(grid)
+    return page.getvalue().rstrip()
+
+
+def _seven_bits(text: str) -> str:
+    """The text in 7-bit characters; Cyrillic letters stay."""
+    return "".join(c if c.isascii() or ord(c) in CYRILLIC else "?" for c in text.translate(PLAIN))

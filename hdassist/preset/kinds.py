@@ -1,0 +1,189 @@
+"""What kinds of fields a preset has: how each is declared, what it takes, and how its text is read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from math import inf, isfinite
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails
+
+from hdassist.preset.units import read_count, read_measure, read_number
+from hdassist.preset.yamltext import Unread
+
+Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
+
+CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Section(BaseModel):
+    """A group of preset fields: immutable, closed, and read as each field declares."""
+
+    model_config = CLOSED
+
+    @model_validator(mode="before")
+    @classmethod
+    def _empty(cls, data: Any) -> Any:
+        return {} if data is None else data
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _read(cls, value: Any, info: ValidationInfo) -> Any:
+        return read_value(cls.model_fields[str(info.field_name)], value)
+
+
+def field(meaning: str, unit: str = "", default: Any = ..., example: Any = None, **limits: float) -> Any:
+    """Declare a field: what it means, its unit, its default (none: required), an example, its range."""
+    examples = None if example is None else [example]
+    return Field(  # type: ignore[call-overload]
+        default, description=meaning, examples=examples, json_schema_extra={"unit": unit}, **limits
+    )
+
+
+def is_number(key: str) -> bool:
+    """Whether a key of a table of limits is a number, such as a torque [N*m] (the other key is "all")."""
+    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
+
+
+PER_ORDER = "by orders per cam turn"
+Limit = Annotated[float, Field(gt=0, le=1e6)]
+PerTorque = dict[str, Limit]
+PerOrder = Annotated[dict[str, Limit], PER_ORDER]
+
+
+def read_value(info: FieldInfo, value: Any) -> Any:
+    """What a preset gives for a field, in the form that the field holds; what cannot be read in it is `Unread`."""
+    kind, unit = kind_of(info), unit_of(info)
+    if isinstance(value, Unread) or kind in ("text", "choice") or (value is None and is_optional(info)):
+        return value
+    if value is None and not info.is_required() and kind not in ("numbers", "holes"):
+        what = "a whole number" if kind == "count" else "a number"
+        return Unread(f"must be {what}", f"leave the key out for its default, {info.default}")
+    if kind == "number":
+        return read_measure(value, unit)
+    if kind == "count":
+        return read_count(value)
+    if kind == "numbers":
+        if value is None or isinstance(value, dict):
+            return Unread("must be a list of numbers")
+        return tuple(read_number(item, unit) for item in _items(value))
+    if kind == "holes":
+        return value if value == "all" else _read_holes(value)
+    return _read_limits(value, unit, kind == "orders")
+
+
+def _items(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, list | tuple) else [value]
+
+
+def _read_holes(value: Any) -> Any:
+    if value is None or isinstance(value, dict | str):
+        return Unread("must be all, or a list of hole numbers")
+    holes = tuple(map(read_count, _items(value)))
+    unread = [
+        InitErrorDetails(type="int_type", loc=(index,), input=hole)
+        for index, hole in enumerate(holes)
+        if isinstance(hole, Unread)
+    ]
+    if unread:  # said here, as pydantic would put the names of the types of a union into the place
+        raise ValidationError.from_exception_data("holes", unread)
+    return holes
+
+
+def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
+    if not isinstance(value, dict):
+        limit = read_number(value, unit)
+        if by_order and not isinstance(limit, Unread):
+            return Unread("must be a table of orders per cam turn", "like {2: 10}")
+        return limit if isinstance(limit, Unread) else {"all": limit}
+    what, word = ("an order per cam turn", "order") if by_order else ("a torque in N*m, or all", "torque")
+    limits: dict[str, float | Unread] = {}
+    seen: set[float] = set()
+    for key, item in value.items():
+        fits = is_number(key) and (float(key) > 0 or not by_order)
+        if not fits and (by_order or key != "all"):
+            limits[key] = Unread(f"must be {what}", at_key=True)
+        elif fits and float(key) in seen:
+            limits[key] = Unread(f"the same {word} twice", at_key=True)
+        else:
+            limits[key] = read_number(item, unit)
+        if fits:
+            seen.add(float(key))
+    return limits
+
+
+def unit_of(info: FieldInfo) -> str:
+    """Unit of a field as declared, empty for a pure number."""
+    extra = info.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def kind_of(info: FieldInfo) -> Kind:
+    """What a field takes: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
+    union = get_origin(info.annotation) in (Union, UnionType)
+    parts = get_args(info.annotation) if union else (info.annotation,)
+    if float in parts:
+        return "number"
+    if int in parts:
+        return "count"
+    origins = [get_origin(part) for part in parts]
+    if Literal in origins:
+        return "holes" if tuple in origins else "choice"
+    if dict in origins:
+        return "orders" if PER_ORDER in info.metadata else "limits"
+    return "numbers" if tuple in origins else "text"
+
+
+def is_optional(info: FieldInfo) -> bool:
+    """Whether a field may be empty."""
+    return type(None) in get_args(info.annotation)
+
+
+def choices_of(info: FieldInfo) -> tuple[str, ...]:
+    """Words that a field of the kind "choice" takes."""
+    return tuple(map(str, get_args(info.annotation)))
+
+
+def range_of(info: FieldInfo, unit: str = "") -> str:
+    """Range of a field, or of each item of it, in words and with the unit; empty where there is none."""
+    limits = list(_bounds(info))
+    low, above, high = (
+        next((plain(getattr(limit, name)) for limit in limits if hasattr(limit, name)), "")
+        for name in ("ge", "gt", "le")
+    )
+    if not high:
+        return f"{low} {unit}".rstrip() + " or more" if low else ""
+    return f"{f'above {above}, up' if above else low} to {high} {unit}".rstrip()
+
+
+def _bounds(info: FieldInfo) -> Iterator[object]:
+    yield from info.metadata
+    waiting: list[object] = [info.annotation]
+    while waiting:
+        annotation = waiting.pop()
+        for extra in getattr(annotation, "__metadata__", ()):
+            yield from extra.metadata if isinstance(extra, FieldInfo) else ()
+        waiting.extend(get_args(annotation))
+
+
+def least_of(info: FieldInfo) -> float:
+    """Least value that a field takes."""
+    bounds = (getattr(limit, "ge", None) for limit in _bounds(info))
+    return next((float(bound) for bound in bounds if bound is not None), -inf)
+
+
+def in_range(info: FieldInfo, value: float) -> bool:
+    """Whether a number is within the range of a field."""
+    return isfinite(value) and all(
+        getattr(bound, "ge", -inf) <= value <= getattr(bound, "le", inf) and value > getattr(bound, "gt", -inf)
+        for bound in _bounds(info)
+    )
+
+
+def plain(number: float) -> str:
+    """Number as one would write it in a preset: 20, 0.05, 1e7."""
+    return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")

@@ -1,0 +1,114 @@
+"""Words, in English, German and Russian, with which rigs and gear checkers name columns: what they hold, and units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container
+from math import pi
+
+from hdassist.preset.units import UnitError, convert
+from hdassist.preset.yamltext import near
+
+ANGLES = {  # size in arcsec
+    "deg": 3600.0, "rad": 648000 / pi, "arcsec": 1.0, "arcmin": 60.0, "mdeg": 3.6, "mrad": 648 / pi,
+    "urad": 0.648 / pi, "turn": 1296000.0,
+}  # fmt: skip
+LENGTHS = ("um", "mm", "nm", "cm")
+INCHES = ("in", "inch", "inches", "uin", "uinch", "mil", "mils", "thou")
+_SPELLED = {
+    "°": "deg", "degree": "deg", "degrees": "deg", "degs": "deg", "град": "deg", "radian": "rad", "radians": "rad",
+    "рад": "rad", "arcsecond": "arcsec", "arcseconds": "arcsec", "arcs": "arcsec", "asec": "arcsec", "″": "arcsec",
+    '"': "arcsec", "arcminute": "arcmin", "arcminutes": "arcmin", "amin": "arcmin", "′": "arcmin",
+    "millidegree": "mdeg", "microrad": "urad", "turns": "turn", "rev": "turn", "revs": "turn",
+    "мкм": "um", "mkm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um",
+    "micrometre": "um", "micrometres": "um", "мм": "mm", "millimeter": "mm", "millimetre": "mm", "нм": "nm",
+}  # fmt: skip
+_MICRO = str.maketrans("µμ", "uu")
+_WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
+_ROLES = {
+    "error": r"err|error|te|dev|deviation|fehler|abweichung|fkpp|kpp|погрешность|ошибка",
+    "cam": r"cam|wg|wave|generator|input|motor|mot|antrieb|eingang|phih|phi_h|thetah|вход|генератор|кулачок",
+    "output": r"output|out|load|abtrieb|ausgang|link|phig|phi_g|phib|phi_b|выход",
+    "angle": r"angle|ang|phi|theta|position|pos|winkel|угол|encoder|enc",
+}
+PITCH_KEYS = {  # what a remark in a file of pitch deviations may state
+    "form": "form", "форма": "form", "unit": "unit", "units": "unit", "einheit": "unit", "единица": "unit",
+    "единицы": "unit", "sense": "sense", "drehsinn": "sense", "направление": "sense", "sign": "sign",
+    "vorzeichen": "sign", "знак": "sign", "mark": "mark", "markierung": "mark", "метка": "mark", "flank": "flank",
+    "flanke": "flank", "профиль": "flank",
+}  # fmt: skip
+AMBIGUOUS = "ambiguous"
+_FORMS = (  # the first that is found; capitals count in symbols: F_p is cumulative, f_p single
+    ("cumulative", re.compile(r"(?i:c?cumul|kumul|summe|gesamt|total|накопл)")),
+    ("single", re.compile(r"(?i:single|einzel|individual|tooth[ -]to[ -]tooth|adjacent|шаг)")),
+    ("cumulative", re.compile(r"(?<![^\W_])F_?pi?(?![^\W_])")),
+    ("single", re.compile(r"(?<![^\W_])f_?p[ti]?(?![^\W_])")),
+    # ANSI/AGMA calls the cumulative deviation of a tooth its index deviation
+    (AMBIGUOUS, re.compile(r"(?<![^\W_])(?:F_?P[TI]?|F_?p[tk]|(?i:index))(?![^\W_])")),
+)
+_LEFT = re.compile(r"(?<![^\W_])(?:left|links?|linke[rn]?|lf|l)(?![^\W_])|(?<![^\W_])лев")
+_RIGHT = re.compile(r"(?<![^\W_])(?:right|rechts?|rechte[rn]?|rf|r)(?![^\W_])|(?<![^\W_])прав")
+_TOOTH = re.compile(
+    r"(?:tooth|teeth|zahn|zähne|lücke|space|gap|number|nummer|номер|зуб|впадина)|(?:no|nr|k|i|n|z|№)\.?(?![^\W_])|#$"
+)
+
+
+def role_in(name: str) -> str:
+    """What a column of a trace holds by its name: error, cam, output, angle, or empty for anything else."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
+    return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
+
+
+def form_in(text: str) -> str:
+    """Form of pitch deviations that a name says: cumulative, single, ambiguous, or empty for none."""
+    return next((form for form, words in _FORMS if words.search(text)), "")
+
+
+def flank_in(text: str) -> str:
+    """Flank that a name says: left, right, or empty for none or both."""
+    low = text.lower()
+    left, right = bool(_LEFT.search(low)), bool(_RIGHT.search(low))
+    return "" if left == right else "left" if left else "right"
+
+
+def names_teeth(text: str) -> bool:
+    """Whether a name is that of a column of tooth numbers."""
+    return bool(_TOOTH.match(text.strip().lower()))
+
+
+def unit_in(name: str, units: Container[str] = ANGLES) -> str:
+    """The first of some units in a name, such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty for none."""
+    marked = re.findall(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$", name)
+    bare = re.split(r"[\s_()\[\],;/]+", name)
+    bare = [word for word in bare if (len(word) > 1 or word in _SPELLED) and word != "in"]
+    words = (plain_unit(word) for word in (*map("".join, marked), *bare))
+    return next((word for word in words if word in units), "")
+
+
+def length_in(name: str) -> str:
+    """Unit of a column of deviations by its name: a length, or else what `micrometres` refuses; empty for none."""
+    for text in re.findall(r"\[([^\]]*)\]", name):
+        if not form_in(text) and not flank_in(text):
+            return plain_unit(text)
+    return unit_in(name, {*LENGTHS, *INCHES, *ANGLES})
+
+
+def plain_unit(unit: str) -> str:
+    """A unit as this module spells it."""
+    low = unit.strip().translate(_MICRO).lower()
+    return _SPELLED.get(low, low)
+
+
+def angle_fault(unit: str) -> str:
+    """What is wrong with a unit that is to be one of an angle, as a hint; empty if nothing is."""
+    return "" if plain_unit(unit) in ANGLES else near(unit, ANGLES) or f"one of {', '.join(ANGLES)}"
+
+
+def micrometres(unit: str) -> float:
+    """How many micrometres one of a unit is. Raises UnitError: no unit of length, or one that is not metric."""
+    plain = plain_unit(unit)
+    if plain in INCHES:
+        raise UnitError("not a metric unit", "convert to um or mm; 1 µin is 0.0254 um")
+    if plain in ANGLES:
+        raise UnitError("an angle, not a length", "multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um")
+    return convert(f"1 {plain or '-'}", "um")

@@ -1,0 +1,54 @@
+"""Processes that share the work of a command: how they begin, and what they do not hear."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from hdassist.terminal.workers import count, workers
+from tests.process import CLEAN
+
+BEGUN = """
+import threading
+import hdassist.solve.formulation
+from hdassist.terminal.workers import workers
+
+if {thread}:
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+with workers(1) as executor:
+    known = executor.submit(eval, "'cvxpy' in __import__('sys').modules").result()
+    print(executor._mp_context.get_start_method(), known)
+"""
+
+
+def deaf(_: int) -> tuple[int, bool]:
+    return os.getpid(), signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_processes_answer_in_order_hear_no_interrupt_and_end():
+    with workers(2) as executor:
+        assert list(executor.map(abs, range(-3, 0))) == [3, 2, 1]
+        found = list(executor.map(deaf, range(4)))
+    assert all(ignored for _, ignored in found)
+    assert os.getpid() not in {pid for pid, _ in found}
+    assert not multiprocessing.active_children()
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
+@pytest.mark.parametrize(("thread", "way"), [(False, "fork"), (True, "forkserver")])
+def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread, way):
+    told = subprocess.run(
+        [sys.executable, "-c", BEGUN.format(thread=thread)], env=CLEAN, capture_output=True, text=True, check=True
+    )
+    assert told.stdout == f"{way} True\n"
+
+
+def test_no_number_of_jobs_is_one_for_each_core():
+    assert count(3) == 3
+    assert 1 <= count(0) <= (os.cpu_count() or 1)
