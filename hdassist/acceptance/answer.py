@@ -14,7 +14,7 @@ from hdassist.acceptance.accept import Acceptance
 from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import CLOSED, FailOn, Request
+from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request
 from hdassist.error.cycle import CrossCheck
 from hdassist.errors import DataError, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
@@ -30,7 +30,7 @@ PROVENANCE = ("version", "preset_sha256", "measured_sha256", "seed", "solver", "
 class Record:
     """What stands in a file of ours: nothing but its fields, and finite numbers."""
 
-    __pydantic_config__ = CLOSED
+    __pydantic_config__ = RECORD_CONFIG
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from hdassist.preset.library import load_preset
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
 
-CLOSED = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
+RECORD_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
 FailOn = Literal["warn", "fail", "never"]
@@ -83,7 +83,7 @@ _TRACE = _kept_as_text(TraceFile.parse)
 class Reading(TraceForm):
     """How measured traces are read and looked at: the options of `hdassist measure`."""
 
-    __pydantic_config__ = CLOSED
+    __pydantic_config__ = RECORD_CONFIG
 
     orders: str | None = None
     drift: str = "none"
@@ -98,7 +98,7 @@ class Request:
     limits, instead of the preset's; measured, traces; values, measured otherwise; measured_only and seed as in accept.
     """
 
-    __pydantic_config__ = CLOSED
+    __pydantic_config__ = RECORD_CONFIG
 
     preset: str
     serial: str = ""
