@@ -75,7 +75,7 @@ class Replayed:
         return "cannot be replayed" if self.now is None else "differs" if self.differences else "agrees"
 
 
-def looked_at(answer: Answer, preset: str = "") -> tuple[LotRow | None, Replayed]:
+def prepare(answer: Answer, preset: str = "") -> tuple[LotRow | None, Replayed]:
     """What is to be done again, and what is known of it before; nothing to do where its files are not the same.
 
     Arguments: answer; preset, to be taken in place of the recorded one (empty: that one).

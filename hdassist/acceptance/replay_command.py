@@ -9,7 +9,7 @@ from typing import Any
 from hdassist.acceptance.answer import Accepted, as_object, read_answers
 from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot_runner import answers as work
-from hdassist.acceptance.replay import RELATIVE, Replayed, differences, looked_at
+from hdassist.acceptance.replay import RELATIVE, Replayed, differences, prepare
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.terminal.answers import json_text, together
 from hdassist.terminal.output import complain
@@ -30,13 +30,13 @@ def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
         raise DataError(f"{path}: no answers in the file")
     if len(presets) > 1 or (presets and len(recorded) > 1):
         raise UsageError("a preset for --replay takes the place of that of one answer")
-    looked = [looked_at(answer, *presets) for answer in recorded]
-    to_do = [row for row, _ in looked if row is not None]
+    prepared = [prepare(answer, *presets) for answer in recorded]
+    to_do = [row for row, _ in prepared if row is not None]
     with out.progress("replay", len(to_do)) as progress, workers(run.jobs) as executor:
         # what makes an exit code of verdicts is no part of what is compared
         found = work(to_do, executor, "fail", jobs=count(run.jobs), debug=options.debug)
         replayed = []
-        for row, before in looked:
+        for row, before in prepared:
             if row is not None:
                 now = next(found)
                 before = replace(before, now=now, differences=tuple(differences(before.recorded, now)))

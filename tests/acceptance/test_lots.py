@@ -199,6 +199,24 @@ def test_rows_answer_in_order_as_if_they_were_alone(lot, told, monkeypatch):
     assert len(asked) == 4
 
 
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_rows_are_answered_while_others_are_predicted(lot, monkeypatch, jobs):
+    names = ["a", "b", "c", "a", "d", "e", "b", "f"]  # of drives: some have several rows
+    rows = [
+        replace(lot.rows[0], serial=f"{n}", request=replace(lot.rows[0].request, overrides=(f"phases.xi_b={name}",)))
+        for n, name in enumerate(names)
+    ]
+    begun = []
+    monkeypatch.setattr(lotwork, "_predict", lambda request: begun.append(request.overrides))
+    monkeypatch.setattr(lotwork, "_answer", lambda row, *_: row.serial)
+    with ThreadPoolExecutor(jobs) as executor:
+        for place, serial in enumerate(answers(rows, executor, "fail", jobs=jobs)):
+            assert serial == rows[place].serial
+            # no further than processes go: what is done is known when an interrupt comes
+            assert len(begun) <= len(set(names[: place + 1])) + 2 * jobs
+    assert len(begun) == len(set(names))
+
+
 def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
     real = lotwork.carry_out
 
