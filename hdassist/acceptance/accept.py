@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.acceptance.checks import BUDGET, COVERAGE, NOT_TESTED, RATED, RECORD, UNCERTAINTY, Remark
+from hdassist.acceptance.checks import BUDGET, COVERAGE, NOT_TESTED, RATED, RECORD, UNCERTAINTY
 from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.errors import DataError, UsageError
@@ -23,9 +23,9 @@ QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 
 @dataclass(frozen=True)
 class Note:
-    """A remark, and what it is about in words."""
+    """A remark by its code, and what it is about in words."""
 
-    remark: Remark
+    code: str
     text: str
 
 
@@ -162,11 +162,11 @@ def _of_traces(result: Acceptance) -> Iterator[Note]:
         parts = [d for d in measurement.directions if d.is_bound]
         if any(d.limit.M_g == M_g and d.value and d.value.extent != "whole" for d in result.decisions):
             visited = [f"{100 * d.coverage.share:.3g} % of the full cycle visited" for d in parts if d.coverage]
-            yield Note(COVERAGE, f"{where}: {' and '.join(visited) or 'unknown cycle'}")
+            yield Note(COVERAGE.code, f"{where}: {' and '.join(visited) or 'unknown cycle'}")
         missing = [source.name for source in measurement.directions[0].sources if source.arcsec is None]
         if missing:
-            yield Note(BUDGET, f"{where}: nothing stated of {', '.join(missing)}")
-        yield from (Note(RECORD, f"{where}: {text}") for text in measurement.warnings)
+            yield Note(BUDGET.code, f"{where}: nothing stated of {', '.join(missing)}")
+        yield from (Note(RECORD.code, f"{where}: {text}") for text in measurement.warnings)
 
 
 def _of_decisions(result: Acceptance) -> Iterator[Note]:
@@ -174,10 +174,10 @@ def _of_decisions(result: Acceptance) -> Iterator[Note]:
         expanded, limit = decision.expanded, decision.limit
         if expanded is not None and expanded > QUARTER * limit.bound:
             text = f"U = {expanded:.3g} beside a limit of {limit.bound:g}, k = {COVERAGE_FACTOR:g}"
-            yield Note(UNCERTAINTY, f"{limit.label}: {text}")
+            yield Note(UNCERTAINTY.code, f"{limit.label}: {text}")
     rated = result.drive.operation.rated
     torques = {d.limit.M_g for d in result.decisions if d.limit.M_g}
     for M_g in sorted(M_g for M_g in torques if M_g and rated and abs(M_g) > rated):
-        yield Note(RATED, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
+        yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if result.left_out:
-        yield Note(NOT_TESTED, "; ".join(limit.label for limit in result.left_out))
+        yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in result.left_out))

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from hdassist.acceptance.accept import Acceptance
+from hdassist.acceptance.accept import Acceptance, Note
 from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
 from hdassist.acceptance.predictions import Predictions
@@ -75,14 +75,6 @@ class CheckRecord(Record):
             uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
             value = Value(self.value, uncertainty, self.basis, self.extent)
         return CheckRecord.of(decide(self.held_against, value, rule, margin))
-
-
-@dataclass(frozen=True)
-class RemarkRecord(Record):
-    """A remark: its code, and what it is about in words."""
-
-    code: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -176,7 +168,7 @@ class Accepted(Envelope):
     verdict: Verdict
     checks: tuple[CheckRecord, ...]
     left_out: tuple[str, ...]
-    remarks: tuple[RemarkRecord, ...]
+    remarks: tuple[Note, ...]
     measured: tuple[TraceRecord, ...]
     rule: RuleRecord
     certificate: CertificateRecord | None
@@ -245,7 +237,7 @@ def answer_of(request: Request, result: Acceptance, fail_on: FailOn, place: str 
         verdict=result.verdict,
         checks=tuple(map(CheckRecord.of, result.decisions)),
         left_out=tuple(limit.label for limit in result.left_out),
-        remarks=tuple(RemarkRecord(note.remark.code, note.text) for note in result.notes),
+        remarks=result.notes,
         measured=tuple(
             TraceRecord(
                 M_g, m.trace.file, m.trace.sha256, len(m.trace.line), m.F_ior_arcsec, m.directions[0].is_bound,
@@ -308,7 +300,7 @@ def provenance(answer: Answer) -> dict[str, Any]:
     return dict(zip(PROVENANCE, values, strict=True))
 
 
-def as_object(answer: Answer) -> dict[str, Any]:
+def to_json(answer: Answer) -> dict[str, Any]:
     """An answer as a JSON object; without its place where it has none."""
     adapter: TypeAdapter[Any] = _ACCEPTED if isinstance(answer, Accepted) else _UNANSWERED
     told: dict[str, Any] = adapter.dump_python(answer, mode="json")
@@ -319,7 +311,7 @@ def as_object(answer: Answer) -> dict[str, Any]:
 
 def to_line(answer: Answer) -> str:
     """An answer on one line, without its end; never NaN or Infinity."""
-    return json.dumps(as_object(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
 
 
 def to_lines(answers: Iterable[Answer]) -> str:

@@ -187,7 +187,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     Raises what is wrong with the only drive, and UsageError with any.
     """
     from hdassist.acceptance import page as report
-    from hdassist.acceptance.answer import Accepted, answer_of, as_object, failure_of, to_lines
+    from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
     from hdassist.acceptance.decision import limits_of, needed_for
     from hdassist.acceptance.request import carry_out, read_measurements
     from hdassist.terminal.files import write_text
@@ -207,7 +207,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
         answer = answer_of(request, result, run.fail_on)
         answers.append(answer)
         return RunAnswer(
-            lambda: as_object(answer),
+            lambda: to_json(answer),
             None if run.files.take_stdout else lambda style: report.render(result, style, request.serial),
             lambda: answer.status,
             about=drive.name,
@@ -217,7 +217,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
 
     def failed(preset: str, error: HdassistError) -> Json:
         answers.append(failure_of(replace(run.base, preset=preset), error))
-        return as_object(answers[-1])
+        return to_json(answers[-1])
 
     kept = run.options.json or run.files.asked
     told = run_each("accept", presets, one, run.options, failed=failed, keep_failures=kept)

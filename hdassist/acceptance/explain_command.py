@@ -32,6 +32,6 @@ def command(
     out = options.open()
     found = [explained(code) for code in codes]
     if options.json:
-        out.text(json_text(report.answer(found)))
+        out.text(json_text(report.to_json(found)))
     else:
         out.human(report.render(found, out.style))

@@ -38,7 +38,7 @@ def _one(item: Explained, style: Style) -> list[RenderableType]:
     return [*parts, Text("")]
 
 
-def answer(found: Sequence[Explained]) -> dict[str, Any]:
+def to_json(found: Sequence[Explained]) -> dict[str, Any]:
     """Checks and remarks as a JSON object; all of them where none is asked for."""
     return {
         "schema": "hdassist.explain/1",

@@ -12,7 +12,7 @@ from hdassist.acceptance import lot_page as report
 from hdassist.acceptance.answer import Accepted, Answer, Unanswered, read_answers, to_line, to_lines
 from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot import Lot, read_lot
-from hdassist.acceptance.lot_runner import answers as work
+from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.page import csv
 from hdassist.acceptance.replay import still_stands
 from hdassist.acceptance.request import Request
@@ -69,7 +69,7 @@ def accept_lot(path: str, run: Run) -> int:
     if options.verbose:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
     if options.json:
-        out.text(json_text(report.combined(lot, done)))
+        out.text(json_text(report.to_json(lot, done)))
     elif shown:
         page = "" if options.quiet else "\n" + out.page(report.render(lot, done, out.style))
         out.text(page if out.target == "-" else "\n".join(lines) + "\n" + page)
@@ -124,7 +124,7 @@ def _all(lot: Lot, kept: dict[str, Accepted], run: Run) -> Generator[Answer, Non
     if file is not None:
         put_text(file, to_lines(filter(None, known)))
     with run.out.progress(lot.file, len(to_do)) as progress, workers(run.jobs) as executor:
-        found = work(to_do, executor, run.fail_on, jobs=count(run.jobs), debug=run.options.debug)
+        found = answer_rows(to_do, executor, run.fail_on, jobs=count(run.jobs), debug=run.options.debug)
         for before in known:
             answer: Answer = before or next(found)
             if before is None:

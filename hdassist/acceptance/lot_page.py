@@ -9,7 +9,8 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, as_object
+from hdassist.acceptance.answer import Accepted, Answer, CheckRecord
+from hdassist.acceptance.answer import to_json as answer_json
 from hdassist.acceptance.checks import check_of
 from hdassist.acceptance.decision import Limit
 from hdassist.acceptance.lot import Lot
@@ -102,10 +103,10 @@ def _drives(count: int) -> str:
     return f"{count} drive{'s' * (count != 1)}"
 
 
-def combined(lot: Lot, answers: Sequence[Answer]) -> dict[str, Any]:
+def to_json(lot: Lot, answers: Sequence[Answer]) -> dict[str, Any]:
     """The lot as one JSON object: every answer, and what they say together."""
     return {
-        **together("accept", [as_object(answer) for answer in answers]),
+        **together("accept", [answer_json(answer) for answer in answers]),
         "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows), "notes": list(lot.notes)},
         "summary": summary(answers),
     }

@@ -21,7 +21,7 @@ from hdassist.errors import DataError, HdassistError, UsageError
 DriveKey: TypeAlias = tuple[str | None, Request, tuple[str, ...], tuple[LimitName, ...]]
 
 
-def answers(
+def answer_rows(
     rows: Sequence[LotRow], executor: Executor, fail_on: FailOn, *, jobs: int, debug: bool = False
 ) -> Iterator[Answer]:
     """An answer for each row, in their order; what is wrong with a row is its answer.

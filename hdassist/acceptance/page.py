@@ -115,7 +115,7 @@ def _notes(result: Acceptance) -> list[str]:
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
     lines += [f"{d.verdict}, {d.limit.label}: {d.reason}" for d in result.decisions if d.reason]
-    lines += [f"remark {note.remark.code}: {note.text}" for note in result.notes]
+    lines += [f"remark {note.code}: {note.text}" for note in result.notes]
     codes = [d.limit.check.code for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]
     if codes:
         lines.append(f"what to do: hdassist explain {' '.join(dict.fromkeys(codes))}")

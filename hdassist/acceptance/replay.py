@@ -28,8 +28,8 @@ class InputFile:
     """A file that an answer rests on: its path, its SHA-256 then, and now (None: it cannot be read)."""
 
     file: str
-    recorded: str | None
-    now: str | None
+    recorded_sha256: str | None
+    sha256: str | None
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,11 @@ def prepare(answer: Answer, preset: str = "") -> tuple[LotRow | None, Replayed]:
         return None, Replayed(answer, fault=fault.message, hint=fault.hint)
     if isinstance(answer, Accepted):  # one without an answer never got as far as its hashes
         for one in files:
-            if one.now is None:
+            if one.sha256 is None:
                 hint = "paths count from the folder in which the answer was made"
                 return None, Replayed(answer, files, fault=f"{one.file} cannot be read", hint=hint)
-            if one.now != one.recorded:
-                then, now = str(one.recorded)[:12], one.now[:12]
+            if one.sha256 != one.recorded_sha256:
+                then, now = str(one.recorded_sha256)[:12], one.sha256[:12]
                 words = f"{one.file} has changed: sha256 {then}... when the answer was made, {now}... now"
                 return None, Replayed(answer, files, fault=words, hint="hdassist accept makes a new answer")
     return LotRow(request.serial, request, answer.place or ""), Replayed(answer, files)
@@ -137,7 +137,7 @@ def still_stands(answer: Answer, request: Request, version: str, fail_on: FailOn
     if (answer.version, answer.fail_on, answer.request) != (version, fail_on, request):
         return False
     try:
-        return all(one.now is not None and one.recorded == one.now for one in inputs(answer, request))
+        return all(one.sha256 is not None and one.recorded_sha256 == one.sha256 for one in inputs(answer, request))
     except DataError:
         return False
 

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from hdassist.acceptance.answer import Accepted, as_object, read_answers
+from hdassist.acceptance.answer import Accepted, read_answers
+from hdassist.acceptance.answer import to_json as answer_json
 from hdassist.acceptance.command import Run
-from hdassist.acceptance.lot_runner import answers as work
+from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.replay import RELATIVE, Replayed, differences, prepare
 from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.terminal.answers import json_text, together
+from hdassist.terminal.answers import combine, json_text
 from hdassist.terminal.output import complain
 from hdassist.terminal.workers import count, workers
 from hdassist.verdict import worst_exit_code
@@ -34,7 +35,7 @@ def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
     to_do = [row for row, _ in prepared if row is not None]
     with out.progress("replay", len(to_do)) as progress, workers(run.jobs) as executor:
         # what makes an exit code of verdicts is no part of what is compared
-        found = work(to_do, executor, "fail", jobs=count(run.jobs), debug=options.debug)
+        found = answer_rows(to_do, executor, "fail", jobs=count(run.jobs), debug=options.debug)
         replayed = []
         for row, before in prepared:
             if row is not None:
@@ -43,9 +44,9 @@ def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
                 progress(1)
             replayed.append(before)
     if options.json:
-        out.text(json_text(answer(replayed)))
+        out.text(json_text(to_json(replayed)))
     elif options.quiet:
-        out.text(brief(replayed) + "\n")
+        out.text(summary_line(replayed) + "\n")
     else:
         out.text(out.style.text("\n".join(map(line, replayed))) + "\n")
     for one in replayed:
@@ -71,21 +72,20 @@ def _shown(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else "none" if value is None else str(value)
 
 
-def brief(replayed: Sequence[Replayed]) -> str:
+def summary_line(replayed: Sequence[Replayed]) -> str:
     """The answer alone."""
     words = [one.words for one in replayed]
     return words[0] if len(set(words)) == 1 else ", ".join(f"{words.count(w)} {w}" for w in dict.fromkeys(words))
 
 
-def answer(replayed: Sequence[Replayed]) -> dict[str, Any]:
+def to_json(replayed: Sequence[Replayed]) -> dict[str, Any]:
     """One object, of one answer or with a list of them."""
-    objects = [_object(one) for one in replayed]
-    return objects[0] if len(objects) == 1 else together("accept-replay", objects)
+    return combine("accept-replay", [_one(one) for one in replayed])
 
 
-def _object(one: Replayed) -> dict[str, Any]:
-    recorded = as_object(one.recorded)
-    now = as_object(one.now) if one.now else {}
+def _one(one: Replayed) -> dict[str, Any]:
+    recorded = answer_json(one.recorded)
+    now = answer_json(one.now) if one.now else {}
     return {
         "schema": "hdassist.accept-replay/1",
         "version": __version__,
@@ -99,8 +99,6 @@ def _object(one: Replayed) -> dict[str, Any]:
         "time": now.get("time"),
         "tolerance_relative": RELATIVE,
         "differences": [asdict(difference) for difference in one.differences],
-        "inputs": [
-            {"file": one.file, "recorded_sha256": one.recorded, "sha256": one.now} for one in one.inputs
-        ],
+        "inputs": [asdict(file) for file in one.inputs],
         **({"error": {"message": one.fault, "hint": one.hint}} if one.fault else {}),
-    }  # fmt: skip
+    }

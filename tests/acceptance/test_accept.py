@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import answer_of, as_object, exit_code
+from hdassist.acceptance.answer import answer_of, exit_code, to_json
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER, explained
 from hdassist.acceptance.decision import GUARD, Limit, Value, decide, limits_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
@@ -217,7 +217,7 @@ def test_a_trace_of_the_full_cycle_decides():
     assert second.number == pytest.approx(spectrum[60], abs=4 * second.uncertainty)
     assert {k.extent for k in (F_ior, within, second)} == {"whole"}
     assert [a.M_g for a in found.left_out] == [1.0]
-    assert {note.remark.code for note in found.notes} == {"BUDGET", "NOT_TESTED"}
+    assert {note.code for note in found.notes} == {"BUDGET", "NOT_TESTED"}
 
 
 def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
@@ -226,7 +226,7 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
         drive = small(f"F_ior@4={limit}", f"turn_range@4={limit}")
         found = accept(drive, measured)
         assert [d.verdict for d in found.decisions] == [verdict] * 2
-        assert "COVERAGE" in [note.remark.code for note in found.notes]
+        assert "COVERAGE" in [note.code for note in found.notes]
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
 
 
@@ -275,7 +275,7 @@ def test_no_width_cuts_a_number():
 def test_remarks_that_count():
     drive = small("F_ior@4=50", overrides=("operation.rated=3",))
     noisy = accept(drive, {4.0: measure(rig(30, noise=20.0), drive=drive)})
-    codes = [note.remark.code for note in noisy.notes]
+    codes = [note.code for note in noisy.notes]
     assert "UNCERTAINTY" in codes
     assert "RATED" in codes
     assert [exit_code(noisy.verdict, bool(noisy.notes), how) for how in ("warn", "never")] == [3, 0]
@@ -380,7 +380,7 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
     (tmp_path / "lot.csv").write_text(columns)
     (row,) = read_lot(str(tmp_path / "lot.csv"), Request("")).rows
     assert stated_values(row.request.values, row.request.load()) == {limit: stated(6.0, 0.05)}
-    (only,) = as_object(answer_of(row.request, accept(drive, predictions=predicted[1]), "fail"))["checks"][-1:]
+    (only,) = to_json(answer_of(row.request, accept(drive, predictions=predicted[1]), "fail"))["checks"][-1:]
     assert (only["code"], only["unit"], only["limit"]) == (check.code, check.unit, 7.0)
 
 

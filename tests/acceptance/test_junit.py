@@ -11,10 +11,11 @@ from xml.parsers import expat
 import pytest
 from junitparser import JUnitXml
 
-from hdassist.acceptance.answer import Accepted, Answer, RemarkRecord
+from hdassist.acceptance.accept import Note
+from hdassist.acceptance.answer import Accepted, Answer
 from hdassist.acceptance.junit import junit
 from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.lot_runner import answers
+from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.lot_summary import summary
 from hdassist.acceptance.request import Request
 
@@ -48,7 +49,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[Answer]:
     table.write_text(ROWS, encoding="utf-8")
     lot = read_lot(str(table), Request(SMALL, measured_only=True))
     with ThreadPoolExecutor(1) as executor:
-        return list(answers(lot.rows, executor, "fail", jobs=1))
+        return list(answer_rows(lot.rows, executor, "fail", jobs=1))
 
 
 def elements(parent: Element, name: str) -> list[Element]:
@@ -123,7 +124,7 @@ def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
 
 
 def test_remarks_that_fail_a_drive_do_not_look_green(told):
-    remarked = replace(told[0], remarks=(RemarkRecord("BUDGET", "nothing stated"),), fail_on="warn", exit_code=3)
+    remarked = replace(told[0], remarks=(Note("BUDGET", "nothing stated"),), fail_on="warn", exit_code=3)
     root = parseString(junit("lot", [remarked], {})).documentElement
     assert root is not None
     (failure,) = root.getElementsByTagName("failure")

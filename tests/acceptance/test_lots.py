@@ -18,10 +18,10 @@ from hdassist.acceptance import accept as acceptance
 from hdassist.acceptance import lot_page as report
 from hdassist.acceptance import lot_runner as lotwork
 from hdassist.acceptance import request as requests
-from hdassist.acceptance.answer import as_object, failure_of, read_answers, to_lines
+from hdassist.acceptance.answer import failure_of, read_answers, to_json, to_lines
 from hdassist.acceptance.limit_parser import LimitName, LimitText
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
-from hdassist.acceptance.lot_runner import answers
+from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.lot_summary import Z, quantiles, summary, wilson
 from hdassist.acceptance.page import csv as figures
 from hdassist.acceptance.replay import RELATIVE, differences, still_stands
@@ -168,7 +168,7 @@ loose,,30,5,,
 
 def worked(rows, jobs=1):
     with ThreadPoolExecutor(jobs) as executor:
-        return list(answers(rows, executor, "fail", jobs=jobs))
+        return list(answer_rows(rows, executor, "fail", jobs=jobs))
 
 
 def plain(answer):
@@ -210,7 +210,7 @@ def test_rows_are_answered_while_others_are_predicted(lot, monkeypatch, jobs):
     monkeypatch.setattr(lotwork, "_predict", lambda request: begun.append(request.overrides))
     monkeypatch.setattr(lotwork, "_answer", lambda row, *_: row.serial)
     with ThreadPoolExecutor(jobs) as executor:
-        for place, serial in enumerate(answers(rows, executor, "fail", jobs=jobs)):
+        for place, serial in enumerate(answer_rows(rows, executor, "fail", jobs=jobs)):
             assert serial == rows[place].serial
             # no further than processes go: what is done is known when an interrupt comes
             assert len(begun) <= len(set(names[: place + 1])) + 2 * jobs
@@ -306,7 +306,7 @@ def test_requests_come_back_out_of_a_file(tmp_path, asked):
     ],
 )  # fmt: skip
 def test_requests_that_cannot_be_are_refused(tmp_path, change):
-    told = as_object(failure_of(Request("a"), DataError("no")))
+    told = to_json(failure_of(Request("a"), DataError("no")))
     for wrong in ({**told, "request": {**told["request"], **change}}, {**told, "request": 3}):
         with pytest.raises(DataError, match=r"a\.json:1: an answer does not say what was asked: request"):
             read_answers(table(tmp_path, json.dumps(wrong), "a.json"))
@@ -332,7 +332,7 @@ def test_requests_that_cannot_be_are_refused(tmp_path, change):
     ],
 )
 def test_answers_that_cannot_be_are_refused(tmp_path, told, path, value):
-    wrong = json.loads(json.dumps(as_object(told[0])))
+    wrong = json.loads(json.dumps(to_json(told[0])))
     place = wrong
     for key in path[:-1]:
         place = place[key]
