@@ -17,7 +17,8 @@ from hdassist.solve.answers import CHUNK, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import Formulation, formulate, solve_through_cvxpy
+from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
 SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # states that each one solves
 N_MM = 1e3  # N*mm in a N*m

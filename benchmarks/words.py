@@ -52,7 +52,6 @@ CHOSEN = """\
   position in every state, and all of them should the search have missed more than 0.01″ there.
 - **The cross-check as it is**: without iterative refinement Clarabel takes 0.6 of the time, but of 112 states of 28
   drives 8 then ended as inaccurate.
-- **cvxpy without scipy.stats** (`hdassist/solve/lightcvxpy.py`): its import takes 0.6 of the time.
 - **Processes, not threads**: the matrices are too small for threads of BLAS, which are switched off.
 """
 

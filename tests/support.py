@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.model.contacts import ContactSystem, contact_system
+from hdassist.model.contacts import TO_X1, ContactSystem, contact_system
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC
@@ -42,3 +42,11 @@ def rotation(system: ContactSystem, torque: float, scalars: Array | None = None)
 def wind_up(drive: Drive, M_g: float = 80.0, tau: float = 0.0, beta: float | None = None) -> float:
     """Rotation [arcsec] of a drive without deviations at a torque [N*m]."""
     return rotation(contact_system(drive, tau, beta), M_g * 1e3)
+
+
+def first_harmonic(F_i: float, xi: float, z: int) -> Array:
+    """Deviation of each tooth along +theta [unit of F_i] of a first harmonic, shape (z,).
+
+    Arguments: F_i, peak to peak; xi, its phase [rad]; z, number of teeth, numbered as in ToothDeviations.
+    """
+    return np.asarray(F_i / 2 * np.sin(2 * np.pi * np.arange(z) / z + TO_X1 - xi))

@@ -15,9 +15,9 @@ from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request
-from hdassist.error.cycle import CrossCheck
 from hdassist.errors import DataError, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import read_bytes
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__

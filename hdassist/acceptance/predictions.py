@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
+from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
@@ -19,6 +19,7 @@ from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.throughcvxpy import CrossCheck
 
 
 @dataclass(frozen=True)

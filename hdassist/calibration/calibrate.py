@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import differential_evolution, least_squares
+from scipy.optimize import OptimizeResult, differential_evolution, least_squares
 from scipy.stats import qmc
 
-from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations
+from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level
 from hdassist.calibration.quantities import FINE, MEDIUM, Quantities
 from hdassist.calibration.targets import Targets, Unknown
 from hdassist.errors import HdassistError, UntrustedError
@@ -21,12 +21,12 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 POPULATION = 4  # points of the global search's generation for each unknown
-STARTS = 4  # points that least squares starts from
+STARTS = 4  # points that least squares starts from by default
 APART = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
 STEP = 0.02  # of the range: step of difference quotients, above the roughness of a quick search
 ROUNDS = 12  # steps of a least-squares run at most
 DIGITS = 4  # of a found value
-TIGHT = 0.95  # correlation from which on two unknowns cannot be told apart
+INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
 
 
 @dataclass(frozen=True)
@@ -82,16 +82,11 @@ class Calibration:
     def indistinct(self) -> list[tuple[str, str, float]]:
         """Pairs of unknowns that these targets cannot tell apart, with their correlation."""
         names = [unknown.path for unknown in self.targets.unknowns]
-        rows, columns = np.nonzero(np.triu(np.abs(self.correlation), 1) > TIGHT)
+        rows, columns = np.nonzero(np.triu(np.abs(self.correlation), 1) > INDISTINCT)
         return [(names[i], names[k], float(self.correlation[i, k])) for i, k in zip(rows, columns, strict=True)]
 
 
-def moved(drive: Drive, unknowns: Sequence[Unknown], values: Sequence[float]) -> Drive:
-    """The drive with values of unknowns put in."""
-    return drive.with_values({u.path: float(v) for u, v in zip(unknowns, values, strict=True)})
-
-
-def work(targets: Targets, budget: int) -> int:
+def estimate_drives(targets: Targets, budget: int) -> int:
     """Number of drives that a calibration computes, about, for a progress bar."""
     return budget + STARTS * ROUNDS // 2 * (len(targets.unknowns) + 2)
 
@@ -102,20 +97,22 @@ def calibrate(
     evaluations: Evaluations,
     *,
     budget: int = 400,
+    starts: int = STARTS,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Calibration:
     """Find the unknowns of a drive from its targets.
 
     Arguments: evaluations, which computes drives and remembers them; budget, drives that the global search may
-    compute; seed, of that search; progress, told how many drives were computed or remembered.
+    compute; starts, its best points, far from each other, that least squares starts from; seed, of the search;
+    progress, told how many drives were computed or remembered.
     Raises UntrustedError where nothing could be computed or least squares did not come to rest.
     """
     unit = _Unit(targets.unknowns)
     start = tuple(float(drive.value(u.path)) for u in targets.unknowns)
     seen: dict[tuple[float, ...], float] = {}
 
-    def off(points: Iterable[Array], level: str) -> list[Array]:
+    def off(points: Iterable[Array], level: Level) -> list[Array]:
         points = list(points)
         rows = evaluations.off([unit.values(p) for p in points], level)
         if progress:
@@ -127,24 +124,21 @@ def calibrate(
     _search(unit, start, off, budget, seed)
     if min(seen.values()) >= IMPOSSIBLE**2:
         raise UntrustedError("no drive within the bounds could be computed", "look at the bounds, and check the preset")
-    runs = [_settle(point, off) for point in _distant(seen)]
-    runs.sort(key=lambda run: run.cost)
-    if not runs[0].at_rest:
+    runs = sorted((_settle(point, off) for point in _distant(seen, starts)), key=lambda run: run.cost)
+    if not (runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1):
         raise UntrustedError(
             "the fit did not come to rest",
             "run again with the same --state and more --evaluations: what was computed is kept",
         )
-    sets = [unit.values(run.point) for run in runs]
-    answers = evaluations.run(_fit, [(moved(drive, targets.unknowns, v), targets, v) for v in sets])
+    sets = [unit.values(run.x) for run in runs]
+    answers = evaluations.run(_fit, [(drive.with_values(targets.by_path(v)), targets, v) for v in sets])
     # a quick search may not have seen what a thorough one does
     fits = [fit for fit in answers if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
-    order = sorted(range(len(fits)), key=lambda k: float(np.sum(np.square(fits[k].off))))
-    kept = _far_apart([(unit.point(fits[k].values), fits[k]) for k in order])
-    best = kept[0]
-    jacobian = _jacobian(unit.point(best.values), off)
-    half, determined, correlation = _intervals(jacobian, unit, best.values)
+    kept = _far_apart(sorted(fits, key=lambda fit: float(np.sum(np.square(fit.off)))), unit)
+    jacobian = _jacobian(unit.point(kept[0].values), off)
+    half, determined, correlation = _intervals(jacobian, unit, kept[0].values)
     return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, evaluations.computed, seed)
 
 
@@ -172,7 +166,7 @@ class _Unit:
         return np.where(self.log, np.array(values), 1.0) * (self.high - self.low)
 
 
-_Off = Callable[[Iterable[Array], str], list[Array]]
+_Off = Callable[[Iterable[Array], Level], list[Array]]
 
 
 def _search(unit: _Unit, start: Sequence[float], off: _Off, budget: int, seed: int) -> None:
@@ -198,25 +192,19 @@ def _search(unit: _Unit, start: Sequence[float], off: _Off, budget: int, seed: i
     )
 
 
-def _distant(seen: dict[tuple[float, ...], float]) -> list[Array]:
-    """The best points that lie apart."""
+def _distant(seen: dict[tuple[float, ...], float], count: int) -> list[Array]:
+    """The best points that lie apart, so many at most."""
     chosen: list[Array] = []
     for point in sorted(seen, key=lambda p: seen[p]):
         here = np.array(point)
-        if len(chosen) < STARTS and all(np.abs(here - other).max() > APART for other in chosen):
+        if len(chosen) < count and all(np.abs(here - other).max() > APART for other in chosen):
             chosen.append(here)
     return chosen
 
 
-@dataclass(frozen=True)
-class _Run:
-    point: Array
-    cost: float
-    at_rest: bool
-
-
-def _settle(point: Array, off: _Off) -> _Run:
-    answer = least_squares(
+def _settle(point: Array, off: _Off) -> OptimizeResult:
+    """Least squares from a point; status above 0 where it came to rest."""
+    return least_squares(
         lambda p: off([p], "medium")[0],
         np.clip(point, STEP, 1 - STEP),
         jac=lambda p: _jacobian(p, off),
@@ -226,8 +214,6 @@ def _settle(point: Array, off: _Off) -> _Run:
         gtol=1e-3,
         max_nfev=ROUNDS,
     )
-    met = float(np.abs(answer.fun).max()) <= 1
-    return _Run(np.asarray(answer.x), float(answer.cost), answer.status > 0 or met)
 
 
 def _jacobian(point: Array, off: _Off) -> Array:
@@ -254,12 +240,14 @@ def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
         return None
 
 
-def _far_apart(sets: list[tuple[Array, Fit]]) -> list[Fit]:
-    kept = sets[:1]
-    for point, fit in sets[1:]:
-        if fit.all_met and all(np.abs(point - other).max() > APART for other, _ in kept):
-            kept.append((point, fit))
-    return [fit for _, fit in kept]
+def _far_apart(fits: list[Fit], unit: _Unit) -> list[Fit]:
+    """The first, and of the others those that meet all targets and lie far from what is kept."""
+    kept = fits[:1]
+    for fit in fits[1:]:
+        point = unit.point(fit.values)
+        if fit.all_met and all(np.abs(point - unit.point(other.values)).max() > APART for other in kept):
+            kept.append(fit)
+    return kept
 
 
 def _intervals(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -11,8 +10,10 @@ import typer
 from hdassist.terminal import options as o
 
 
+@o.with_groups
 def command(
     preset: o.Preset,
+    *,
     targets: Annotated[Path, typer.Option("--targets", metavar="FILE", help="What to find, and what is known (YAML).")],
     write: Annotated[
         str | None, typer.Option("--write", metavar="FILE", help="Write the preset with the values found to FILE.")
@@ -23,15 +24,8 @@ def command(
     evaluations: Annotated[int, typer.Option(min=8, help="Drives that the global search may compute.")] = 400,
     jobs: o.Jobs = 0,
     seed: o.Seed = 0,
-    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
-    json: o.Json = False,
-    output: o.Target = "-",
-    force: o.Force = False,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
-    quiet: o.Quiet = False,
-    verbose: o.Verbose = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
+    drives: o.DriveOptions,
+    options: o.AnswerOptions,
 ) -> None:
     """Find stiffnesses, clearances or any other measures of a preset from what is known of the drive.
 
@@ -56,56 +50,53 @@ def command(
     apart; every set that meets the targets is kept. Ctrl-C keeps the --state file, from which the same command
     goes on. Exit code 5: the fit did not come to rest.
     """
-    from hdassist.calibration import page as report
-    from hdassist.calibration.calibrate import calibrate, work
+    from hdassist.calibration.calibrate import calibrate, estimate_drives
     from hdassist.calibration.evaluations import Evaluations
+    from hdassist.calibration.page import answer
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import DataError, UsageError
-    from hdassist.preset.library import load_preset, read_preset
+    from hdassist.preset.library import read_preset
     from hdassist.preset.write import with_found_values
-    from hdassist.terminal.answers import json_text
     from hdassist.terminal.files import require_writable, write_text
-    from hdassist.terminal.output import Output, note, warn
+    from hdassist.terminal.output import note
+    from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.workers import workers
 
-    out = Output.open(output, force=force, ascii=ascii, no_color=no_color)
+    out, changed = options.open(), ""
     if write is not None:
-        require_writable(write, force)
-        if preset == "-" or overrides:
+        require_writable(write, options.force)
+        if preset == "-" or drives.overrides:
             raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
-    drive = load_preset(preset, overrides)
-    try:
-        text = targets.read_bytes()
-    except OSError as error:
-        raise DataError(f"cannot read {targets}: {error.strerror}") from None
-    wanted = read_targets(text, str(targets), drive)
-    paths = [unknown.path for unknown in wanted.unknowns]
-    given = read_preset(preset)[0].decode("utf-8-sig") if write is not None else ""
-    if write is not None:  # a text that cannot be changed is better known before than after
-        with_found_values(given, preset, {p: drive.value(p) for p in paths}, "")
-    begun = time.monotonic()
-    try:
-        with (
-            out.progress(drive.name, work(wanted, evaluations)) as progress,
-            workers(jobs) as executor,
-        ):
-            known = Evaluations(drive, wanted, executor, state)
-            if known.remembered:
-                note(f"going on from {state}: {known.remembered} drives are known")
-            result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
-    except KeyboardInterrupt:
-        if state is not None:
-            note(f"{state} keeps what was computed: the same command goes on from there")
-        raise
-    if verbose:
-        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {result.evaluations} drives computed")
-    for words in report.warnings(result):
-        warn(words)
-    if json:
-        out.text(json_text(report.answer(result)))
-    else:
-        out.human(report.brief(result) if quiet else report.render(result, out.style))
+
+    def one(name: str) -> Answer:
+        nonlocal changed
+        drive = drives.load(name)
+        try:
+            text = targets.read_bytes()
+        except OSError as error:
+            raise DataError(f"cannot read {targets}: {error.strerror}") from None
+        wanted = read_targets(text, str(targets), drive)
+        given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
+        if write is not None:  # a text that cannot be changed is better known before than after
+            with_found_values(given, name, {u.path: drive.value(u.path) for u in wanted.unknowns}, "")
+        try:
+            with (
+                out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
+                workers(jobs) as executor,
+            ):
+                known = Evaluations(drive, wanted, executor, state)
+                if known.remembered:
+                    note(f"going on from {state}: {known.remembered} drives are known")
+                result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
+        except KeyboardInterrupt:
+            if state is not None:
+                note(f"{state} keeps what was computed: the same command goes on from there")
+            raise
+        if write is not None:
+            best, *others = (wanted.by_path(fit.values) for fit in result.fits)
+            changed = with_found_values(given, name, best, f"hdassist calibrate, {wanted.name or targets.name}", others)
+        return answer(result)
+
+    give("calibrate", run_each("calibrate", [preset], one, options, keep_failures=False), options, out)
     if write is not None:
-        sets = [dict(zip(paths, fit.values, strict=True)) for fit in result.fits]
-        ref = f"hdassist calibrate, {wanted.name or targets.name}"
-        write_text(write, with_found_values(given, preset, sets[0], ref, sets[1:]), force)
+        write_text(write, changed, options.force)

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from hdassist.calibration.calibrate import Calibration, Fit
-from hdassist.calibration.targets import KINDS, Target
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import unit_of
-from hdassist.terminal.answers import envelope
+from hdassist.calibration.targets import Target
+from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.runs import Answer
 
 UNSEEN = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
+
+
+def answer(result: Calibration) -> Answer:
+    """What there is to say of a calibration."""
+    return Answer(
+        to_json=lambda: to_json(result),
+        page=lambda style: render(result, style),
+        summary_line=lambda: summary_line(result),
+        about=result.drive.name,
+        warnings=warnings(result),
+        proof=f"{result.evaluations} drives computed",
+    )
 
 
 def warnings(result: Calibration) -> tuple[str, ...]:
@@ -63,7 +73,7 @@ def _targets(result: Calibration, style: Style) -> Table:
         grid.add_column(words, justify="right")
     best = result.best
     for target, found, off, met in zip(result.targets.targets, best.found, best.off, best.met, strict=True):
-        unit = KINDS[target.quantity].unit
+        unit = target.unit
         row = (target.words, unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", "met" if met else "MISSED")
         grid.add_row(*map(style.text, row))
     return grid
@@ -77,7 +87,7 @@ def _values(result: Calibration, style: Style) -> Table:
     columns = (result.targets.unknowns, result.start, result.best.values, result.half_width, result.determined)
     for unknown, start, value, half, share in zip(*columns, strict=True):
         row = (
-            unknown.path, unit_of(field_table()[unknown.path]), f"{start:g}", f"{value:g}", f"{half:.2g}",
+            unknown.path, unknown.unit, f"{start:g}", f"{value:g}", f"{half:.2g}",
             f"{unknown.low:g} to {unknown.high:g}", f"{share:.0%}",
         )  # fmt: skip
         grid.add_row(*map(style.text, row))
@@ -98,13 +108,13 @@ def _sets(result: Calibration, style: Style) -> Table:
     return grid
 
 
-def answer(result: Calibration) -> dict[str, Any]:
+def to_json(result: Calibration) -> Json:
     """The calibration as a JSON object."""
     unknowns, targets = result.targets.unknowns, result.targets.targets
 
-    def one(fit: Fit) -> dict[str, Any]:
+    def one(fit: Fit) -> Json:
         return {
-            "values": {u.path: value for u, value in zip(unknowns, fit.values, strict=True)},
+            "values": result.targets.by_path(fit.values),
             "off_tolerances": list(fit.off),
             "found": list(fit.found),
             "best_phase_deg": list(fit.best_deg),
@@ -118,7 +128,7 @@ def answer(result: Calibration) -> dict[str, Any]:
         "targets": [
             {
                 "quantity": t.quantity,
-                "unit": KINDS[t.quantity].unit,
+                "unit": t.unit,
                 "asked": dict(t.asked),
                 "value": t.value,
                 "low": t.low if isfinite(t.low) else None,
@@ -130,7 +140,7 @@ def answer(result: Calibration) -> dict[str, Any]:
         "unknowns": [
             {
                 "path": u.path,
-                "unit": unit_of(field_table()[u.path]),
+                "unit": u.unit,
                 "low": u.low,
                 "high": u.high,
                 "start": start,
@@ -150,7 +160,6 @@ def answer(result: Calibration) -> dict[str, Any]:
     }
 
 
-def brief(result: Calibration) -> str:
+def summary_line(result: Calibration) -> str:
     """The answer alone: the values, in the form of --set."""
-    pairs = zip(result.targets.unknowns, result.best.values, strict=True)
-    return "\n".join(f"{unknown.path}={value!r}" for unknown, value in pairs)
+    return "\n".join(f"{path}={value!r}" for path, value in result.targets.by_path(result.best.values).items())

@@ -64,7 +64,6 @@ class Quantities:
         self._drive, self._accuracy = drive, accuracy
         self._searches: dict[float, CycleSearch] = {}
         self._F_ior: dict[tuple[float, float], float] = {}
-        self._scans: dict[float, Scan] = {}
         self._self_errors: dict[float, float] = {}
 
     def off(self, target: Target) -> Array:
@@ -115,11 +114,8 @@ class Quantities:
 
     def scan(self, M_g: float) -> Scan:
         """Least and greatest F'_ior over the mounting phase at a torque [N*m]."""
-        if M_g not in self._scans:
-            best, least = self._extreme(M_g, +1)
-            worst, greatest = self._extreme(M_g, -1)
-            self._scans[M_g] = Scan(least, best % 360, -greatest, worst % 360)
-        return self._scans[M_g]
+        (best, least), (worst, greatest) = (self._extreme(M_g, sign) for sign in (+1, -1))
+        return Scan(least, best % 360, -greatest, worst % 360)
 
     def self_error(self, M_g: float) -> float:
         """Self error [arcsec] at a torque [N*m]."""

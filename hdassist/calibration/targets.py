@@ -13,29 +13,33 @@ targets:
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path as Folder
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, create_model
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from hdassist.errors import DataError, PresetError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset import yamltext
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import kind_of, unit_of
+from hdassist.preset.fields import Drive, field_table, measures
+from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import Findings, Path, Unread, near
 from hdassist.readers.trace import read_trace
 
 SCHEMA = "hdassist.targets/1"
 LEAST_POINTS = 10  # of a trace
-SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
+RANGE_SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
+CLOSED = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True)
-class Kind:
+class TargetKind:
     """A quantity that can be a target: its unit and meaning, and what it is asked with (key: unit)."""
 
     unit: str
@@ -43,25 +47,27 @@ class Kind:
     needs: Mapping[str, str]
     takes: Mapping[str, str]
 
+    @property
+    def keys(self) -> dict[str, str]:
+        """All that it is asked with."""
+        return {**self.needs, **self.takes}
+
 
 TORQUE = {"M_g": "N*m"}
-KINDS: dict[str, Kind] = {
-    "F_ior": Kind(
+KINDS: dict[str, TargetKind] = {
+    "F_ior": TargetKind(
         "arcsec", "F'_ior, full cycle; at a mounting phase, or as the wheel stands", TORQUE, {"phase": "deg"}
     ),
-    "F_ior_max": Kind("arcsec", "greatest F'_ior over the mounting phase", TORQUE, {}),
-    "F_ior_min": Kind("arcsec", "least F'_ior over the mounting phase", TORQUE, {}),
-    "revolution_range": Kind("arcsec", "range within one cam revolution", TORQUE, {"phi_g0": "deg"}),
-    "self_error": Kind("arcsec", "self error", TORQUE, {}),
-    "torsional_stiffness": Kind(
+    "F_ior_max": TargetKind("arcsec", "greatest F'_ior over the mounting phase", TORQUE, {}),
+    "F_ior_min": TargetKind("arcsec", "least F'_ior over the mounting phase", TORQUE, {}),
+    "revolution_range": TargetKind("arcsec", "range within one cam revolution", TORQUE, {"phi_g0": "deg"}),
+    "self_error": TargetKind("arcsec", "self error", TORQUE, {}),
+    "torsional_stiffness": TargetKind(
         "N*m/rad", "chord of the stiffness curve, the shell's tube included", {"from": "N*m", "to": "N*m"}, {}
     ),
-    "lost_motion": Kind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
-    "trace": Kind(
-        "arcsec",
-        "error over the cam angle, in a file that measure takes",
-        {**TORQUE, "file": ""},
-        {"phi_g0": "deg"},
+    "lost_motion": TargetKind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
+    "trace": TargetKind(
+        "arcsec", "error over the cam angle, in a file that measure takes", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
     ),
 }
 
@@ -74,6 +80,11 @@ class Unknown:
     low: float
     high: float
     log: bool
+
+    @property
+    def unit(self) -> str:
+        """Unit of the field."""
+        return unit_of(field_table()[self.path])
 
 
 @dataclass(frozen=True)
@@ -91,6 +102,11 @@ class Target:
     tolerance: float
     trace: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity."""
+        return KINDS[self.quantity].unit
+
     def is_met(self, off: float) -> bool:
         """Whether a drive that is so many tolerances off meets it: within the tolerance, or inside the range."""
         return abs(off) <= 1 if self.value is not None else off == 0
@@ -98,7 +114,7 @@ class Target:
     @property
     def words(self) -> str:
         """The target in short: quantity and what it is asked with."""
-        keys = {**KINDS[self.quantity].needs, **KINDS[self.quantity].takes}
+        keys = KINDS[self.quantity].keys
         parts = (f"{key} {value:g} {keys[key]}" if keys[key] else str(value) for key, value in self.asked.items())
         return ", ".join([self.quantity, *parts])
 
@@ -111,6 +127,10 @@ class Targets:
     sha256: str
     unknowns: tuple[Unknown, ...]
     targets: tuple[Target, ...]
+
+    def by_path(self, values: Iterable[float]) -> dict[str, float]:
+        """Values of the unknowns, in their order, by the path of each."""
+        return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
 
 
 def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
@@ -128,132 +148,157 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     return Targets(name, hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
 
 
+class Percent(float):
+    """A tolerance as a share of the value, or of the width of the range."""
+
+
+def _number(value: Any, unit: str) -> float:
+    """A finite number in a unit, from a number or a text with a unit."""
+    number = read_number(value, unit)
+    if isinstance(number, Unread):
+        raise PydanticCustomError("unread", "no number", {"unread": number})
+    return number
+
+
+def _tolerance(value: Any, unit: str) -> float:
+    if isinstance(value, str) and value.strip().endswith("%"):
+        share = yamltext.resolve(value.strip()[:-1].strip())
+        # what is no number is not above 0 either, and is told so
+        return Percent(share if isinstance(share, int | float) and not isinstance(share, bool) else 0)
+    return float(_number(value, unit))
+
+
+def _in(unit: str) -> Any:
+    return Annotated[float, PlainValidator(lambda value: _number(value, unit))]
+
+
+class _Head(BaseModel):
+    model_config = CLOSED
+
+    stated_schema: Literal["hdassist.targets/1"] = Field(alias="schema")
+    name: str = ""
+    unknowns: Any = None
+    targets: Any = None
+
+
+def _bounds(unit: str) -> type[BaseModel]:
+    """Model of the bounds of a field in a unit."""
+    scale = Literal["linear", "log"]
+    return create_model(
+        "Bounds", __config__=CLOSED, low=(_in(unit), ...), high=(_in(unit), ...), scale=(scale, "linear")
+    )
+
+
+def _written(kind: TargetKind) -> type[BaseModel]:
+    """Model of a target as it is written."""
+    keys: dict[str, Any] = {key: (_in(unit) if unit else str, ...) for key, unit in kind.needs.items()}
+    keys |= {key: (_in(unit), None) for key, unit in kind.takes.items()}
+    if "file" not in keys:  # the difference between a trace and the computed one should be none
+        keys |= {key: (_in(kind.unit), None) for key in ("value", "low", "high")}
+    tolerance = Annotated[float, PlainValidator(lambda value: _tolerance(value, kind.unit))]
+    return create_model("Target", __config__=CLOSED, quantity=(str, ...), **keys, tolerance=(tolerance, None))
+
+
 class _Reader:
+    """Data of a targets text to what they mean; what is wrong is added to findings."""
+
     def __init__(self, findings: Findings, drive: Drive, folder: Folder) -> None:
         self.findings, self.drive, self.folder = findings, drive, folder
-
-    def number(self, path: Path, value: Any, unit: str) -> float | None:
-        number = read_number(value, unit)
-        if not isinstance(number, Unread):
-            return number
-        self.findings.refuse(path, number)
-        return None
 
     def read(self, data: Any) -> tuple[str, list[Unknown], list[Target]] | None:
         if not isinstance(data, dict):
             self.findings.add((), "targets must be a table of keys", f"schema: {SCHEMA}, unknowns, targets", "")
             return None
-        self._known((), data, ("schema", "name", "unknowns", "targets"))
-        if data.get("schema") != SCHEMA:
-            self.findings.add(("schema",), f"must be {SCHEMA}", got=None if "schema" in data else "")
-        name = data.get("name", "")
-        if not isinstance(name, str):
-            self.findings.add(("name",), "must be text")
-        unknowns = self._unknowns(data.get("unknowns"))
-        targets = self._targets(data.get("targets"))
-        return str(name), unknowns, targets
-
-    def _known(self, path: Path, table: dict[str, Any], keys: tuple[str, ...]) -> None:
-        for key in table:
-            if key not in keys:
-                hint = near(key, keys) or f"known: {', '.join(keys)}"
-                self.findings.add((*path, key), "unknown key", hint, "", key=True)
-
-    def _unknowns(self, data: Any) -> list[Unknown]:
-        if not isinstance(data, dict) or not data:
+        head = self._checked((), {"schema": None, **data}, _Head)
+        unknowns, targets = data.get("unknowns"), data.get("targets")
+        if not isinstance(unknowns, dict) or not unknowns:
             self.findings.add(("unknowns",), "needs at least one field", "like gears.j_n: {low: 0, high: 20}", "")
-            return []
-        found = (self._unknown(key, value) for key, value in data.items())
-        return [unknown for unknown in found if unknown is not None]
-
-    def _unknown(self, key: str, value: Any) -> Unknown | None:
-        path = ("unknowns", key)
-        numbers = {name for name, info in field_table().items() if kind_of(info) == "number"}
-        if key not in numbers:
-            self.findings.add(
-                path, "names no measure of a preset", near(key, numbers) or "like gears.j_n", "", key=True
-            )
-            return None
-        if not isinstance(value, dict):
-            self.findings.add(path, "must be a table of keys", "like {low: 0, high: 20}")
-            return None
-        self._known(path, value, ("low", "high", "scale"))
-        section, name = key.split(".")
-        table = getattr(self.drive, section)
-        start = getattr(table, name)
-        if name not in table.model_fields_set or start is None:
-            self.findings.add(
-                path, "the preset gives it no value to start from", f"write {key} into the preset", "", key=True
-            )
-            return None
-        low, high = (self._bound(path, value, bound) for bound in ("low", "high"))
-        scale = value.get("scale", "linear")
-        if scale not in ("linear", "log"):
-            self.findings.add((*path, "scale"), "must be linear or log")
-            return None
-        if low is None or high is None:
-            return None
-        if not low < high or (scale == "log" and low <= 0):
-            least = "above 0, " if scale == "log" else ""
-            self.findings.add(path, f"low must be {least}below high", got=f"{low:g} to {high:g}")
-            return None
-        if not low <= start <= high:
-            self.findings.add(
-                path, "the preset's value lies outside the bounds", got=f"{start:g}, not in {low:g} to {high:g}"
-            )
-            return None
-        if not (self.drive.allows(key, low) and self.drive.allows(key, high)):
-            self.findings.add(path, "the bounds reach beyond what a preset allows", got=f"{low:g} to {high:g}")
-            return None
-        return Unknown(key, low, high, scale == "log")
-
-    def _bound(self, path: Path, table: dict[str, Any], bound: str) -> float | None:
-        if bound not in table:
-            self.findings.add((*path, bound), "missing key", got="")
-            return None
-        return self.number((*path, bound), table[bound], unit_of(field_table()[str(path[1])]))
-
-    def _targets(self, data: Any) -> list[Target]:
-        if not isinstance(data, list) or not data:
+            unknowns = {}
+        if not isinstance(targets, list) or not targets:
             hint = "like - {quantity: F_ior_max, M_g: 80, value: 31, tolerance: 7 %}"
             self.findings.add(("targets",), "needs at least one target", hint, "")
-            return []
-        found = (self._target(("targets", index), item) for index, item in enumerate(data))
-        return [target for target in found if target is not None]
+            targets = []
+        sought = [self._unknown(key, value) for key, value in unknowns.items()]
+        known = [self._target(("targets", index), item) for index, item in enumerate(targets)]
+        return head.get("name", ""), list(filter(None, sought)), list(filter(None, known))
+
+    def _checked(self, path: Path, table: dict[str, Any], model: type[BaseModel], needed: str = "") -> dict[str, Any]:
+        """Keys given, with their values; none where something is wrong. Arguments: needed, words on a missing key."""
+        try:
+            found = model.model_validate(table)
+        except ValidationError as error:
+            for problem in error.errors(include_url=False):
+                self._add((*path, str(problem["loc"][0])), problem, model, needed)
+            return {}
+        return {key: getattr(found, key) for key in found.model_fields_set}
+
+    def _add(self, path: Path, problem: ErrorDetails, model: type[BaseModel], needed: str) -> None:
+        """Add what pydantic found, in the words of somebody who writes targets."""
+        keys, context = [info.alias or key for key, info in model.model_fields.items()], problem.get("ctx", {})
+        unread = context.get("unread", problem["input"])
+        if problem["type"] == "missing":
+            self.findings.add(path, f"missing key{needed}", got="")
+        elif problem["type"] == "extra_forbidden":
+            self.findings.add(
+                path, "unknown key", near(str(path[-1]), keys) or f"known: {', '.join(keys)}", "", key=True
+            )
+        elif isinstance(unread, Unread):
+            self.findings.refuse(path, unread)
+        elif problem["type"] == "literal_error":
+            self.findings.add(path, f"must be {context['expected'].replace(chr(39), '')}")
+        else:
+            self.findings.add(path, "must be the name of a file" if path[-1] == "file" else "must be text")
+
+    def _unknown(self, key: str, value: Any) -> Unknown | None:
+        path, add = ("unknowns", key), self.findings.add
+        if key not in measures():
+            add(path, "names no measure of a preset", near(key, measures()) or "like gears.j_n", "", key=True)
+            return None
+        if not isinstance(value, dict):
+            add(path, "must be a table of keys", "like {low: 0, high: 20}")
+            return None
+        bounds = self._checked(path, value, _bounds(unit_of(measures()[key])))
+        section, name = key.split(".")
+        start = self.drive.value(key)
+        if start is None or name not in getattr(self.drive, section).model_fields_set:
+            add(path, "the preset gives it no value to start from", f"write {key} into the preset", "", key=True)
+            return None
+        if not bounds:
+            return None
+        low, high, log = bounds["low"], bounds["high"], bounds.get("scale") == "log"
+        got = f"{low:g} to {high:g}"
+        if not low < high or (log and low <= 0):
+            add(path, f"low must be {'above 0, ' if log else ''}below high", got=got)
+        elif not low <= start <= high:
+            add(path, "the preset's value lies outside the bounds", got=f"{start:g}, not in {got}")
+        elif not (self.drive.allows(key, low) and self.drive.allows(key, high)):
+            add(path, "the bounds reach beyond what a preset allows", got=got)
+        return Unknown(key, low, high, log)
 
     def _target(self, path: Path, item: Any) -> Target | None:
         if not isinstance(item, dict):
-            self.findings.add(
-                path, "must be a table of keys", "like {quantity: F_ior, M_g: 80, value: 20, tolerance: 1}"
-            )
+            hint = "like {quantity: F_ior, M_g: 80, value: 20, tolerance: 1}"
+            self.findings.add(path, "must be a table of keys", hint)
             return None
         quantity = item.get("quantity")
         if quantity not in KINDS:
-            at = (*path, "quantity")
-            self.findings.add(at, "names no quantity", near(str(quantity), KINDS) or f"known: {', '.join(KINDS)}")
+            hint = near(str(quantity), KINDS) or f"known: {', '.join(KINDS)}"
+            self.findings.add((*path, "quantity"), "names no quantity", hint)
             return None
         kind = KINDS[quantity]
-        keys = {**kind.needs, **kind.takes}
-        self._known(path, item, ("quantity", *keys, "value", "tolerance", "low", "high"))
-        for key in kind.needs:
-            if key not in item:
-                self.findings.add((*path, key), f"missing key: {quantity} is asked with it", got="")
-        asked: dict[str, Any] = {}
-        for key in (k for k in keys if k in item):
-            value = item[key] if not keys[key] else self.number((*path, key), item[key], keys[key])
-            if key in ("M_g", "from", "to") and value == 0 and quantity != "torsional_stiffness":
+        given = self._checked(path, item, _written(kind), f": {quantity} is asked with it")
+        for key in ("M_g", "from", "to"):
+            if given.get(key) == 0 and quantity != "torsional_stiffness":
                 self.findings.add((*path, key), "a torque of 0 leaves the rotation undetermined")
-            asked[key] = value
-        trace = self._trace((*path, "file"), asked["file"]) if "file" in asked else None
-        limits = self._limits(path, item, kind.unit, quantity)
-        if limits is None or self.findings.is_bad(path):
-            return None
-        return Target(quantity, asked, *limits, trace)
+        trace = None
+        if "file" in given:
+            trace, given["value"] = self._trace((*path, "file"), given["file"]), 0.0
+        limits = self._limits(path, given) if given else None
+        asked = {key: given[key] for key in kind.keys if key in given}
+        return Target(quantity, asked, *limits, trace) if limits else None
 
-    def _trace(self, path: Path, name: Any) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-        if not isinstance(name, str):
-            self.findings.add(path, "must be the name of a file")
-            return None
+    def _trace(self, path: Path, name: str) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+        """Cam angles [deg], ascending, and errors [arcsec] of a file of a trace."""
         u = Kinematics.of(self.drive).u
         try:
             trace = read_trace(self.folder / name, ratio=abs(u), fewest=LEAST_POINTS)
@@ -271,54 +316,29 @@ class _Reader:
         sign = -trace.sense * np.sign(u) if trace.sense else 1.0
         return tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
 
-    def _limits(
-        self, path: Path, item: dict[str, Any], unit: str, quantity: str
-    ) -> tuple[float | None, float, float, float] | None:
-        given = {key: item[key] for key in ("value", "low", "high") if key in item}
-        if quantity == "trace":
-            given["value"] = 0.0  # of the difference between measured and computed
-        numbers = {key: self._in_unit((*path, key), value, unit) for key, value in given.items()}
-        if set(numbers) not in ({"value"}, {"low"}, {"high"}, {"low", "high"}):
+    def _limits(self, path: Path, given: dict[str, Any]) -> tuple[float | None, float, float, float] | None:
+        """Value, low, high and tolerance of a target."""
+        value, low, high, tolerance = map(given.get, ("value", "low", "high", "tolerance"))
+        at = (*path, "tolerance")
+        if (value is None) == (low is None and high is None):
             self.findings.add(path, "needs either a value with its tolerance, or low, high or both", got="")
             return None
-        if any(number is None for number in numbers.values()):
+        if value is not None and tolerance is None:
+            self.findings.add(at, "missing key", "a number, or a share like 5 %", "")
             return None
-        value, low, high = (numbers.get(key) for key in ("value", "low", "high"))
-        if value is not None:
-            if "tolerance" not in item:
-                self.findings.add((*path, "tolerance"), "missing key", "a number, or a share like 5 %", "")
-                return None
-            tolerance = self._tolerance(path, item["tolerance"], unit, value)
-            return None if tolerance is None else (value, value - tolerance, value + tolerance, tolerance)
         if low is not None and high is not None and not low < high:
             self.findings.add(path, "low must be below high", got=f"{low:g} to {high:g}")
             return None
-        width = abs(high - low) if low is not None and high is not None else abs((low or 0.0) + (high or 0.0))
-        tolerance = SHARE * width or 1.0
-        if "tolerance" in item:
-            given_one = self._tolerance(path, item["tolerance"], unit, width)
-            if given_one is None:
-                return None
-            tolerance = given_one
-        infinite = float("inf")
-        return None, (-infinite if low is None else low), (infinite if high is None else high), tolerance
-
-    def _tolerance(self, path: Path, given: Any, unit: str, of: float) -> float | None:
-        at = (*path, "tolerance")
-        if isinstance(given, str) and given.strip().endswith("%"):
-            share = yamltext.resolve(given.strip()[:-1].strip())
-            number = share / 100 * abs(of) if isinstance(share, int | float) else None
-        else:
-            number = self._in_unit(at, given, unit)
-            if number is None:
-                return None
-        if number is None or not 0 < number < float("inf"):
+        whole: float = value or 0.0  # what a share is of
+        if value is None:
+            whole = high - low if low is not None and high is not None else low or high or 0.0
+        if tolerance is None:
+            tolerance = RANGE_SHARE * abs(whole) or 1.0
+        elif isinstance(tolerance, Percent):
+            tolerance = tolerance / 100 * abs(whole)
+        if not 0 < tolerance < inf:
             self.findings.add(at, "must be above 0: a number, or a share like 5 %")
             return None
-        return float(number)
-
-    def _in_unit(self, path: Path, value: Any, unit: str) -> float | None:
-        # stiffness against twist has no unit that a preset uses: a bare number
-        angle = unit == "arcsec"
-        number = self.number(path, value, "deg" if angle and isinstance(value, str) else "")
-        return number * 3600 if number is not None and angle and isinstance(value, str) else number
+        if value is not None:
+            return value, value - tolerance, value + tolerance, tolerance
+        return None, -inf if low is None else low, inf if high is None else high, tolerance

@@ -14,7 +14,7 @@ from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Re
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, worth_searching
-from hdassist.error.waves import Torus
+from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import curve_of
 from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_left, measure
@@ -150,7 +150,7 @@ def compare(
     Raises what measure raises; UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
     """
     convention = convention or RecordConvention()
-    torus = Torus(drive, M_g, progress)
+    torus = ErrorWaves(drive, M_g, progress)
     measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=seed, together=True)
     found = measurement.directions[0]
     record = Record(found, torus, Kinematics.of(drive))

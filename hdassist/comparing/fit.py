@@ -15,7 +15,7 @@ from scipy.linalg import null_space
 
 from hdassist.comparing.record import Alignment, Record, rms, scan
 from hdassist.comparing.vectors import vectors_of, with_vectors
-from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, Torus
+from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
@@ -87,7 +87,7 @@ class VectorFit:
 class VectorFitter:
     """Fits of one record with one drive; unknowns of the alignment are the same in all of them."""
 
-    def __init__(self, drive: Drive, record: Record, torus: Torus, *, start: bool, zero: bool) -> None:
+    def __init__(self, drive: Drive, record: Record, torus: ErrorWaves, *, start: bool, zero: bool) -> None:
         self._drive, self._record, self._torus = drive, record, torus
         self._start, self._zero = start, zero
         self._here = vectors_of(drive)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import Complex, Torus
+from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.model.geometry import Array
@@ -65,7 +65,7 @@ class Record:
     shape (2 orders, 2 orders), with EXACT of the range.
     """
 
-    def __init__(self, found: SweepResult, torus: Torus, kinematics: Kinematics) -> None:
+    def __init__(self, found: SweepResult, torus: ErrorWaves, kinematics: Kinematics) -> None:
         self.found, self.design = found, found.fit.design
         self.measured: Array = found.fit.coefficients
         floor = (EXACT * found.range.value) ** 2

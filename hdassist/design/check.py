@@ -9,7 +9,7 @@ from functools import partial, reduce
 from operator import add
 from typing import Any
 
-from hdassist.error.cycle import CrossCheck, KinematicError, kinematic_error
+from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivity
@@ -17,6 +17,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import Verdict, worst
 
 
@@ -50,7 +51,7 @@ class OperatingPoint:
 
 
 @dataclass(frozen=True)
-class Check:
+class DesignCheck:
     """Design check of a drive: one operating point per torque, in the order of the preset.
 
     measured: wheels in place of first harmonics.
@@ -105,12 +106,14 @@ def check(
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Check:
+) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; executor, to spread
-    the work over (any concurrent.futures executor; the numbers do not depend on it); the others and the errors as in
-    kinematic_error.
+    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; solver, a name that
+    cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
+    extremes and a sample drawn by seed again; executor, to spread the work over (any concurrent.futures executor; the
+    numbers do not depend on it); progress, told how many states were solved.
+    Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
@@ -128,7 +131,7 @@ def check(
     own = results.pop(1)
     errors, slopes = results[::2], results[1::2]
     limits = [drive.limit(M_g) for M_g in torques]
-    return Check(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
+    return DesignCheck(drive, tuple(map(OperatingPoint, torques, errors, own, limits, slopes)), measured)
 
 
 _Job = partial[Any]

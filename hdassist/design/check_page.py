@@ -9,10 +9,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.design.check import Check, OperatingPoint
-from hdassist.error.cycle import CROSS_TOLERANCE
+from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.model.geometry import Geometry
 from hdassist.solve.certificate import TOLERANCE
+from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
@@ -62,7 +62,7 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 )
 
 
-def answer(check: Check, *, seed: int, plots: bool) -> Answer:
+def answer(check: DesignCheck, *, seed: int, plots: bool) -> Answer:
     """What there is to say of a check; seed, of its sample that was solved again; plots, whether curves are drawn."""
     return Answer(
         to_json=lambda: to_json(check, seed),
@@ -76,7 +76,7 @@ def answer(check: Check, *, seed: int, plots: bool) -> Answer:
     )
 
 
-def render(check: Check, style: Style, *, plots: bool = True) -> RenderableType:
+def render(check: DesignCheck, style: Style, *, plots: bool = True) -> RenderableType:
     """Tables, and a plot per torque of the error over the full cycle."""
     parts: list[RenderableType] = [_heading(check, style), _geometry(check, style), *_points(check, style)]
     if plots:
@@ -85,7 +85,7 @@ def render(check: Check, style: Style, *, plots: bool = True) -> RenderableType:
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def to_json(check: Check, seed: int) -> Json:
+def to_json(check: DesignCheck, seed: int) -> Json:
     """The check as a JSON object."""
     k = check.kinematics
     return {
@@ -104,26 +104,26 @@ def to_json(check: Check, seed: int) -> Json:
     }
 
 
-def figures(check: Check) -> Figures:
+def figures(check: DesignCheck) -> Figures:
     """One row per torque."""
     rows = [[check.drive.name, *(q.value(point) for q in (*POINT, *SLOPES))] for point in check.points]
     return ["preset", *(q.key for q in (*POINT, *SLOPES))], rows
 
 
-def summary_line(check: Check) -> str:
+def summary_line(check: DesignCheck) -> str:
     """The answer alone: torque, F'_ior, verdict."""
     lines = (f"{p.M_g:g} N*m: F'_ior {p.error.F_ior_arcsec:.2f} arcsec, {p.verdict}" for p in check.points)
     return "\n".join(lines)
 
 
-def _heading(check: Check, style: Style) -> Text:
+def _heading(check: DesignCheck, style: Style) -> Text:
     k = check.kinematics
     where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
     words = f"{check.drive.name}: {k.z_g}/{k.z_b} teeth, fixed: {where}{heading(check.measured)}"
     return Text(style.text(words), style="bold")
 
 
-def _geometry(check: Check, style: Style) -> Table:
+def _geometry(check: DesignCheck, style: Style) -> Table:
     drive, k, g = check.drive, check.kinematics, Geometry.of(check.drive)
     ratio = "u_hg" if k.fixed == "rigid" else "u_hb"
     grid = table(style, "geometry and kinematics", header=False)
@@ -145,7 +145,7 @@ def _geometry(check: Check, style: Style) -> Table:
     return grid
 
 
-def _points(check: Check, style: Style) -> Iterator[Table]:
+def _points(check: DesignCheck, style: Style) -> Iterator[Table]:
     moving = "phi_g" if check.kinematics.fixed == "rigid" else "phi_b"
     still = "phi_b" if moving == "phi_g" else "phi_g"
     shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
@@ -154,7 +154,9 @@ def _points(check: Check, style: Style) -> Iterator[Table]:
         yield from _columns(check, style, "what a micrometre more does to F'_ior", SLOPES)
 
 
-def _columns(check: Check, style: Style, title: str, shown: Sequence[Quantity[OperatingPoint]]) -> Iterator[Table]:
+def _columns(
+    check: DesignCheck, style: Style, title: str, shown: Sequence[Quantity[OperatingPoint]]
+) -> Iterator[Table]:
     """One column per torque; as many tables as the width needs."""
     many = max(1, (style.width - LABEL_WIDTH) // (NUMBER_WIDTH + 2))
     for first in range(0, len(check.points), many):
@@ -179,7 +181,7 @@ def _plot(point: OperatingPoint, style: Style) -> str:
     )
 
 
-def _certificate(check: Check, style: Style) -> Table:
+def _certificate(check: DesignCheck, style: Style) -> Table:
     certificate = check.certificate
     crosses = certificate_object(certificate, check.cross_checks)["cross_check"]
     grid = table(style, "certificate: every state of the cycle solved", header=False)

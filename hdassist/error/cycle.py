@@ -12,29 +12,19 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import UntrustedError, UsageError
+from hdassist.errors import UsageError
 from hdassist.model.contacts import ContactSystems, contact_system
 from hdassist.model.deviations import ToothDeviations, gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, CHUNK, EMPTY, Answers, Certificate, Progress, solve_states
-from hdassist.solve.engine import Engine, StateSolver, ThroughCvxpy
-from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
+from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate, Progress
+from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
-CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
-N_MM = 1e3  # N*mm in a N*m
 BLOCK = 4 * CHUNK  # states whose gaps are held at once
-
-
-@dataclass(frozen=True)
-class CrossCheck:
-    """States solved again through cvxpy by another solver, and the greatest difference of the error."""
-
-    solver: str
-    states: int
-    max_difference_arcsec: float
 
 
 @dataclass(frozen=True)
@@ -125,12 +115,11 @@ def kinematic_error(
     for rows, formulation in _formulations(drive, states):
         programmes += 1
         rows = rows[neighbours_together(kinematics, states.take(rows))]
-        system, torque = formulation.system, M_g * N_MM
-        way: StateSolver = ThroughCvxpy(formulation, torque, solver) if solver else Engine(formulation, torque)
+        case = LoadCase(formulation, M_g, solver=solver)
         for some in np.split(rows, range(BLOCK, len(rows), BLOCK)):
             part = states.take(some)
-            delta_p = gaps(drive, system, part, teeth)
-            parts.append((some, solve_states(system, way, torque, delta_p, partial(place, part, M_g), progress)))
+            delta_p = gaps(drive, case.system, part, teeth)
+            parts.append((some, case.solve(delta_p, partial(place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)
     if cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
@@ -162,9 +151,7 @@ def _collect(
     rotation, share, force = np.empty(count), np.empty((count, 2)), np.empty(count)
     certificate = EMPTY
     for rows, answers in parts:
-        rotation[rows] = answers.rotation * ARCSEC
-        share[rows] = answers.zone_moment / (M_g * N_MM)
-        force[rows] = answers.tooth_force
+        rotation[rows], share[rows], force[rows] = answers.rotation_arcsec, answers.zone_share, answers.tooth_force_N
         certificate += answers.certificate
     return KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
 
@@ -181,21 +168,14 @@ def _cross_check(
     count = len(result.states)
     some = np.random.default_rng(seed).choice(count, min(sample, count), replace=False)
     rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
-    chosen = result.states.take(rows)
-    worst = 0.0
+    chosen, checks = result.states.take(rows), []
     for part, formulation in _formulations(drive, chosen, stated):
-        system = formulation.system
-        for k, delta_p in zip(part, gaps(drive, system, chosen.take(part), teeth), strict=True):
-            _, free = solve_through_cvxpy(formulation, delta_p, result.M_g * N_MM, solver)
-            difference = abs(free[system.free_rotation] * ARCSEC - result.rotation_arcsec[rows[k]])
-            if not difference <= CROSS_TOLERANCE:
-                raise UntrustedError(
-                    f"two solvers disagree at {place(chosen, result.M_g, k)}: {difference:.3g} arcsec "
-                    f"between the engine and {solver}, {CROSS_TOLERANCE} allowed",
-                    "try another solver for the cross-check (--cross-check osqp)",
-                )
-            worst = max(worst, float(difference))
-    return CrossCheck(require_solver(solver), len(rows), worst)
+        there, torques = chosen.take(part), np.full(len(part), result.M_g)
+        delta_p, expected = gaps(drive, formulation.system, there, teeth), result.rotation_arcsec[rows[part]]
+        where = partial(place, there, result.M_g)
+        checks.append(solve_again(formulation, torques, delta_p, expected, solver, where))
+    worst = max(check.max_difference_arcsec for check in checks)
+    return CrossCheck(checks[0].solver, len(rows), worst)
 
 
 def place(states: States, M_g: float, k: int) -> str:

@@ -18,16 +18,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import N_MM, place
+from hdassist.error.cycle import place
 from hdassist.errors import UsageError
-from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, solve_states
-from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import formulate
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.loadcase import LoadCase
 
 Indices = NDArray[np.int64]
 
@@ -74,9 +72,9 @@ def searchable(drive: Drive) -> bool:
     return drive.bearing.ball_motion == "locked"
 
 
-def worth_searching(drive: Drive) -> bool:
-    """Whether a search is possible and solves fewer states than the cycle has."""
-    return searchable(drive) and Kinematics.of(drive).cycle_states >= WORTH
+def worth_searching(drive: Drive, least: int = WORTH) -> bool:
+    """Whether a search is possible and solves fewer states than the cycle has: at least so many."""
+    return searchable(drive) and Kinematics.of(drive).cycle_states >= least
 
 
 class CycleSearch:
@@ -90,10 +88,8 @@ class CycleSearch:
         if not searchable(drive):
             raise UsageError("with rolling balls every state has to be solved")
         self._M_g = M_g
-        self._system = contact_system(drive)
-        self._formulation = formulate(self._system)
         # never solves a state: every search starts from it alike and so gives the same digits
-        self._fresh: Engine = Engine(self._formulation, M_g * N_MM, like=like._fresh if like else None)
+        self._fresh: LoadCase = LoadCase.of(drive, M_g, like=like._fresh if like else None)
         self._kinematics = Kinematics.of(drive)
         self._states = pitch_locked_states(self._kinematics)
 
@@ -102,16 +98,14 @@ class CycleSearch:
 
         Raises UntrustedError where an answer cannot be trusted.
         """
-        torque = self._M_g * N_MM
-        engine = Engine(self._formulation, torque, like=self._fresh)
+        case = LoadCase(self._fresh.formulation, self._M_g, like=self._fresh)
         proofs = []
 
         def error(j: Indices) -> Array:
             states = self._states.take(j)
-            delta_p = gaps(drive, self._system, states)
-            answers = solve_states(self._system, engine, torque, delta_p, partial(place, states, self._M_g))
+            answers = case.solve(gaps(drive, case.system, states), partial(place, states, self._M_g))
             proofs.append(answers.certificate)
-            return self._kinematics.error_sign * answers.rotation * ARCSEC
+            return self._kinematics.error_sign * answers.rotation_arcsec
 
         torus = _Torus(self._kinematics, error)
         grid = torus.grid(effort.cells)

@@ -11,11 +11,9 @@ import numpy as np
 from hdassist.model.contacts import ContactSystems
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
-from hdassist.solve.engine import Engine
+from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.formulation import formulate
-
-N_MM = 1e3  # N*mm in a N*m
+from hdassist.solve.loadcase import LoadCase
 
 
 @dataclass(frozen=True)
@@ -54,18 +52,16 @@ def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | N
     systems, grid = ContactSystems(drive), drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
     certificates = [EMPTY] * len(torques)
-    engines: dict[float, Engine] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
+    cases: dict[float, LoadCase] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
     for i in range(grid):
         for k in range(grid):
-            system = systems.at(i / grid, k / grid)
-            formulation = formulate(system)
+            formulation = formulate(systems.at(i / grid, k / grid))
             for t, M_g in enumerate(torques):
-                torque = M_g * N_MM
-                near = engines.get(M_g) or next(iter(engines.values()), None)
-                engines[M_g] = Engine(formulation, torque, like=near)
+                near = cases.get(M_g) or next(iter(cases.values()), None)
+                cases[M_g] = LoadCase(formulation, M_g, like=near)
                 place = partial(_place, i / grid, k / grid, M_g)
-                answers = solve_states(system, engines[M_g], torque, system.delta_p[None], place, progress)
-                rotation[t, i, k] = answers.rotation[0] * ARCSEC
+                answers = cases[M_g].solve(formulation.system.delta_p[None], place, progress)
+                rotation[t, i, k] = answers.rotation_arcsec[0]
                 certificates[t] += answers.certificate
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]
 

@@ -37,14 +37,11 @@ def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
     slopes, proof = [], EMPTY
     search: CycleSearch | None = None
     for path, micrometre in MICROMETRE.items():
-        section, name = path.split(".")
-        table = getattr(drive, section)
-        value = getattr(table, name)
+        value = drive.value(path)
         down = 1 if value >= micrometre else 0
         found = []
         for steps in (-down, 1):
-            moved = table.model_copy(update={name: value + steps * micrometre})
-            there = drive.model_copy(update={section: moved})
+            there = drive.with_values({path: value + steps * micrometre})
             search = CycleSearch(there, M_g, like=search)
             found.append(search.extremes(there))
             proof += found[-1].certificate
@@ -56,7 +53,11 @@ def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
 def sensitivities(
     cases: Iterable[tuple[Drive, float]], *, executor: Executor | None = None, progress: Progress | None = None
 ) -> list[Sensitivity | None]:
-    """Sensitivity of several drives, each at a torque [N*m]; executor and progress as in mounting_curve."""
+    """Sensitivity of several drives, each at a torque [N*m]; None where a cycle cannot be searched (rolling balls).
+
+    Arguments: executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it);
+    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    """
     drives, torques = zip(*cases, strict=True)
     results = []
     for result in (executor.map if executor else map)(sensitivity, drives, torques):

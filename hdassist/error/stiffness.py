@@ -13,15 +13,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from hdassist.error.cycle import CROSS_TOLERANCE, N_MM, CrossCheck
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
-from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import Formulation, formulate, require_solver, solve_through_cvxpy
+from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.throughcvxpy import CrossCheck, solve_again
 
 LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
@@ -29,7 +27,7 @@ NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist 
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
 T_58, D_58 = (168.0, 598.0), 147.32
 BEYOND = 1.5  # of T_2: how far the curve goes by default
-POINTS = 40  # torques to each side
+POINTS = 40  # torques to each side by default
 
 
 @dataclass(frozen=True)
@@ -90,9 +88,9 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_58[0] * scale, T_58[1] * scale
 
 
-def estimate_states() -> int:
-    """Number of states that a stiffness curve solves, about, for a progress bar."""
-    return 2 * (POINTS + 5)
+def estimate_states(points: int = POINTS) -> int:
+    """Number of states that a stiffness curve with so many torques to each side solves, about, for a progress bar."""
+    return 2 * (points + 5)
 
 
 def stiffness(
@@ -101,14 +99,16 @@ def stiffness(
     T_1: float | None = None,
     T_2: float | None = None,
     T_max: float | None = None,
+    points: int = POINTS,
     cross_check: str | None = "CLARABEL",
     progress: Progress | None = None,
 ) -> Stiffness:
     """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
-    T_max, end of the curve, by default 1.5 T_2 [N*m]; cross_check, the solver that solves the ends of the
-    segments again, None for none; progress, told how many states were solved.
+    T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
+    cross_check, the solver that solves the ends of the segments again, None for none; progress, told how many states
+    were solved.
     Raises UsageError for torques out of order, UntrustedError where an answer cannot be trusted.
     """
     first, second = catalogue_torques(drive)
@@ -123,7 +123,7 @@ def stiffness(
         )
     # a segment that the curve ends in is none
     ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
-    side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, POINTS + 1)[1:]])
+    side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
     twist = Twist(drive)
     contact, tube, proof = twist.at(torque, progress)
@@ -135,7 +135,9 @@ def stiffness(
     check = None
     if cross_check:
         rows = [int(np.flatnonzero(torque == sign * T)[0]) for T in ends for sign in (1, -1)]
-        check = _solve_again(twist.formulation, torque[rows], contact[rows], cross_check)
+        gaps = np.broadcast_to(twist.case.system.delta_p, (len(rows), len(twist.case.system.delta_p)))
+        place = partial(_place, torque[rows].tolist())
+        check = solve_again(twist.case.formulation, torque[rows], gaps, contact[rows], cross_check, place)
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
 
 
@@ -143,10 +145,8 @@ class Twist:
     """Twist of a drive without deviations, at tooth phase 0 and its ball phase."""
 
     def __init__(self, drive: Drive) -> None:
-        self.system = contact_system(drive)
-        self.formulation = formulate(self.system)
-        self._tube = shell_twist_stiffness(drive, self.system.geometry)
-        self._engine: Engine | None = None
+        self.case = LoadCase.of(drive, rated_torque(drive))
+        self._tube = shell_twist_stiffness(drive, self.case.system.geometry)
 
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:
         """Twist of mesh and rings, and of the shell's tube [arcsec], at torques [N*m], with the certificate.
@@ -155,11 +155,9 @@ class Twist:
         """
         contact, proof = np.empty(len(torque)), EMPTY
         for k, M_g in enumerate(torque.tolist()):
-            self._engine = self._engine or Engine(self.formulation, M_g * N_MM)
-            self._engine.load(M_g * N_MM)
-            gaps, place = self.system.delta_p[None], partial(_place, M_g)
-            answers = solve_states(self.system, self._engine, M_g * N_MM, gaps, place, progress)
-            contact[k] = answers.rotation[0] * ARCSEC
+            self.case.load(M_g)
+            answers = self.case.solve(self.case.system.delta_p[None], partial(_place, [M_g]), progress)
+            contact[k] = answers.rotation_arcsec[0]
             proof += answers.certificate
         return contact, torque * N_MM / self._tube * ARCSEC, proof
 
@@ -175,20 +173,5 @@ def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) 
     return [Segment(T, T_next, (T_next - T) / (x_next - x) * ARCSEC) for (T, x), (T_next, x_next) in pairwise(points)]
 
 
-def _solve_again(formulation: Formulation, torque: Array, contact: Array, solver: str) -> CrossCheck:
-    system, worst = formulation.system, 0.0
-    for M_g, expected in zip(torque.tolist(), contact.tolist(), strict=True):
-        _, free = solve_through_cvxpy(formulation, system.delta_p, M_g * N_MM, solver)
-        difference = abs(float(free[system.free_rotation]) * ARCSEC - expected)
-        if not difference <= CROSS_TOLERANCE:
-            raise UntrustedError(
-                f"two solvers disagree at {_place(M_g, 0)}: {difference:.3g} arcsec between the engine and {solver}, "
-                f"{CROSS_TOLERANCE} allowed",
-                "try another solver for the cross-check (--cross-check osqp)",
-            )
-        worst = max(worst, difference)
-    return CrossCheck(require_solver(solver), len(torque), worst)
-
-
-def _place(M_g: float, _: int) -> str:
-    return f"M_g = {M_g:g} N*m, without deviations"
+def _place(torques: Sequence[float], k: int) -> str:
+    return f"M_g = {torques[k]:g} N*m, without deviations"

@@ -16,16 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from hdassist.error.cycle import N_MM
 from hdassist.error.search import QUICK, QUICK_STATES, CycleSearch
 from hdassist.errors import UntrustedError
-from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Progress, solve_states
-from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import formulate
+from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.loadcase import LoadCase
 
 SHAPE = (25, 9, 25, 25)  # points over a, b, e_x, e_y; a, about along the motion, weighs most
 SLABS = 8  # tasks that a table is solved in
@@ -37,7 +34,7 @@ DEVIATIONS = ("tolerances.", "phases.")  # sections of a preset that a table spa
 
 
 @dataclass(frozen=True)
-class Response:
+class ErrorTable:
     """Error of a drive at a torque over its deviations, interpolated linearly.
 
     error [arcsec], shape SHAPE, NaN outside of the reach; reach [mm] of the four axes; offset [arcsec], what is
@@ -66,7 +63,7 @@ class Response:
     def F_ior(self, scalars: Array) -> Array:
         """F'_ior [arcsec], shape (...,), from the scalars of its states [mm], shape (..., states, 4).
 
-        Raises UntrustedError as rotation does.
+        Raises UntrustedError for deviations that the table does not span.
         """
         return self.range_of(self.rotation(scalars))
 
@@ -95,32 +92,22 @@ _WIDER = 1.001  # so that rounding leaves the outermost inside
 _LEAST = 1e-3  # mm: a table needs some width
 
 
-def responses(
-    drive: Drive,
+def error_tables(
+    spans: Sequence[tuple[Drive, Sequence[Drive]]],
     torques: Sequence[float],
-    drives: Sequence[Drive],
     *,
+    compared: int = KNOWN,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> list[Response]:
-    """Tables of a drive, one for each torque [N*mm], that span some drives and are compared with searches on them.
+) -> list[list[ErrorTable]]:
+    """Tables of several drives, for each of them one a torque, compared with searches on drives that they span.
 
-    Arguments: drives, which differ from the drive at most in deviations and their phases, KNOWN of them are enough;
-    executor and progress as in mounting_curve. Raises UntrustedError where an answer cannot be trusted, UsageError
-    for a drive that is not searchable.
+    Arguments: spans, each drive with others that differ from it at most in deviations and their phases; torques M_g
+    [N*m]; compared, how many of those others are enough; executor, to spread the work over (any concurrent.futures
+    executor; the numbers do not depend on it); progress, told how many states were solved.
+    Raises UntrustedError where an answer cannot be trusted, UsageError for a drive that is not searchable.
     """
-    return tables([(drive, drives)], torques, executor=executor, progress=progress)[0]
-
-
-def tables(
-    worlds: Sequence[tuple[Drive, Sequence[Drive]]],
-    torques: Sequence[float],
-    *,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
-) -> list[list[Response]]:
-    """The responses of several drives at once, each with the drives that it spans; one list for each of them."""
-    cases = [(drive, M_g, reach_of(span), tuple(span[:KNOWN])) for drive, span in worlds for M_g in torques]
+    cases = [(drive, M_g, reach_of(span), tuple(span[:compared])) for drive, span in spans for M_g in torques]
     run = executor.map if executor else map
     slabs = [(drive, M_g, reach, slab) for drive, M_g, reach, _ in cases for slab in range(SLABS)]
     solved, parts = [], run(_slab, slabs)
@@ -137,14 +124,14 @@ def tables(
         solved.append((values.reshape(SHAPE), proof))
     found = []
     for (_, M_g, reach, span), (error, proof), (exact, part) in zip(cases, solved, known, strict=True):
-        table = Response(M_g, error, np.repeat(reach, 2), proof + part)
+        table = ErrorTable(M_g, error, np.repeat(reach, 2), proof + part)
         found.append(_compared(table, np.array([deviation_scalars(d, *turns()) for d in span]), np.array(exact)))
         if progress:
             progress(part.states)
     return [found[first : first + len(torques)] for first in range(0, len(found), len(torques))]
 
 
-def _compared(table: Response, scalars: Array, exact: Array) -> Response:
+def _compared(table: ErrorTable, scalars: Array, exact: Array) -> ErrorTable:
     missed = exact - table.F_ior(scalars)
     return replace(table, offset=float(missed.mean()), standard_error=float(missed.std(ddof=1)))
 
@@ -165,15 +152,14 @@ def _slab(task: _Slab) -> tuple[NDArray[np.int64], Array, Certificate]:
     near = [np.hypot(share[:, k], share[:, k + 1]) <= 1 + np.hypot(step[k], step[k + 1]) for k in (0, 2)]
     chosen = np.array_split(np.flatnonzero(near[0] & near[1]), SLABS)[slab]
     points = share[chosen] * np.repeat(reach, 2)
-    system = contact_system(drive)
-    delta_p = system.delta_p + points @ system.deviation_map.T
+    case = LoadCase.of(drive, M_g)
 
     def where(k: int) -> str:
         a, b, e_x, e_y = points[k] * 1e3
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
-    answers = solve_states(system, Engine(formulate(system), M_g * N_MM), M_g * N_MM, delta_p, where)
-    return order[chosen], answers.rotation * ARCSEC, answers.certificate
+    answers = case.solve(case.system.gaps(points), where)
+    return order[chosen], answers.rotation_arcsec, answers.certificate
 
 
 def _there_and_back(shape: Sequence[int]) -> NDArray[np.int64]:

@@ -44,9 +44,11 @@ def trace(
     """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
     Arguments: measured, wheels in place of first harmonics; start_deg, angle of the moving wheel at phi_h = 0 (phi_g0
-    with the rigid wheel fixed) [deg], where that wheel is measured to the nearest of its teeth; the others as in
-    kinematic_error. Raises UsageError for less than one revolution, more than a cycle, or a start angle that is no
-    number.
+    with the rigid wheel fixed) [deg], where that wheel is measured to the nearest of its teeth; solver, a name that
+    cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
+    extremes and a sample drawn by seed again, None for none; progress, told how many states were solved.
+    Raises UsageError for less than one revolution, more than a cycle, a start angle that is no number or an unknown
+    solver, UntrustedError where an answer cannot be trusted.
     """
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:

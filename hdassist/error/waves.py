@@ -12,16 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import N_MM
 from hdassist.error.search import searchable
 from hdassist.errors import UsageError
-from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, Progress, solve_states
-from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import formulate
+from hdassist.solve.answers import EMPTY, Progress
+from hdassist.solve.loadcase import LoadCase
 
 POINTS = 40  # around each wheel
 COARSE = 16  # around each wheel, for a first look at very different deviations
@@ -31,7 +28,7 @@ HIGHEST = 18  # times around a wheel: waves that are kept
 Complex = NDArray[np.complex128]
 
 
-class Torus:
+class ErrorWaves:
     """Errors of a drive at a torque M_g [N*m], and of drives that differ from it in their deviations alone.
 
     k_g, k_b: how often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,);
@@ -42,8 +39,7 @@ class Torus:
         if not searchable(drive):
             raise UsageError("a comparison needs locked balls", "--set bearing.ball_motion=locked")
         self._M_g, self._progress = M_g, progress
-        self._system = contact_system(drive)
-        self._engine = Engine(formulate(self._system), M_g * N_MM)
+        self._case = LoadCase.of(drive, M_g)
         self._sign = Kinematics.of(drive).error_sign
         self.certificate = EMPTY
         k_g, k_b = np.meshgrid(np.arange(HIGHEST + 1), np.arange(-HIGHEST, HIGHEST + 1), indexing="ij")
@@ -60,17 +56,17 @@ class Torus:
         rows, columns = np.meshgrid(angles, angles, indexing="ij")
         columns[1::2] = columns[1::2, ::-1]  # there and back, so that neighbours follow each other
         alpha_g, alpha_b = rows.ravel(), columns.ravel()
+
+        def where(k: int) -> str:
+            g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
+            return f"alpha_g = {g:.2f} deg, alpha_b = {b:.2f} deg, M_g = {self._M_g:g} N*m"
+
         found = []
         for drive in drives:
-            delta_p = self._system.delta_p + deviation_scalars(drive, alpha_g, alpha_b) @ self._system.deviation_map.T
-
-            def where(k: int) -> str:
-                g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
-                return f"alpha_g = {g:.2f} deg, alpha_b = {b:.2f} deg, M_g = {self._M_g:g} N*m"
-
-            answers = solve_states(self._system, self._engine, self._M_g * N_MM, delta_p, where, self._progress)
+            delta_p = self._case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b))
+            answers = self._case.solve(delta_p, where, self._progress)
             self.certificate += answers.certificate
-            error = (self._sign * ARCSEC * answers.rotation).reshape(points, points)
+            error = (self._sign * answers.rotation_arcsec).reshape(points, points)
             error[1::2] = error[1::2, ::-1].copy()
             spectrum = np.fft.fft2(error) / points**2
             held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2

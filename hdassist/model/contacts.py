@@ -79,6 +79,10 @@ class ContactSystem:
         """Moment [N*mm] that a unit of force at each flank candidate takes off the flexspline."""
         return -self.G[: self.n_flanks, ROTATION]
 
+    def gaps(self, scalars: Array) -> Array:
+        """Gaps without force delta_p [mm], shape (states, M), from deviation scalars [mm], shape (states, 4)."""
+        return np.asarray(self.delta_p + scalars @ self.deviation_map.T)
+
     def load(self, torque: float) -> Array:
         """Load b of a torque [N*mm] on the flexspline, counter-clockwise positive, shape (9,)."""
         b = np.zeros(len(FREEDOMS))
@@ -104,7 +108,10 @@ class ContactSystems:
         self._ring: dict[float, tuple[Array, Array]] = {}
 
     def at(self, tau: float, beta: float) -> ContactSystem:
-        """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches], errors as contact_system."""
+        """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
+
+        Raises UntrustedError where no teeth overlap.
+        """
         drive, geometry, bore = self._drive, self._geometry, self._bore
         if tau not in self._flexspline:
             flanks = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import TO_X1, ContactSystem
+from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
@@ -54,7 +54,7 @@ def scalars_of(
     """Scalars (a, b, e_x, e_y) [mm], shape (..., 4), of many drives at once.
 
     Arguments: F'_i1, F'_i2 [um] with their phases xi_g, xi_b; e_hh, e_hg, e_hb [um] with their directions; alpha_g,
-    alpha_b as in deviation_scalars; all angles [rad], all shapes broadcast.
+    alpha_b, how each wheel stands in the cam frame; all angles [rad], all shapes broadcast.
     """
     turned_g, turned_b = np.exp(1j * alpha_g), np.exp(1j * alpha_b)
     g, b, h, cam_g, cam_b = (
@@ -86,10 +86,9 @@ def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviat
     their number is not that of the wheel's teeth.
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
-        return system.delta_p + deviation_scalars(drive, states.alpha_g, states.alpha_b) @ system.deviation_map.T
+        return system.gaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
     measured = {"F_i1": teeth.g, "F_i2": teeth.b}
-    silent = {name: 0.0 for name, values in measured.items() if values is not None}
-    rest = drive.model_copy(update={"tolerances": drive.tolerances.model_copy(update=silent)})
+    rest = drive.with_values({f"tolerances.{name}": 0.0 for name, values in measured.items() if values is not None})
     result = gaps(rest, system, states)
     flanks = system.flanks
     seen = np.zeros((len(states), system.n_flanks))
@@ -108,11 +107,3 @@ def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int)
     # the nearest tooth; half a pitch goes one way in every state, whatever the last digits say
     shift = np.floor(-turned * z / (2 * np.pi) + 0.5 + 1e-6).astype(np.int64)
     return np.asarray(np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3)
-
-
-def first_harmonic(F_i: float, xi: float, z: int) -> Array:
-    """Deviation of each tooth along +theta [unit of F_i] of a first harmonic, shape (z,).
-
-    Arguments: F_i, peak to peak; xi, its phase [rad]; z, number of teeth, numbered as in ToothDeviations.
-    """
-    return np.asarray(F_i / 2 * np.sin(2 * np.pi * np.arange(z) / z + TO_X1 - xi))

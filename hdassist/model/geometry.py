@@ -16,7 +16,7 @@ from hdassist.model.nominal import Array as Array
 from hdassist.model.nominal import NominalCurve, nominal_shape
 from hdassist.preset.fields import Drive
 
-FLANK_SAMPLES = 401  # heights tried on each flank; 4001 move no gap of the shipped presets by 1e-9 mm
+FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
 BISECTIONS = 60  # halvings when looking for a radius: beyond double precision
 ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
 
@@ -107,11 +107,12 @@ class Flanks:
     edge: NDArray[np.bool_]  # outermost tooth of its zone's window
 
 
-def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0) -> Flanks:
+def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:
     """Every flank pair within the window of a mesh zone, with its least gap over the active height.
 
     Arguments: geometry; window [rad] on each side of a zone's axis, ends included; tau, the tooth phase in
-    tooth pitches. Pairs whose teeth do not overlap radially cannot touch and are left out.
+    tooth pitches; samples, heights tried on each flank. Pairs whose teeth do not overlap radially cannot touch and
+    are left out.
     """
     z_g = geometry.flexspline.z
     index = np.arange(-z_g, 2 * z_g)
@@ -128,7 +129,7 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0) -> Fla
         raise UntrustedError("no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a")
     tooth, zone, edge = tooth[reaches], zone[reaches], edge[reaches]
     side, theta, lowest = side[reaches], theta[reaches], lowest[reaches]
-    fraction = np.linspace(0, 1, FLANK_SAMPLES)
+    fraction = np.linspace(0, 1, samples)
     r_y = lowest[:, None] + (geometry.r_ag - lowest[:, None]) * fraction
     gap, rho = flank_gap(geometry, r_y, theta[:, None], zone[:, None], side[:, None])
     rows = np.arange(len(theta))

@@ -37,7 +37,10 @@ class Ring:
         return np.hstack([np.ones((len(theta), 1)), np.cos(angle), np.sin(angle)])
 
     def tangential(self, theta: Array, height: Array | float = 0.0) -> Array:
-        """Tangential displacement v + h chi of points at a height h [mm] above the mid-line, as `radial`."""
+        """Tangential displacement v + h chi at angles theta [rad] for a unit of each mode, shape (points, modes).
+
+        Arguments: height, h [mm] of the points above the mid-line.
+        """
         n = self.order[1:]
         angle = np.outer(theta, n)
         # v = (-A sin + B cos)/n and chi = (v - dw/dtheta)/r give one factor for both

@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from hdassist.error.cycle import CrossCheck, kinematic_error
-from hdassist.error.search import QUICK, SEARCHED, THOROUGH, CycleSearch, Effort, searchable, worth_searching
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.search import QUICK, SEARCHED, THOROUGH, WORTH, CycleSearch, Effort, searchable, worth_searching
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
@@ -25,6 +25,7 @@ from hdassist.mounting.positions import MountingCurve, Position, merit, phase_de
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.throughcvxpy import CrossCheck
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
@@ -59,6 +60,7 @@ def mounting_curve(
     *,
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
+    search_from: int = WORTH,
     weights: Sequence[float] | None = None,
     cross_check: str | None = "CLARABEL",
     seed: int = 0,
@@ -77,10 +79,11 @@ def mounting_curve(
     no position is added.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    every_state, solve all states of all positions; weights of the torques in the choice of the best position, one each;
-    executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it); progress, told
-    how many states were solved. Raises UsageError where the present position is not the first or weights are not one
-    positive number a torque, UntrustedError where an answer cannot be trusted.
+    every_state, solve all states of all positions; search_from, states of a cycle from which on it is searched; weights
+    of the torques in the choice of the best position, one each; executor, to spread the work over (any
+    concurrent.futures executor; the numbers do not depend on it); progress, told how many states were solved. Raises
+    UsageError where the present position is not the first or weights are not one positive number a torque,
+    UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
@@ -89,7 +92,7 @@ def mounting_curve(
     job = _Job(drive, tuple(torques), np.array(rotations_deg, dtype=float), cross_check, seed, executor, progress)
     job.weights = None if weights is None else tuple(weights)
     job.measured = measured
-    if every_state or measured or not worth_searching(drive):
+    if every_state or measured or not worth_searching(drive, search_from):
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
         job.search()

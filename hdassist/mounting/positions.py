@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import CrossCheck
 from hdassist.model.deviations import tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
 
 FREE_STEP = 5.0  # deg between positions where the seat has no holes
 
@@ -191,11 +191,11 @@ def _is_usable(hole: int | None, allowed: tuple[int, ...] | None) -> bool:
     return hole is not None and (allowed is None or hole in allowed)
 
 
-def seat_positions(drive: Drive) -> list[float]:
-    """Turns of the fixed wheel [deg] to try, 0 first: the usable holes, or 5 degree steps where the angle is free."""
+def seat_positions(drive: Drive, free_step: float = FREE_STEP) -> list[float]:
+    """Turns of the fixed wheel [deg] to try, 0 first: the usable holes, or steps [deg] where the angle is free."""
     holes = drive.mounting.holes
     if not holes:
-        return [FREE_STEP * k for k in range(round(360 / FREE_STEP))]
+        return [free_step * k for k in range(round(360 / free_step))]
     allowed = drive.mounting.allowed
     return [360 * k / holes for k in range(holes) if k == 0 or allowed == "all" or k in allowed]
 

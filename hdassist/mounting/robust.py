@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdassist.error.search import QUICK, QUICK_STATES, CycleSearch, searchable
-from hdassist.error.table import DEVIATIONS, STATES, Response, responses, turns
+from hdassist.error.table import DEVIATIONS, STATES, ErrorTable, error_tables, turns
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
@@ -138,7 +138,7 @@ def robust(
     rotations = [0.0, *(float(curve.rotation_deg[p]) for p in places)]
     drives = draw(drive, samples, seed)
     if interpolates(drive, samples, len(rotations)):
-        table = responses(drive, curve.torques, drives, executor=executor, progress=progress)
+        [table] = error_tables([(drive, drives)], curve.torques, executor=executor, progress=progress)
         found = np.array([_interpolated(sample, table, rotations) for sample in drives])
         proof, errors = sum((r.certificate for r in table), EMPTY), tuple(r.standard_error for r in table)
     else:
@@ -196,7 +196,7 @@ def _sampled(task: tuple[Drive, Sequence[float], Sequence[float]]) -> tuple[list
     return rows, sum(proofs, EMPTY)
 
 
-def _interpolated(drive: Drive, table: Sequence[Response], rotations: Sequence[float]) -> Array:
+def _interpolated(drive: Drive, table: Sequence[ErrorTable], rotations: Sequence[float]) -> Array:
     """F'_ior [arcsec] from tables, shape (torques, rotations)."""
     scalars = np.array([deviation_scalars(rotated(drive, rotation), *turns()) for rotation in rotations])
     return np.array([response.F_ior(scalars) for response in table])

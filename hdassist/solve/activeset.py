@@ -1,4 +1,4 @@
-"""One state after another by DAQP, each from the contact set of the one before."""
+"""One state after another, each from the contact set of the one before: by DAQP, or near that set without it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 import daqp
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.solve.compiled import Compiled
-from hdassist.solve.formulation import Formulation, solve_through_cvxpy
-from hdassist.solve.nearset import solve_near
+from hdassist.solve.compiled import ZERO, Compiled
+from hdassist.solve.formulation import Formulation
+from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
@@ -20,6 +21,7 @@ ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 FEW = 4  # states for which a model is not worth its set-up
+STEPS = 12  # of solve_near, after which it is given up
 LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
 
 
@@ -94,3 +96,33 @@ class ActiveSet:
             return solve_through_cvxpy(self._formulation, delta_p, self._torque, LAST_RESORT)
         except UntrustedError:
             return np.full(len(delta_p), np.nan), np.full(len(self._data.b_0), np.nan)
+
+
+def solve_near(data: Compiled, q: Array, load: Array, contact: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+    """Forces, shape (M,), and duals, shape (free,), of one state; None where the method gives up.
+
+    Sets of candidates change sides until none has to: a primal-dual active-set method (Hintermueller, Ito, Kunisch
+    2003, doi 10.1137/S1052623401383558). It needs no set-up and so serves where every state has matrices of its own;
+    it may cycle, and is given up then.
+    Arguments: data, the compiled programme; q, its linear term, shape (M,), and load, its right side, shape (free,);
+    contact, candidates thought to carry force, shape (M,). All in the programme's units.
+    """
+    M, free = len(q), len(load)
+    for _ in range(STEPS):
+        inside = np.flatnonzero(contact)
+        n = len(inside)
+        system = np.zeros((n + free, n + free))
+        system[:n, :n] = data.P[np.ix_(inside, inside)]
+        system[n:, :n] = across = data.A[:, inside]
+        system[:n, n:] = across.T
+        _, _, found, failed = lapack.dgesv(system, np.concatenate([-q[inside], load]), overwrite_a=1, overwrite_b=1)
+        if failed or not np.all(np.isfinite(found)):
+            return None
+        forces = np.zeros(M)
+        forces[inside] = found[:n]
+        gaps = data.P[:, inside] @ found[:n] + q + data.A.T @ found[n:]
+        leave, enter = contact & (forces < -ZERO), ~contact & (gaps < -ZERO)
+        if not (leave.any() or enter.any()):
+            return np.maximum(forces, 0), found[n:]
+        contact = contact ^ leave ^ enter
+    return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 
@@ -11,13 +12,29 @@ from hdassist.errors import UntrustedError
 from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
-from hdassist.solve.engine import StateSolver
 
 CHUNK = 256  # states whose forces are held at once: in the cache
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
+N_MM = 1e3  # N*mm in a N*m
 
 Progress = Callable[[int], None]
+
+
+class StateSolver(Protocol):
+    """Anything that solves states of one contact system at one torque."""
+
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]."""
+        ...
+
+    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces [N] (states, M), displacements of the free freedoms [mm, rad] (states, free), fallbacks.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M). Fallbacks counts the states that the
+        first way gave up; a state that nothing solves is NaN.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -55,13 +72,13 @@ EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
 class Answers:
     """What is kept of solved states, shape (states,) unless said otherwise.
 
-    rotation: of the flexspline against the rigid wheel [rad]; zone_moment: moment that each mesh zone takes
-    [N*mm], shape (states, 2); tooth_force: greatest force on a flank [N].
+    rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
+    takes, shape (states, 2); tooth_force_N: greatest force on a flank.
     """
 
-    rotation: Array
-    zone_moment: Array
-    tooth_force: Array
+    rotation_arcsec: Array
+    zone_share: Array
+    tooth_force_N: Array
     certificate: Certificate
 
 
@@ -72,11 +89,13 @@ def solve_states(
     delta_p: Array,
     place: Callable[[int], str],
     progress: Progress | None = None,
+    chunk: int = CHUNK,
 ) -> Answers:
     """Solve states of one contact system and prove each answer.
 
     Arguments: torque [N*mm]; delta_p, gaps without force [mm], shape (states, M); place, words for where
-    state k is, for errors; progress, told how many states were solved since the last call.
+    state k is, for errors; progress, told how many states were solved since the last call; chunk, states whose forces
+    are held at once.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
@@ -84,8 +103,8 @@ def solve_states(
     rotation, force = np.empty(count), np.empty(count)
     moment = np.empty((count, 2))
     certificate = EMPTY
-    for first in range(0, count, CHUNK):
-        part = slice(first, min(first + CHUNK, count))
+    for first in range(0, count, chunk):
+        part = slice(first, min(first + chunk, count))
         forces, free, fallbacks = solver.solve(delta_p[part])
         proof = residuals(system, delta_p[part], torque, forces, free)
         _require_proof(proof, place, first)
@@ -99,7 +118,7 @@ def solve_states(
         certificate += Certificate(len(forces), fallbacks=fallbacks, **worst)
         if progress:
             progress(len(forces))
-    return Answers(rotation, moment, force, certificate)
+    return Answers(rotation * ARCSEC, moment / torque, force, certificate)
 
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:

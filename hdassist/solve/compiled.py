@@ -10,6 +10,8 @@ from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.solve.formulation import Formulation
 
+ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
+
 
 @dataclass(frozen=True)
 class Compiled:

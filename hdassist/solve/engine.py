@@ -1,33 +1,19 @@
-"""Solvers of many states: the fast engine on cvxpy's compiled data, or cvxpy itself for each state."""
+"""The fast solver of many states, on the data that cvxpy compiles."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from hdassist.model.geometry import Array
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.compiled import Compiled, compile_programme
-from hdassist.solve.formulation import Formulation, solve_through_cvxpy
-from hdassist.solve.pivoting import Pivoting
-from hdassist.solve.reference import Flags, Reference
+from hdassist.solve.formulation import Formulation
+from hdassist.solve.pivoting import Flags, Pivoting, Reference
 
 MANY = 64  # states from which on a reference pays
 CARRIES = 1e-9  # of the greatest force: more is contact
-
-
-class StateSolver(Protocol):
-    """Anything that solves states of one contact system at one torque."""
-
-    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces [N] (states, M), displacements of the free freedoms [mm, rad] (states, free), fallbacks.
-
-        Arguments: delta_p, gaps without force [mm], shape (states, M). Fallbacks counts the states that the
-        first way gave up; a state that nothing solves is NaN.
-        """
-        ...
 
 
 class Engine:
@@ -78,18 +64,3 @@ class Engine:
         everywhere = np.ones(len(self.data.q_0), dtype=bool)
         forces, _, _ = ActiveSet(self._formulation, self.data, self._torque, everywhere).solve(system.delta_p[None])
         return Reference.at(self.data, forces[0] > CARRIES * forces[0].max())
-
-
-class ThroughCvxpy:
-    """Sends each state through cvxpy itself: slow, and independent of the engine.
-
-    Arguments: formulation; torque [N*mm]; solver, a name that cvxpy knows.
-    """
-
-    def __init__(self, formulation: Formulation, torque: float, solver: str) -> None:
-        self._formulation, self._torque, self._solver = formulation, torque, solver
-
-    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
-        answers = [solve_through_cvxpy(self._formulation, gaps, self._torque, self._solver) for gaps in delta_p]
-        return np.stack([forces for forces, _ in answers]), np.stack([free for _, free in answers]), 0

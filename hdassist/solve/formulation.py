@@ -11,17 +11,14 @@ equilibrium are their displacements. Everything that solves it starts from this 
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any
+from functools import cached_property
 
+import cvxpy as cp
 import numpy as np
 
-from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
-from hdassist.solve.lightcvxpy import cp
 
 MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 
@@ -100,60 +97,3 @@ def formulate(system: ContactSystem) -> Formulation:
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
     units = Units(gap=MICROMETRE, force=MICROMETRE / system.c_t, load=load_units)
     return Formulation(system, units, P=H * (units.force / units.gap), A=(G_f / load_units).T)
-
-
-# Solvers that take a quadratic programme, of those cvxpy knows.
-ABLE = {
-    "CLARABEL",
-    "COPT",
-    "CPLEX",
-    "DAQP",
-    "GUROBI",
-    "HIGHS",
-    "MOSEK",
-    "OSQP",
-    "PIQP",
-    "PROXQP",
-    "SCS",
-    "XPRESS",
-}
-
-# Tolerances at which each solver's answers earn their certificate; a name that is not here runs at its defaults.
-TIGHT: dict[str, dict[str, Any]] = {
-    "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
-    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000},
-    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000},
-}
-
-
-def require_solver(name: str) -> str:
-    """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
-    if name.upper() not in _able():
-        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(_able()).lower()}")
-    return name.upper()
-
-
-@cache  # cvxpy looks for every solver anew each time
-def _able() -> list[str]:
-    return sorted(set(cp.installed_solvers()) & ABLE)
-
-
-def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
-    """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
-
-    Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
-    Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
-    """
-    name, stated = require_solver(solver), formulation.statement
-    stated.gaps.value = formulation.gaps(delta_p)
-    stated.load.value = formulation.load(torque)
-    try:
-        with warnings.catch_warnings():
-            # "solution may be inaccurate": residuals and the other solver decide that, not a status
-            warnings.simplefilter("ignore", UserWarning)
-            stated.problem.solve(solver=name, **TIGHT.get(name, {}))
-    except cp.SolverError as error:
-        raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
-    if stated.forces.value is None or stated.equilibrium.dual_value is None:
-        raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}")
-    return formulation.answer(stated.forces.value, stated.equilibrium.dual_value)

@@ -8,10 +8,10 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from hdassist.error.cycle import CrossCheck
 from hdassist.errors import HdassistError
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 

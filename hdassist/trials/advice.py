@@ -17,8 +17,8 @@ from hdassist.mounting.robust import Criterion, share_best
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 from hdassist.trials.posterior import NextTrial, Posterior, posterior, require_weights
+from hdassist.trials.prior import FULL, offset_prior
 from hdassist.trials.prior import STATES as WORLD_STATES
-from hdassist.trials.prior import TRACED, WORLDS, offset_prior
 from hdassist.trials.trial import Rig, Trial, trial_positions
 from hdassist.trials.unknowns import OffsetNames
 from hdassist.trials.verification import Verification, verify
@@ -98,7 +98,8 @@ class TrialAdvice:
 def estimate_states(drive: Drive, torques: Sequence[float], rig: Rig, *, traced: bool = False) -> int:
     """Number of states that advice from trials is worth, about, for a progress bar; traced: with traces."""
     models = 1 + len(drive.alternatives)
-    return len(_torques(torques, rig)) * models * (STATES + (TRACED if traced else WORLDS) * WORLD_STATES)
+    draws = FULL.traced_draws if traced else FULL.draws
+    return len(_torques(torques, rig)) * models * (STATES + draws * WORLD_STATES)
 
 
 def advise_from_trials(

@@ -20,7 +20,7 @@ from scipy.ndimage import map_coordinates
 from scipy.stats import norm, qmc
 
 from hdassist.error.search import searchable
-from hdassist.error.table import DEVIATIONS, Response, tables, turns
+from hdassist.error.table import DEVIATIONS, KNOWN, ErrorTable, error_tables, turns
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
@@ -28,19 +28,35 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.trials.trace_evidence import Evidence, curves_of, log_likelihood
+from hdassist.trials.trace_evidence import PARTICLES, Evidence, curves_of, log_likelihood
 from hdassist.trials.traced_worlds import Case, drawn_from_traces, evidence_of
 from hdassist.trials.trial import Rig, Trial
 from hdassist.trials.unknowns import FINE_DIRECTIONS, FINE_SIZES, Unknowns
 
-WORLDS = 64  # draws for each set of stiffnesses; with 16 many trials came out surer than they were
-TRACED = 32  # draws where traces tell what to draw
 SIZES, DIRECTIONS = 11, 36  # of the offset, at which F'_ior is computed; between them it is interpolated
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed; docs/trials.md shows what it brings
 SCALES = np.linspace(-2.4, 2.4, 7)  # standard deviations at which it is taken
 BETWEEN = 16  # offsets between those, at which the interpolation is compared
 NEGLIGIBLE = 1e-9  # of the likeliest size, direction and scale in a world
 STATES = 4_000  # that a world's F'_ior at a torque is worth, about, for a progress bar
+
+
+@dataclass(frozen=True)
+class SampleSizes:
+    """How much is drawn of what is not known.
+
+    draws of the rest for each set of stiffnesses (with 16 many trials came out surer than they were); traced_draws,
+    where traces tell what to draw; particles that are moved to where the traces make them likely; compared, drives
+    that a table of the error is compared with.
+    """
+
+    draws: int = 64
+    traced_draws: int = 32
+    particles: int = PARTICLES
+    compared: int = KNOWN
+
+
+FULL = SampleSizes()
 
 
 @dataclass(frozen=True)
@@ -115,8 +131,9 @@ class Tables:
     unknowns: Unknowns
     torques: tuple[float, ...]
     models: tuple[Drive, ...]
-    responses: tuple[tuple[Response, ...], ...]
+    responses: tuple[tuple[ErrorTable, ...], ...]
     seed: int
+    sizes: SampleSizes
 
     @property
     def certificate(self) -> Certificate:
@@ -135,13 +152,14 @@ def tabulated(
     *,
     traced: bool = False,
     seed: int = 0,
+    sizes: SampleSizes = FULL,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Tables:
     """Tables of a drive over all that trials leave open.
 
-    Arguments: torques [N*m]; traced, whether traces will be taken in; executor and progress as in mounting_curve.
-    Raises as offset_prior does.
+    Arguments: torques [N*m]; traced, whether traces will be taken in; sizes, how much is drawn; executor and progress
+    as in mounting_curve. Raises as offset_prior does.
     """
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
@@ -153,10 +171,11 @@ def tabulated(
         )
     unknowns = Unknowns.of(drive)
     models = [drive, *(drive.with_values(_not_overridden(drive, values)) for values in drive.alternatives)]
-    rest = unknowns.drawn(WORLDS, seed)
-    spans = [_span(model, rest, unknowns, seed, traced=traced) for model in models]
-    found = tables(list(zip(models, spans, strict=True)), torques, executor=executor, progress=progress)
-    return Tables(unknowns, tuple(torques), tuple(models), tuple(map(tuple, found)), seed)
+    rest = unknowns.drawn(sizes.draws, seed)
+    spans = [_span(model, rest, unknowns, seed, sizes.draws, traced=traced) for model in models]
+    cases = list(zip(models, spans, strict=True))
+    found = error_tables(cases, torques, compared=sizes.compared, executor=executor, progress=progress)
+    return Tables(unknowns, tuple(torques), tuple(models), tuple(map(tuple, found)), seed, sizes)
 
 
 def offset_prior(
@@ -167,6 +186,7 @@ def offset_prior(
     trials: Sequence[Trial] = (),
     rig: Rig | None = None,
     seed: int = 0,
+    sizes: SampleSizes = FULL,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> OffsetPrior:
@@ -178,12 +198,12 @@ def offset_prior(
     measured is for posterior.
 
     Arguments: torques [N*m]; reseat, whether tooth_slope is wanted (zero without); trials and the rig that they were
-    measured on, needed where one of them has a trace; executor and progress as in mounting_curve. Raises UsageError for
-    a drive with rolling balls, without an offset, or with an uncertainty in a field that is no deviation;
-    UntrustedError where an answer cannot be trusted, or nothing explains the traces.
+    measured on, needed where one of them has a trace; sizes, how much is drawn; executor and progress as in
+    mounting_curve. Raises UsageError for a drive with rolling balls, without an offset, or with an uncertainty in a
+    field that is no deviation; UntrustedError where an answer cannot be trusted, or nothing explains the traces.
     """
     traced = [trial for trial in trials if trial.trace]
-    found = tabulated(drive, torques, traced=bool(traced), seed=seed, executor=executor, progress=progress)
+    found = tabulated(drive, torques, traced=bool(traced), seed=seed, sizes=sizes, executor=executor, progress=progress)
     return prior_of(found, reseat=reseat, trials=traced, rig=rig, executor=executor, progress=progress)
 
 
@@ -199,7 +219,7 @@ def prior_of(
     """The same from tables that were made before."""
     unknowns, models, torques = found.unknowns, found.models, found.torques
     run = executor.map if executor else map
-    rests, shares = [unknowns.drawn(WORLDS, found.seed)] * len(models), np.full(len(models), 1 / len(models))
+    rests, shares = [unknowns.drawn(found.sizes.draws, found.seed)] * len(models), np.full(len(models), 1 / len(models))
     evidence, place = None, -1
     if traced := tuple(trial for trial in trials if trial.trace):
         if rig is None:
@@ -211,7 +231,7 @@ def prior_of(
             Case(model, row[place], unknowns, evidence, SCALE, float(SCALES[-1]))
             for model, row in zip(models, found.responses, strict=True)
         ]
-        rests, shares = drawn_from_traces(cases, TRACED, found.seed, executor)
+        rests, shares = drawn_from_traces(cases, found.sizes.traced_draws, found.sizes.particles, found.seed, executor)
     worlds = [(k, model.with_values(values)) for k, model in enumerate(models) for values in rests[k]]
     tasks = [
         (world, unknowns, found.responses[k][t], reseat, evidence if t == place else None)
@@ -276,10 +296,12 @@ def _not_overridden(drive: Drive, values: dict[str, float]) -> dict[str, float]:
     return {path: value for path, value in values.items() if not is_overridden(path, drive.origin.overrides)}
 
 
-def _span(model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: int, *, traced: bool) -> list[Drive]:
+def _span(
+    model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: int, draws: int, *, traced: bool
+) -> list[Drive]:
     """Drives that a table is compared on, the widest offset of each world among them."""
     names, widest = unknowns.names, unknowns.widest
-    shares = qmc.Sobol(2, seed=seed).random(WORLDS)
+    shares = qmc.Sobol(2, seed=seed).random(draws)
     pairs = [(*share, values) for share, values in zip(shares, cycle(rest), strict=False)]
     drives = [model.with_values({**v, names.size: widest * s, names.direction: 360 * d}) for s, d, v in pairs]
     drives += [model.with_values({**values, names.size: widest}) for values in rest]
@@ -291,7 +313,7 @@ def _span(model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: 
 
 TOOTH_STEP = 5.0  # um of the fixed wheel's deviation, over which the slope is taken
 
-_World = tuple[Drive, Unknowns, Response, bool, Evidence | None]
+_World = tuple[Drive, Unknowns, ErrorTable, bool, Evidence | None]
 
 
 def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
@@ -310,7 +332,7 @@ def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
 
 
 def _over_offsets(
-    drive: Drive, unknowns: Unknowns, response: Response, evidence: Evidence | None
+    drive: Drive, unknowns: Unknowns, response: ErrorTable, evidence: Evidence | None
 ) -> tuple[Array, float, Array | None]:
     # the scalars are affine in the offset's two components
     names = unknowns.names

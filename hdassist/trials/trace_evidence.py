@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
-from hdassist.error.table import TURNS, Response
+from hdassist.error.table import TURNS, ErrorTable
 from hdassist.model.deviations import MARK_TO_PHASE, scalars_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -136,7 +136,7 @@ def _proposed(
 
 def squares(
     drive: Drive,
-    response: Response,
+    response: ErrorTable,
     evidence: Evidence,
     values: Mapping[str, Array],
     scale: Array,

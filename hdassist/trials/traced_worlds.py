@@ -10,12 +10,12 @@ import numpy as np
 from scipy.special import softmax
 from scipy.stats import chi2, norm
 
-from hdassist.error.table import Response, turns
+from hdassist.error.table import ErrorTable, turns
 from hdassist.errors import UntrustedError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.trials.trace_evidence import PARTICLES, Evidence, Particles, squares, tempered
+from hdassist.trials.trace_evidence import Evidence, Particles, squares, tempered
 from hdassist.trials.trial import Rig, Trial
 from hdassist.trials.unknowns import Unknowns, listed
 
@@ -31,7 +31,7 @@ class Case:
     """
 
     drive: Drive
-    response: Response
+    response: ErrorTable
     unknowns: Unknowns
     evidence: Evidence
     scale: float
@@ -47,7 +47,7 @@ class Case:
 
 
 def evidence_of(
-    drive: Drive, response: Response, trials: Sequence[Trial], rig: Rig, standard_error_arcsec: float
+    drive: Drive, response: ErrorTable, trials: Sequence[Trial], rig: Rig, standard_error_arcsec: float
 ) -> Evidence:
     """Traces of trials, with slow errors as large as the noise of an F'_ior, the seat's error and the table's."""
     slow = np.linalg.norm((rig.noise_arcsec, standard_error_arcsec, _seat(drive, response, rig)))
@@ -55,7 +55,7 @@ def evidence_of(
     return Evidence.of([trace for trace, _ in traced], [rotation for _, rotation in traced], float(slow))
 
 
-def _seat(drive: Drive, response: Response, rig: Rig) -> float:
+def _seat(drive: Drive, response: ErrorTable, rig: Rig) -> float:
     """What the wheel's centre coming to lie off does to the error [arcsec], root mean square over the cycle."""
     if not rig.reseat_um:
         return 0.0
@@ -69,31 +69,32 @@ def _seat(drive: Drive, response: Response, rig: Rig) -> float:
 
 
 def drawn_from_traces(
-    cases: Sequence[Case], count: int, seed: int, executor: Executor | None = None
+    cases: Sequence[Case], count: int, particles: int, seed: int, executor: Executor | None = None
 ) -> tuple[list[list[dict[str, float]]], Array]:
     """Values of the rest for each case, count draws of them or one where nothing is open, and each case's probability.
 
-    Raises UntrustedError where nothing explains the traces, or they are far likelier with the other sign.
+    Arguments: particles, how many the draws are taken from. Raises UntrustedError where nothing explains the traces, or
+    they are far likelier with the other sign.
     """
-    tasks = [(case, other, seed + k) for other in (False, True) for k, case in enumerate(cases)]
+    counts = {False: particles, True: particles // 3}  # the other sign is only weighed
+    tasks = [(case, other, counts[other], seed + k) for other in (False, True) for k, case in enumerate(cases)]
     found = list((executor.map if executor else map)(_particles, tasks))
     given, reversed_ = found[: len(cases)], found[len(cases) :]
     _require_explained(cases[0], given, reversed_)
     paths = cases[0].unknowns.paths
     draws = []
-    for particles in given:
-        some = particles.shares[:: len(particles.shares) // count][:count, : 2 + len(paths)]
+    for drawn in given:
+        some = drawn.shares[:: len(drawn.shares) // count][:count, : 2 + len(paths)]
         values = cases[0].unknowns.values(some)
         draws.append(listed({path: values[path] for path in paths}, count) if paths else [{}])
     return draws, np.asarray(softmax([particles.log_evidence for particles in given]))
 
 
-def _particles(task: tuple[Case, bool, int]) -> Particles:
-    case, other, seed = task
+def _particles(task: tuple[Case, bool, int, int]) -> Particles:
+    case, other, count, seed = task
     evidence = case.evidence.reversed if other else case.evidence
     circular = np.concatenate([case.unknowns.circular, [False], np.ones(len(evidence.traces), dtype=bool)])
-    particles = PARTICLES // 3 if other else PARTICLES  # the other sign is only weighed
-    return tempered(lambda shares: case.squares(evidence, shares), circular, [seed, int(other)], particles)
+    return tempered(lambda shares: case.squares(evidence, shares), circular, [seed, int(other)], count)
 
 
 def _require_explained(case: Case, given: Sequence[Particles], reversed_: Sequence[Particles]) -> None:

@@ -2,12 +2,12 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration import calibrate as calibration
 from hdassist.calibration.calibrate import calibrate
 from hdassist.calibration.evaluations import Evaluations
 from hdassist.calibration.quantities import FINE, MEDIUM, ROUGH, Quantities
@@ -20,6 +20,7 @@ from hdassist.errors import DataError, UntrustedError
 from hdassist.terminal.answers import csv_text
 from tests.process import SMALL
 
+ONE = 1  # start: least squares from the best point alone, where sets that lie far from it are not the point
 HIDDEN = {"gears.j_n": 9.3, "contact.c_t": 4.4e-5}
 UNKNOWNS = """\
 schema: hdassist.targets/1
@@ -48,12 +49,6 @@ def cheap():
         f"quantity: torsional_stiffness, from: 2, to: 6, value: {curve.positive[1].stiffness}, tolerance: 0.1 %",
     ]
     return targets_of(drive_of(), lines)
-
-
-@pytest.fixture
-def one_start(monkeypatch):
-    """Least squares from the best point alone, where sets that lie far from it are not the point."""
-    monkeypatch.setattr(calibration, "STARTS", 1)
 
 
 @pytest.fixture(scope="module")
@@ -100,30 +95,30 @@ def test_one_target_cannot_tell_two_unknowns_apart(cheap):
         assert abs(other.values[0] - found.best.values[0]) > 0.2 * 15 or abs(apart) > np.log(2)
 
 
-def test_targets_that_cannot_be_met_get_the_nearest(cheap, one_start):
+def test_targets_that_cannot_be_met_get_the_nearest(cheap):
     impossible = targets_of(
         drive_of(), [f"quantity: lost_motion, M_g: 7, value: {10 * cheap.targets[0].value}, tolerance: 1 %"]
     )
-    found = calibrate(drive_of(), impossible, Evaluations(drive_of(), impossible), budget=32)
+    found = calibrate(drive_of(), impossible, Evaluations(drive_of(), impossible), budget=32, starts=ONE)
     assert not found.best.all_met
     # both unknowns at the bound that gives the most twist
     assert found.best.values == pytest.approx((15, 2e-4), rel=0.1)
 
 
-def test_a_state_file_is_gone_on_with(cheap, tmp_path, one_start):
+def test_a_state_file_is_gone_on_with(cheap, tmp_path):
     file = tmp_path / "state.jsonl"
     first = Evaluations(drive_of(), cheap, file=file)
-    one = calibrate(drive_of(), cheap, first, budget=32, seed=5)
+    one = calibrate(drive_of(), cheap, first, budget=32, starts=ONE, seed=5)
     text = file.read_text()
     # stopped in the middle of a line
     file.write_text(text[: len(text) // 2])
     second = Evaluations(drive_of(), cheap, file=file)
     assert 0 < second.remembered < first.computed
-    two = calibrate(drive_of(), cheap, second, budget=32, seed=5)
+    two = calibrate(drive_of(), cheap, second, budget=32, starts=ONE, seed=5)
     assert second.computed < first.computed
     assert two.fits == one.fits
     third = Evaluations(drive_of(), cheap, file=file)
-    assert calibrate(drive_of(), cheap, third, budget=32, seed=5).fits == one.fits
+    assert calibrate(drive_of(), cheap, third, budget=32, starts=ONE, seed=5).fits == one.fits
     assert third.computed == 0
 
 
@@ -138,6 +133,57 @@ def test_a_state_of_something_else_is_refused(cheap, tmp_path):
     assert json.loads(file.read_text().splitlines()[0]) == {}
 
 
+FOREIGN = {
+    "a preset": Path(SMALL).read_bytes(),
+    "no end of line": b"name: drive",
+    "two lines, the last without an end": b'{"schema": "hdassist.calibration-state/1"}\nnot mine',
+    "nothing": b"",
+    "no text": b"\xff\xfe\x00\n\x00",
+    "numbers": b"1\n2\n3",
+}
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_a_file_that_is_no_state_is_refused_and_left_as_it_is(cheap, tmp_path, kind):
+    file = tmp_path / "mine.txt"
+    file.write_bytes(FOREIGN[kind])
+    with pytest.raises(DataError, match="not the state of a calibration"):
+        Evaluations(drive_of(), cheap, file=file)
+    assert file.read_bytes() == FOREIGN[kind]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda lines: [*lines, "{"],
+        lambda lines: [*lines, lines[1].replace('"off":[', '"off":[NaN,')],
+        lambda lines: [lines[0], lines[1].replace('"level":"rough"', '"level":"exact"'), *lines[2:]],
+        lambda lines: [lines[0].replace("{", '{"more":1,', 1), *lines[1:]],
+        lambda lines: [lines[0].replace("state/1", "state/2"), *lines[1:]],
+    ],
+)
+def test_a_damaged_state_is_refused_and_left_as_it_is(cheap, tmp_path, damage):
+    file = tmp_path / "state.jsonl"
+    Evaluations(drive_of(), cheap, file=file).off([(9.3, 4.4e-5)], "rough")
+    lines = damage(file.read_text().splitlines())
+    file.write_text("\n".join([*lines, "", "cut off in the mid"]))
+    before = file.read_bytes()
+    with pytest.raises(DataError, match="not the state of a calibration"):
+        Evaluations(drive_of(), cheap, file=file)
+    assert file.read_bytes() == before
+
+
+def test_the_state_of_another_preset_is_left_as_it_is(cheap, tmp_path):
+    file = tmp_path / "state.jsonl"
+    Evaluations(drive_of(), cheap, file=file)
+    with file.open("a") as stream:
+        stream.write('{"level":"rou')
+    before = file.read_bytes()
+    with pytest.raises(DataError, match="another preset"):
+        Evaluations(drive_of("gears.j_n=5"), cheap, file=file)
+    assert file.read_bytes() == before
+
+
 def test_nothing_computable_is_an_error(cheap):
     # a torque beyond the model at every point
     wild = targets_of(drive_of(), ["quantity: lost_motion, M_g: 5000, value: 10, tolerance: 1"])
@@ -146,14 +192,14 @@ def test_nothing_computable_is_an_error(cheap):
     assert error.value.exit_code == 5
 
 
-def test_a_trace_names_the_drive_it_was_made_of(tmp_path, one_start):
+def test_a_trace_names_the_drive_it_was_made_of(tmp_path):
     hidden = drive_of().with_values(HIDDEN)
     (tmp_path / "trace.csv").write_text(csv_text(*figures(trace(hidden, 4.0, revolutions=2, cross_check=None))))
     targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))
     quantities = Quantities(hidden, FINE)
     assert quantities.value(targets.targets[0]) == pytest.approx(0, abs=1e-6)
     assert len(quantities.off(targets.targets[0])) == 124
-    found = calibrate(drive_of(), targets, Evaluations(drive_of(), targets), budget=48, seed=2)
+    found = calibrate(drive_of(), targets, Evaluations(drive_of(), targets), budget=48, starts=ONE, seed=2)
     for value, half, right in zip(found.best.values, found.half_width, HIDDEN.values(), strict=True):
         assert abs(value - right) <= 2 * half
 

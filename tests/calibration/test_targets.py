@@ -64,6 +64,11 @@ def test_what_is_written_is_what_is_meant():
         ("low: 0.25, high: 2.0", "low: 3, high: 2.0", "8:5", "low must be below high"),
         (", low: 5e3", "", "9:5", "needs either a value"),
         ("low: 5e3", "weight: 5", "9:", "unknown key"),
+        ("7 %", "true %", "7:58", "a share like 5 %"),
+        ("M_g: 80", "M_g: true", "7:32", "must be a number"),
+        ("value: 31", "value: .inf", "7:43", "must be a finite number"),
+        ("value: 31", "value: 31, low: 3", "7:5", "needs either a value"),
+        ("low: 0.25, high: 2.0", "low: 0, high: 2, tolerance: 0", "8:64", "above 0"),
         ("schema: hdassist.targets/1", "schema: other", "1:9", "must be hdassist.targets/1"),
         ("name: rig 3", "name: rig 3\nname: rig 4", "3:1", "duplicate key"),
     ],
@@ -107,6 +112,23 @@ def test_a_trace_is_read_beside_the_targets(tmp_path):
             read(GOOD + line, str(tmp_path / "rig.yaml"))
     with pytest.raises(PresetError, match="cannot be read"):
         read(GOOD + line.replace("trace.csv", "none.csv"), str(tmp_path / "rig.yaml"))
+
+
+@pytest.mark.parametrize("more", ["value: 0", "low: 3", "high: 3"])
+def test_a_trace_has_no_value_of_its_own(tmp_path, more):
+    line = f"  - {{quantity: trace, M_g: 4, file: none.csv, tolerance: 0.5, {more}}}\n"
+    with pytest.raises(PresetError, match="unknown key"):
+        read(GOOD + line, str(tmp_path / "rig.yaml"))
+
+
+def test_what_was_said_of_a_key_is_not_said_of_its_target_again(tmp_path):
+    line = "  - {quantity: trace, M_g: 4, file: none.csv, tolerance: 0.5}\n"
+    with pytest.raises(PresetError, match=r"targets\[4\]\.file: cannot be read") as error:
+        read(GOOD + line, str(tmp_path / "rig.yaml"))
+    assert len(error.value.findings) == 1
+    with pytest.raises(PresetError, match="anchors are not allowed") as error:
+        read(GOOD.replace("value: 31", "value: !!int 31").replace("low: 0,", "low: &a 0,"))
+    assert len(error.value.findings) == 2
 
 
 def test_a_trace_is_read_as_measure_reads_it(tmp_path):

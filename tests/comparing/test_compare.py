@@ -12,7 +12,7 @@ from hdassist.comparing.compare import RecordConvention, alignment_of, compare, 
 from hdassist.comparing.page import overrides_of
 from hdassist.comparing.record import Alignment, solved_curve
 from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
-from hdassist.error.waves import Torus
+from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -39,7 +39,7 @@ def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float
 
 
 def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
-    torus = Torus(drive, M_G)
+    torus = ErrorWaves(drive, M_G)
     (waves,) = torus.waves([drive])
     error = kinematic_error(drive, M_G, cross_check=None)
     states = error.states

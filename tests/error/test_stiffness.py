@@ -93,9 +93,8 @@ def test_stiffer_contacts_raise_each_segment(reference, plain, name):
     assert all(new.stiffness > old.stiffness for new, old in zip(curve.positive, plain.positive, strict=True))
 
 
-def test_numbers_do_not_depend_on_how_many_torques_the_curve_has(reference, plain, monkeypatch):
-    monkeypatch.setattr("hdassist.error.stiffness.POINTS", 7)
-    coarse = of(reference, T_1=80.0, T_2=800.0)
+def test_numbers_do_not_depend_on_how_many_torques_the_curve_has(reference, plain):
+    coarse = of(reference, T_1=80.0, T_2=800.0, points=7)
     assert len(coarse.torque) < len(plain.torque)
     ours, theirs = ([s.stiffness for s in c.positive] for c in (coarse, plain))
     assert ours == pytest.approx(theirs, rel=1e-9)

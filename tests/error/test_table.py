@@ -7,7 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.search import CycleSearch
-from hdassist.error.table import KNOWN, Response, responses, turns
+from hdassist.error.table import KNOWN, ErrorTable, error_tables, turns
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
@@ -41,13 +41,13 @@ def drawn(drive: Drive, count: int, seed: int) -> list[Drive]:
 
 
 @pytest.fixture(scope="module")
-def table(small: Drive) -> Response:
+def table(small: Drive) -> ErrorTable:
     # the outermost drive, so that none of the others leaves the table
     outermost = small.with_values({"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0})
-    return responses(small, (4.0,), [*drawn(small, KNOWN - 1, 1), outermost])[0]
+    return error_tables([(small, [*drawn(small, KNOWN - 1, 1), outermost])], (4.0,))[0][0]
 
 
-def test_finds_what_a_search_finds_on_drives_it_has_not_seen(small: Drive, table: Response) -> None:
+def test_finds_what_a_search_finds_on_drives_it_has_not_seen(small: Drive, table: ErrorTable) -> None:
     drives = drawn(small, 40, 2)
     found = table.F_ior(np.array([deviation_scalars(d, *turns()) for d in drives]))
     search = CycleSearch(small, 4.0)
@@ -57,7 +57,7 @@ def test_finds_what_a_search_finds_on_drives_it_has_not_seen(small: Drive, table
     assert np.abs(missed).max() < 5 * table.standard_error
 
 
-def test_its_points_are_states_solved(small: Drive, table: Response) -> None:
+def test_its_points_are_states_solved(small: Drive, table: ErrorTable) -> None:
     system = contact_system(small)
     middle = np.array(table.error.shape) // 2
     for place in (middle + np.array(step) for step in ((0, 0, 0, 0), (3, -1, 2, -4), (-5, 2, 6, 1))):
@@ -65,20 +65,20 @@ def test_its_points_are_states_solved(small: Drive, table: Response) -> None:
         assert table.error[tuple(place)] == pytest.approx(rotation(system, 4e3, scalars), abs=1e-7)
 
 
-def test_all_deviations_reversed_are_half_a_turn(table: Response) -> None:
+def test_all_deviations_reversed_are_half_a_turn(table: ErrorTable) -> None:
     error = table.error.ravel()
     assert np.array_equal(error, error[::-1], equal_nan=True)
 
 
-def test_the_same_digits_from_any_number_of_workers(small: Drive, table: Response) -> None:
+def test_the_same_digits_from_any_number_of_workers(small: Drive, table: ErrorTable) -> None:
     outermost = small.with_values({"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0})
     with ThreadPoolExecutor(2) as executor:
-        again = responses(small, (4.0,), [*drawn(small, KNOWN - 1, 1), outermost], executor=executor)[0]
+        again = error_tables([(small, [*drawn(small, KNOWN - 1, 1), outermost])], (4.0,), executor=executor)[0][0]
     assert np.array_equal(again.error, table.error, equal_nan=True)
     assert again.standard_error == table.standard_error
 
 
-def test_outside_its_reach_it_knows_nothing(small: Drive, table: Response) -> None:
+def test_outside_its_reach_it_knows_nothing(small: Drive, table: ErrorTable) -> None:
     far = small.with_values({"tolerances.e_hb": 120.0})
     with pytest.raises(UntrustedError, match="beyond"):
         table.F_ior(deviation_scalars(far, *turns()))

@@ -6,9 +6,9 @@ import pytest
 from hdassist import ToothDeviations, kinematic_error
 from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import deviation_scalars, first_harmonic, gaps, tooth_phases
+from hdassist.model.deviations import deviation_scalars, gaps, tooth_phases
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from tests.support import changed
+from tests.support import changed, first_harmonic
 
 QUIET = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
 

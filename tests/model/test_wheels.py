@@ -7,11 +7,12 @@ import pytest
 
 from hdassist import check, kinematic_error, load_preset, mounting_curve, trace
 from hdassist.errors import UsageError
-from hdassist.model.deviations import first_harmonic, tooth_phases
+from hdassist.model.deviations import tooth_phases
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import phase_deg, rotated, seat_positions
 from tests.process import SMALL
+from tests.support import first_harmonic
 
 FIXED = ("rigid", "flexspline")
 

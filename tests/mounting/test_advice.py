@@ -8,7 +8,6 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.search import QUICK, CycleSearch
 from hdassist.errors import UsageError
-from hdassist.mounting import positions as mounting
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.page import summary_line, to_json
@@ -67,10 +66,9 @@ def test_bad_weights(weights):
         mounting_curve(load_preset(SMALL), [1.0, 4.0], [0.0], weights=weights)
 
 
-def test_a_free_angle_is_as_good_as_brute_force_in_one_degree_steps(monkeypatch):
-    monkeypatch.setattr(mounting, "FREE_STEP", 15.0)
+def test_a_free_angle_is_as_good_as_brute_force_in_one_degree_steps():
     drive = load_preset(SMALL, ["mounting.holes=0"])
-    curve = mounting_curve(drive, [4.0], seat_positions(drive), cross_check=None)
+    curve = mounting_curve(drive, [4.0], seat_positions(drive, free_step=15.0), cross_check=None)
     search = CycleSearch(drive, 4.0)
     around = np.arange(-20, 21) + round(curve.recommended.rotation_deg)
     brute = min(search.extremes(rotated(drive, float(r))).F_ior_arcsec for r in around)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error import search as extremes
 from hdassist.errors import UsageError
 from hdassist.mounting import curve as making
 from hdassist.mounting.curve import mounting_curve
@@ -89,9 +88,8 @@ def every_state():
     return mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
 
 
-def test_searched_curves_are_those_of_every_state(every_state, monkeypatch):
-    monkeypatch.setattr(extremes, "WORTH", 0)
-    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+def test_searched_curves_are_those_of_every_state(every_state):
+    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, search_from=0, cross_check=None)
     assert searched.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=0.01)
     # what the advice rests on is proven: the present and the recommended position
     for torque in range(2):
@@ -102,10 +100,9 @@ def test_searched_curves_are_those_of_every_state(every_state, monkeypatch):
 
 
 def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
-    monkeypatch.setattr(extremes, "WORTH", 0)
     real = making._searched
     monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, search_from=0, cross_check=None)
     assert curve.every_state.all()
     assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=1e-9)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error
-from hdassist.design.check import Check, OperatingPoint
+from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.model.contacts import contact_system
@@ -238,7 +238,7 @@ def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> Operatin
 )
 def test_limits_and_torques_set_the_verdict(reference, limits, verdicts):
     drive = changed(reference, acceptance__F_ior=limits)
-    report = Check(drive, (point(drive, 80.0, 28.0, 1.0), point(drive, 800.0, 8.0, 2.0)))
+    report = DesignCheck(drive, (point(drive, 80.0, 28.0, 1.0), point(drive, 800.0, 8.0, 2.0)))
     assert [p.verdict for p in report.points] == verdicts
     assert report.verdict == (Verdict.FAIL if "FAIL" in verdicts else verdicts[0])
 
@@ -246,5 +246,5 @@ def test_limits_and_torques_set_the_verdict(reference, limits, verdicts):
 def test_rated_torque_warns(reference):
     drive = changed(reference, operation__rated=500.0)
     points = (point(drive, 80.0, 1.0, 1.0), point(drive, 800.0, 1.0, 1.0))
-    assert Check(drive, points).warnings == ("800 N*m is above the rated torque of 500 N*m",)
-    assert Check(reference, points).warnings == ()
+    assert DesignCheck(drive, points).warnings == ("800 N*m is above the rated torque of 500 N*m",)
+    assert DesignCheck(reference, points).warnings == ()

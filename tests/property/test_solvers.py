@@ -9,7 +9,8 @@ from hdassist.model.contacts import contact_system
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.engine import MANY, Engine
-from hdassist.solve.formulation import formulate, solve_through_cvxpy
+from hdassist.solve.formulation import formulate
+from hdassist.solve.throughcvxpy import solve_through_cvxpy
 from tests.support import changed
 
 

@@ -14,7 +14,7 @@ from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import csv_text
 from hdassist.trials.posterior import Posterior, posterior
-from hdassist.trials.prior import Tables, prior_of, tabulated
+from hdassist.trials.prior import SampleSizes, Tables, prior_of, tabulated
 from hdassist.trials.trial import Rig, Trial, read_trial, trial_positions
 from hdassist.trials.trial_traces import TrialTrace
 from hdassist.trials.verification import verify
@@ -23,22 +23,13 @@ from tests.process import SMALL
 M_G, HOLES = 4.0, 12
 POSITIONS = trial_positions(HOLES, "all")
 RIG = Rig(M_G, noise_arcsec=0.5)
+FEW = SampleSizes(draws=8, traced_draws=8, particles=600, compared=8)
 TOLD = load_preset(SMALL).model_copy(update={"uncertainty": {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}})
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_draws():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hdassist.trials.prior.WORLDS", 8)
-        patch.setattr("hdassist.trials.prior.TRACED", 8)
-        patch.setattr("hdassist.error.table.KNOWN", 8)
-        patch.setattr("hdassist.trials.traced_worlds.PARTICLES", 600)
-        yield
 
 
 @pytest.fixture(scope="module")
 def tables() -> Tables:
-    return tabulated(TOLD, (M_G,), traced=True)
+    return tabulated(TOLD, (M_G,), traced=True, sizes=FEW)
 
 
 @cache
@@ -86,7 +77,7 @@ def test_with_the_flexspline_fixed_its_own_offset_is_told(tmp_path: Path) -> Non
     trials = [
         read(tmp_path / f"{hole}.csv", figures(45.0, 130.0, hole, 200.0, "flexspline"), hole, of) for hole in (0, 4)
     ]
-    known = learnt(tabulated(of, (M_G,), traced=True), *trials)
+    known = learnt(tabulated(of, (M_G,), traced=True, sizes=FEW), *trials)
     assert off(known, 130) < max(3 * known.directions()[0].spread_deg, 5)
 
 

@@ -9,7 +9,7 @@ from math import isinf
 from pathlib import Path
 
 from tests.validation import study
-from tests.validation.case import Case
+from tests.validation.case import Case, Information
 
 PAGE = Path(__file__).parents[2] / "docs/validation.md"
 SOURCES = (
@@ -44,8 +44,6 @@ the effect of turning a wheel are what can be relied on.
 
 def expected(case: Case) -> str:
     """The expected range in words."""
-    if case.kind.value == "model result" and (isinf(case.high) or case.high == 360):
-        return "-"
     if case.centre is not None:
         return f"{case.centre:.5g} ± {case.high - case.centre:.2g}"
     low, high = format(case.low, ".4g"), format(case.high, ".4g")
@@ -54,10 +52,15 @@ def expected(case: Case) -> str:
 
 def row(case: Case) -> str:
     """One line of a table."""
-    verdict = "-" if expected(case) == "-" else "yes" if case.agrees else "**no**"
     unit = f" {case.unit}" if case.unit else ""
-    cells = (case.quantity, f"{case.source}", expected(case) + (unit if expected(case) != "-" else ""))
-    return f"| {' | '.join(cells)} | {format(case.got, case.digits)}{unit} | {verdict} | {case.kind} |"
+    got, verdict = format(case.got, case.digits) + unit, "yes" if case.agrees else "**no**"
+    return f"| {case.quantity} | {case.source} | {expected(case)}{unit} | {got} | {verdict} | {case.kind} |"
+
+
+def information(shown: Iterable[Information]) -> list[str]:
+    """Lines of the table of what is shown only, if anything is."""
+    rows = [f"| {item.quantity} | {item.value():{item.digits}} {item.unit} | {item.why} |" for item in shown]
+    return ["| for information | got | why no range |", "| --- | --- | --- |", *rows, ""] if rows else []
 
 
 def grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
@@ -83,7 +86,8 @@ def page() -> str:
         reasons = [f"- {'; '.join(quantities)}: {why}." for why, quantities in whys.items()]
         table = ["| quantity | source | expected | got | agrees | worth |", "| --- | --- | --- | --- | --- | --- |"]
         table += [row(case) for case in module.CASES]
-        parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *table, "", *misses, *reasons, ""]))
+        table += ["", *information(getattr(module, "INFORMATION", ()))]
+        parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *table, *misses, *reasons, ""]))
     parts.append("\n".join([f"## {study.TITLE}", "", study.ABOUT, "", study.table(), ""]))
     return "\n".join(parts)
 

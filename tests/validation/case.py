@@ -57,6 +57,17 @@ class Case:
         assert self.agrees != bool(self.miss), words
 
 
+@dataclass(frozen=True)
+class Information:
+    """A quantity that nothing outside of the model bounds: shown on the page, and no test."""
+
+    quantity: str
+    unit: str
+    why: str
+    value: Callable[[], float]
+    digits: str = ".3g"
+
+
 def about(value: float, tolerance: float) -> dict[str, float]:
     """Range of a value with a tolerance."""
     return {"low": value - tolerance, "high": value + tolerance, "centre": value}

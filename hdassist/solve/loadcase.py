@@ -1,0 +1,50 @@
+"""A drive's contact system under a torque, which solves its states and proves each answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hdassist.model.contacts import contact_system
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import N_MM, Answers, Progress, StateSolver, solve_states
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.throughcvxpy import ThroughCvxpy
+
+
+class LoadCase:
+    """A contact system under a torque, ready to solve many states.
+
+    Arguments: formulation, the programme of the system; M_g, torque on the flexspline [N*m]; like, the load case of a
+    system that is the same or differs a little, from whose compiled programme and contacts this one starts; solver, a
+    name that cvxpy knows, to send each state through cvxpy instead of the engine.
+    """
+
+    def __init__(
+        self, formulation: Formulation, M_g: float, *, like: LoadCase | None = None, solver: str | None = None
+    ) -> None:
+        self.formulation, self.system, self._torque = formulation, formulation.system, M_g * N_MM
+        near = like._solver if like and isinstance(like._solver, Engine) else None
+        self._solver: StateSolver = (
+            ThroughCvxpy(formulation, self._torque, solver) if solver else Engine(formulation, self._torque, near)
+        )
+
+    @classmethod
+    def of(cls, drive: Drive, M_g: float, *, like: LoadCase | None = None) -> LoadCase:
+        """Load case of a drive at a torque M_g [N*m], at tooth phase 0 and the preset's ball phase."""
+        return cls(formulate(contact_system(drive)), M_g, like=like)
+
+    def load(self, M_g: float) -> None:
+        """Go on with another torque [N*m]; what was factored stays."""
+        self._torque = M_g * N_MM
+        self._solver.load(self._torque)
+
+    def solve(self, delta_p: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
+        """Solve states and prove each answer.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M); place, words for where state k is, for errors;
+        progress, told how many states were solved since the last call. Raises UntrustedError where a state is not
+        solved, or its answer is outside the limits of the linear model.
+        """
+        return solve_states(self.system, self._solver, self._torque, delta_p, place, progress)

@@ -1,0 +1,119 @@
+"""States sent through cvxpy to a solver that it knows: slow, independent of the engine, and so a check of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.geometry import Array
+from hdassist.solve.answers import ARCSEC, N_MM
+from hdassist.solve.formulation import Formulation
+
+CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
+
+# Solvers that take a quadratic programme, of those cvxpy knows.
+QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
+
+# Tolerances at which each solver's answers earn their certificate; a name that is not here runs at its defaults.
+TOLERANCES: dict[str, dict[str, Any]] = {
+    "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
+    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000},
+    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000},
+}
+
+
+def require_solver(name: str) -> str:
+    """Name of a solver as cvxpy writes it; raises UsageError where it is not there or solves no such programme."""
+    if name.upper() not in _able():
+        raise UsageError(f"no solver {name!r} for the contact problem", f"there are: {', '.join(_able()).lower()}")
+    return name.upper()
+
+
+@cache  # cvxpy looks for every solver anew each time
+def _able() -> list[str]:
+    return sorted(set(cp.installed_solvers()) & QUADRATIC)
+
+
+def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
+    """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
+
+    Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
+    Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
+    """
+    name, stated = require_solver(solver), formulation.statement
+    stated.gaps.value = formulation.gaps(delta_p)
+    stated.load.value = formulation.load(torque)
+    try:
+        with warnings.catch_warnings():
+            # "solution may be inaccurate": residuals and the other solver decide that, not a status
+            warnings.simplefilter("ignore", UserWarning)
+            stated.problem.solve(solver=name, **TOLERANCES.get(name, {}))
+    except cp.SolverError as error:
+        raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
+    if stated.forces.value is None or stated.equilibrium.dual_value is None:
+        raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}")
+    return formulation.answer(stated.forces.value, stated.equilibrium.dual_value)
+
+
+class ThroughCvxpy:
+    """Sends each state through cvxpy itself: slow, and independent of the engine.
+
+    Arguments: formulation; torque [N*mm]; solver, a name that cvxpy knows.
+    """
+
+    def __init__(self, formulation: Formulation, torque: float, solver: str) -> None:
+        self._formulation, self._solver = formulation, solver
+        self.load(torque)
+
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]."""
+        self._torque = torque
+
+    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
+        answers = [solve_through_cvxpy(self._formulation, gaps, self._torque, self._solver) for gaps in delta_p]
+        return np.stack([forces for forces, _ in answers]), np.stack([free for _, free in answers]), 0
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """States solved again through cvxpy by another solver, and the greatest difference of the error."""
+
+    solver: str
+    states: int
+    max_difference_arcsec: float
+
+
+def solve_again(
+    formulation: Formulation,
+    torques: Array,
+    delta_p: Array,
+    rotation_arcsec: Array,
+    solver: str,
+    place: Callable[[int], str],
+) -> CrossCheck:
+    """Solve states of one system by another solver, called through cvxpy, and compare the rotations.
+
+    Arguments: torques M_g [N*m] and rotation_arcsec, what the engine found [arcsec], shape (states,); delta_p, gaps
+    without force [mm], shape (states, M); place, words for where state k is, for errors. Raises UntrustedError where
+    two rotations differ by more than CROSS_TOLERANCE.
+    """
+    worst, free_rotation = 0.0, formulation.system.free_rotation
+    for k, M_g in enumerate(torques.tolist()):
+        _, free = solve_through_cvxpy(formulation, delta_p[k], M_g * N_MM, solver)
+        difference = float(np.abs(free[free_rotation] * ARCSEC - rotation_arcsec[k]))
+        if not difference <= CROSS_TOLERANCE:
+            raise UntrustedError(
+                f"two solvers disagree at {place(k)}: {difference:.3g} arcsec between the engine and {solver}, "
+                f"{CROSS_TOLERANCE} allowed",
+                "try another solver for the cross-check (--cross-check osqp)",
+            )
+        worst = max(worst, difference)
+    return CrossCheck(require_solver(solver), len(torques), worst)
