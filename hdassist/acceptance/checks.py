@@ -1,13 +1,25 @@
 """The named checks of an acceptance, and the remarks beside them, declared once.
 
-Reports, `hdassist explain`, the docs and the tests read these declarations.
+Names of limits, columns of lots, reports, `hdassist explain`, the docs and the tests read these declarations.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
-from hdassist.errors import UsageError
+from hdassist.errors import DataError, UsageError
+from hdassist.preset.fields import Acceptance
+from hdassist.preset.kinds import Kind, kind_of, unit_of
+
+if TYPE_CHECKING:  # heavy, and `hdassist explain` needs none of it
+    from hdassist.acceptance.predictions import Predictions
+    from hdassist.measuring.measure import SweepResult
+
+Need = Literal["cycle", "self error", "stiffness"]
+Extent = Literal["whole", "at least", "part"]
 
 
 @dataclass(frozen=True)
@@ -25,18 +37,46 @@ class Explained:
 class Check(Explained):
     """A value held against a limit of the preset.
 
-    field: of the section acceptance that has the limit; unit; upper: whether the limit is the greatest value allowed,
+    field: of the preset's section acceptance, which has the limit; its kind says what the limit is for. needs: what of
+    the drive has to be predicted for the value. predicted: the value by predictions, torque [N*m] and order per cam
+    turn (0 where the limit is for none). measured: the value with its standard uncertainty by one direction of a
+    trace and the order, None where that does not tell it; no function where no trace tells it. of_part: what such a
+    value says where the record visited a part of the cycle. upper: whether the limit is the greatest value allowed,
     not the least.
     """
 
     field: str
-    unit: str = "arcsec"
+    needs: tuple[Need, ...]
+    predicted: Callable[[Predictions, float, float], float]
+    measured: Callable[[SweepResult, float], tuple[float, float] | None] | None = None
+    of_part: Extent = "at least"
     upper: bool = True
+
+    @property
+    def kind(self) -> Kind:
+        """What its limits are for: "limits", one for each torque; "orders", at every torque; "number", the drive."""
+        return kind_of(Acceptance.model_fields[self.field])
+
+    @property
+    def unit(self) -> str:
+        """Unit of its value and limit, as JSON has it."""
+        return unit_of(Acceptance.model_fields[self.field])
 
 
 @dataclass(frozen=True)
 class Remark(Explained):
     """Something that a verdict should not be read without."""
+
+
+def _amplitude(found: SweepResult, order: float) -> tuple[float, float] | None:
+    near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.bins.span]
+    best = min(near, key=lambda o: abs(o.per_cam_rev - order), default=None)
+    return (best.amplitude_arcsec, best.uncertainty_arcsec) if best else None
+
+
+def _weaker_side(segment: int, of: Predictions, *_: float) -> float:
+    """Stiffness of a segment on the side where it is less: the limit is the least."""
+    return min(side[segment].stiffness for side in (of.twist.positive, of.twist.negative))
 
 
 F_IOR = Check(
@@ -49,6 +89,9 @@ F_IOR = Check(
     "Turn the fixed wheel (hdassist mount): it costs nothing. Then the tolerance that moves F'_ior most "
     "(hdassist compare tells which deviation explains a measured one), the clearance j_n, the wave W_0.",
     "F_ior",
+    ("cycle", "self error"),
+    lambda of, M_g, _: of.errors[M_g].F_ior_arcsec + of.self_errors[M_g].range_arcsec,
+    lambda found, _: (found.range.value, found.uncertainty_arcsec),
 )
 TURN_RANGE = Check(
     "TURN_RANGE",
@@ -57,6 +100,9 @@ TURN_RANGE = Check(
     "Offsets of the cam and second orders of the pitch deviations make the output swing in each turn of the cam.",
     "Less offset of the cam (seat, bearing, bore), more evenly worn or better centred wheels, more teeth in mesh.",
     "turn_range",
+    ("cycle",),
+    lambda of, M_g, _: of.turn_range(M_g),
+    lambda found, _: (found.revolution.value, found.revolution_uncertainty_arcsec),
 )
 ORDER = Check(
     "ORDER",
@@ -65,6 +111,10 @@ ORDER = Check(
     "One cause stands out: order 2 of the cam excites the drive at twice its speed, low orders are the wheels'.",
     "hdassist trace names the cause of each order; change the deviation it names.",
     "order_amplitude",
+    ("cycle",),
+    lambda of, M_g, order: of.amplitude(M_g, order),
+    _amplitude,
+    of_part="part",
 )
 SELF_ERROR = Check(
     "SELF_ERROR",
@@ -73,6 +123,8 @@ SELF_ERROR = Check(
     "The teeth and balls carry the load unevenly by design: no tolerance and no mounting angle makes it less.",
     "The design: number of balls, ring stiffness, wave, tooth height, so that more teeth share the load.",
     "self_error",
+    ("self error",),
+    lambda of, M_g, _: of.self_errors[M_g].range_arcsec,
 )
 LOST_MOTION = Check(
     "LOST_MOTION",
@@ -81,6 +133,8 @@ LOST_MOTION = Check(
     "The output is loose around zero torque: clearance of flanks and bearing is taken up before the teeth carry.",
     "Less clearance j_n or g_b, a larger wave W_0, a stiffer ring.",
     "lost_motion",
+    ("stiffness",),
+    lambda of, *_: of.twist.lost_motion_arcsec,
 )
 STIFFNESSES = K1, K2, K3 = tuple(
     Check(
@@ -90,14 +144,13 @@ STIFFNESSES = K1, K2, K3 = tuple(
         "The output yields more under load than the axis allows: resonances fall, positions wander with torque.",
         "A stiffer shell or ring, more teeth in mesh (wave, clearance), larger balls or more of them.",
         f"K_{k}",
-        "N·m/rad",
+        ("stiffness",),
+        partial(_weaker_side, k - 1),
         upper=False,
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
 )
 CHECKS = (F_IOR, TURN_RANGE, ORDER, SELF_ERROR, LOST_MOTION, *STIFFNESSES)
-PER_TORQUE = (F_IOR, TURN_RANGE, SELF_ERROR)
-FROM_TRACES = (F_IOR, TURN_RANGE, ORDER)
 
 COVERAGE = Remark(
     "COVERAGE",
@@ -151,4 +204,12 @@ def explained(code: str) -> Explained:
     found = CODES.get(code.upper().replace("-", "_"))
     if found is None:
         raise UsageError(f"no check has the code {code}", f"codes: {', '.join(CODES)}")
+    return found
+
+
+def check_of(code: str) -> Check:
+    """The check of a code as files have it. Raises DataError: there is none."""
+    found = CODES.get(code)
+    if not isinstance(found, Check):
+        raise DataError(f"no check has the code {code}")
     return found

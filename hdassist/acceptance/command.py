@@ -2,13 +2,88 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hdassist.errors import HdassistError, UsageError
 from hdassist.terminal import options as o
 
+if TYPE_CHECKING:
+    from hdassist.acceptance.answer import Answer
+    from hdassist.acceptance.request import FailOn, Request
+    from hdassist.terminal.answers import Json
+    from hdassist.terminal.output import Output
+    from hdassist.terminal.runs import Answer as RunAnswer
 
+
+@dataclass(frozen=True)
+class FileOptions(o.OptionGroup):
+    """Files of answers: JSON Lines and JUnit; resume: go on with the lines that are there."""
+
+    jsonl: Annotated[
+        str | None, typer.Option("--jsonl", metavar="FILE", help="Write each answer as a line of JSON (- for stdout).")
+    ] = None
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the answers in --jsonl FILE.")] = False
+    junit: Annotated[str | None, typer.Option("--junit", metavar="FILE", help="Write JUnit XML (- for stdout).")] = None
+
+    @property
+    def lines_file(self) -> str | None:
+        """The file that JSON Lines go to; None for standard output too."""
+        return None if self.jsonl == "-" else self.jsonl
+
+    @property
+    def take_stdout(self) -> bool:
+        """Whether one of them is standard output."""
+        return "-" in (self.jsonl, self.junit)
+
+    @property
+    def asked(self) -> bool:
+        """Whether there is a file that a drive without an answer stands in too."""
+        return self.jsonl is not None or self.junit is not None
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is asked of a run: base, of every drive; files and out, where answers go; the others as options are."""
+
+    base: Request
+    files: FileOptions
+    options: o.FigureOptions
+    out: Output
+    fail_on: FailOn = "fail"
+    jobs: int = 0
+
+    def require_sound(self) -> None:
+        """Raise UsageError unless each file has its own place, and can be written."""
+        from hdassist.terminal.files import require_writable
+
+        files, out = self.files, self.out
+        if files.resume and files.lines_file is None:
+            raise UsageError("--resume goes on with a file of answers", "--jsonl FILE --resume")
+        named = [path for path in (out.csv, files.jsonl, files.junit) if path is not None]
+        named += [out.target] if out.target != "-" or self.options.json else []
+        for path in named:
+            if named.count(path) > 1:
+                where = "standard output" if path == "-" else path
+                raise UsageError(f"{where} can take one of --json, --csv, --jsonl and --junit")
+        if files.jsonl is not None:
+            require_writable(files.jsonl, out.force or files.resume)
+        if files.junit is not None:
+            require_writable(files.junit, out.force)
+
+    def write_suite(self, name: str, answers: Sequence[Answer], facts: Mapping[str, object]) -> None:
+        """Write the JUnit suite where it was asked for."""
+        from hdassist.acceptance.junit import junit
+        from hdassist.terminal.files import write_text
+
+        if self.files.junit is not None:
+            write_text(self.files.junit, junit(name, answers, {**facts, "seed": self.base.seed}), self.out.force)
+
+
+@o.with_groups
 def command(
     presets: Annotated[
         list[str],
@@ -18,6 +93,7 @@ def command(
             show_default=False,
         ),
     ] = [],  # noqa: B006 (typer copies it)
+    *,
     measured: Annotated[
         list[str],
         typer.Option("--measured", metavar="[TORQUE:]FILE", help="Measured trace, at a torque in N*m. Repeatable."),
@@ -30,7 +106,7 @@ def command(
         list[str],
         typer.Option("--limit", metavar="NAME[@TORQUE]=VALUE", help="Limit instead of the preset's. Repeatable."),
     ] = [],  # noqa: B006 (typer copies it)
-    overrides: o.Overrides = [],  # noqa: B006 (typer copies it)
+    drives: o.DriveOptions,
     serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number in the report.")] = "",
     rule: Annotated[Literal["guard", "simple"] | None, typer.Option(help="Decision rule for measured values.")] = None,
     margin: Annotated[
@@ -46,35 +122,12 @@ def command(
     replay: Annotated[
         str | None, typer.Option("--replay", metavar="RESULT", help="Do again what an answer says (--json, --jsonl).")
     ] = None,
-    angle: o.Angle = None,
-    angle_of: o.AngleOf = None,
-    angle_unit: o.AngleUnit = None,
-    error: o.ErrorColumn = None,
-    error_unit: o.ErrorUnit = None,
-    second: o.Second = None,
-    wrap: o.Wrap = None,
-    orders: o.Orders = None,
-    drift: o.Drift = "none",
-    budget: o.Budget = [],  # noqa: B006 (typer copies it)
+    trace: o.TraceOptions,
     cross_check: o.CrossCheck = "clarabel",
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
-    json: o.Json = False,
-    csv: o.Csv = None,
-    jsonl: Annotated[
-        str | None, typer.Option("--jsonl", metavar="FILE", help="Write each answer as a line of JSON (- for stdout).")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the answers in --jsonl FILE.")] = False,
-    junit: Annotated[
-        str | None, typer.Option("--junit", metavar="FILE", help="Write JUnit XML (- for stdout).")
-    ] = None,
-    output: o.Target = "-",
-    force: o.Force = False,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
-    quiet: o.Quiet = False,
-    verbose: o.Verbose = False,
-    debug: o.Debug = False,
+    files: FileOptions,
+    options: o.FigureOptions,
 ) -> None:
     """PASS, FAIL or INCONCLUSIVE: drives held against the limits of their presets.
 
@@ -94,13 +147,11 @@ def command(
     (17-042.yaml, 17-042@80.csv). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6 INCONCLUSIVE, 4 bad preset,
     file or no limit, 5 no trustworthy answer; of several drives the worst, in the order 1, 5, 4, 3, 6, 0.
     """
+    from hdassist.acceptance.limit_parser import LimitText
     from hdassist.acceptance.lot import is_lot
-    from hdassist.acceptance.lot_command import Files, accept_lot
+    from hdassist.acceptance.lot_command import accept_lot
     from hdassist.acceptance.replay_command import replay_answers
-    from hdassist.acceptance.request import Reading, Request
-    from hdassist.acceptance.single import accept_presets
-    from hdassist.errors import UsageError
-    from hdassist.terminal.output import Output
+    from hdassist.acceptance.request import Reading, Request, TraceFile
 
     lots = [name for name in presets if is_lot(name)]
     if not presets and replay is None:
@@ -109,33 +160,71 @@ def command(
         raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
     if (len(presets) > 1 or lots) and (measured or value or serial):
         raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
-    if (preset or resume) and not lots:
+    if (preset or files.resume) and not lots:
         raise UsageError(f"{'--preset' if preset else '--resume'} is for lots", "hdassist accept LOT.csv")
-    if [*presets, *(text.rpartition(":")[2] for text in measured), replay].count("-") > 1:
-        raise UsageError("standard input can be read once only")
+    traces = tuple(map(TraceFile.parse, measured))
+    o.stdin_once(*presets, *(one.file for one in traces), replay)
     if preset == "-":
         raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
-    out = Output.open(output, csv, force=force, ascii=ascii, no_color=no_color)
-    files = Files(jsonl, junit, resume)
-    files.require_sound(out, json)
     rules = [f"acceptance.rule={rule}"] * bool(rule) + ([f"acceptance.margin={margin}"] if margin is not None else [])
-    reading = Reading(
-        angle, o.shaft(angle_of), angle_unit, error, error_unit, second, wrap, orders, drift, tuple(budget)
-    )
+    reading = Reading(**asdict(trace.form()), orders=trace.orders, drift=trace.drift, budget=tuple(trace.budget))
     base = Request(
-        preset, serial, (*overrides, *rules), tuple(limit), tuple(measured), tuple(value), reading, measured_only,
-        cross_check, seed,
+        preset, serial, (*drives.overrides, *rules), tuple(LimitText.parse(text, "--limit") for text in limit), traces,
+        tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed,
     )  # fmt: skip
+    run = Run(base, files, options, options.open(), fail_on, jobs)
+    run.require_sound()
     if replay is not None:
-        if lots or csv or fail_on != "fail" or files != Files() or base != Request(""):
+        if lots or options.csv or fail_on != "fail" or files != FileOptions() or base != Request(""):
             raise UsageError("--replay does what its answer says", "no other options than PRESET, --json, -o, --jobs")
-        raise typer.Exit(replay_answers(replay, presets, out, jobs=jobs, json=json, quiet=quiet, debug=debug))
-    if lots:
-        code = accept_lot(
-            lots[0], base, out, files, fail_on=fail_on, jobs=jobs, json=json, quiet=quiet, verbose=verbose, debug=debug
+        raise typer.Exit(replay_answers(replay, presets, run))
+    raise typer.Exit(accept_lot(lots[0], run) if lots else accept_presets(presets, run))
+
+
+def accept_presets(presets: Sequence[str], run: Run) -> int:
+    """Accept drives one after the other; returns the exit code.
+
+    Raises what is wrong with the only drive, and UsageError with any.
+    """
+    from hdassist.acceptance import page as report
+    from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
+    from hdassist.acceptance.decision import limits_of, needed_for
+    from hdassist.acceptance.request import carry_out, read_measurements
+    from hdassist.terminal.files import write_text
+    from hdassist.terminal.runs import Answer as RunAnswer
+    from hdassist.terminal.runs import give, run_each
+    from hdassist.terminal.workers import workers
+
+    answers: list[Answer] = []
+
+    def one(preset: str) -> RunAnswer:
+        request = replace(run.base, preset=preset)
+        drive = request.load()
+        traces = read_measurements(request, drive)
+        states = 0 if request.measured_only else needed_for(limits_of(drive)).states(drive)
+        with run.out.progress(drive.name, states) as progress, workers(run.jobs) as executor:
+            result = carry_out(request, drive, traces, executor=executor, progress=progress)
+        answer = answer_of(request, result, run.fail_on)
+        answers.append(answer)
+        return RunAnswer(
+            lambda: to_json(answer),
+            None if run.files.take_stdout else lambda style: report.render(result, style, request.serial),
+            lambda: answer.status,
+            about=drive.name,
+            warnings=answer.warnings,
+            exit_code=answer.exit_code,
         )
-    else:
-        code = accept_presets(
-            presets, base, out, files, fail_on=fail_on, jobs=jobs, json=json, quiet=quiet, verbose=verbose, debug=debug
-        )
-    raise typer.Exit(code)
+
+    def failed(preset: str, error: HdassistError) -> Json:
+        answers.append(failure_of(replace(run.base, preset=preset), error))
+        return to_json(answers[-1])
+
+    kept = run.options.json or run.files.asked
+    told = run_each("accept", presets, one, run.options, failed=failed, keep_failures=kept)
+    code = give("accept", told, run.options, run.out)
+    if any(isinstance(answer, Accepted) for answer in answers):
+        run.out.figures(report.csv(answers))
+    if run.files.jsonl is not None:
+        write_text(run.files.jsonl, to_lines(answers), run.out.force)
+    run.write_suite("accept", answers, {})
+    return code

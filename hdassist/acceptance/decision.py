@@ -1,4 +1,4 @@
-"""A value held against its limit: the decision, and the rule that it follows.
+"""A value held against its limit: the limits of a drive, the decision, and the rule that it follows.
 
 Measured values, guard rule (JCGM 106, ISO 14253-1): accepted within the limit by GUARD standard uncertainties or
 more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between. Simple rule: accepted
@@ -8,26 +8,29 @@ its place under both rules, and what comes out is no decision on conformity.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from hdassist.acceptance.checks import Check
+from hdassist.acceptance.checks import CHECKS, Check, Extent
+from hdassist.acceptance.predictions import Needed, Predictions
+from hdassist.errors import DataError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.preset.fields import Drive
 from hdassist.verdict import Verdict
 
 GUARD = 1.65  # standard uncertainties: one-sided 95 %
 
 Basis = Literal["measured", "stated", "predicted"]
-Extent = Literal["whole", "at least", "part"]
 Rule = Literal["guard", "simple"]
 
 
 @dataclass(frozen=True)
-class Asked:
-    """A limit, and what it is for: a torque [N*m] and an order per cam turn where the check has them."""
+class Limit:
+    """A limit: the check, its bound in the check's unit, and what it is for: torque [N*m] and order per cam turn."""
 
     check: Check
-    limit: float
+    bound: float
     M_g: float | None = None
     order: float | None = None
 
@@ -38,16 +41,20 @@ class Asked:
         torque = "" if self.M_g is None else f" at {self.M_g:g} N·m"
         return f"{order or self.check.words}{torque}"
 
+    def predicted(self, predictions: Predictions) -> Value:
+        """The value of predictions that it is for."""
+        return Value(self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0), 0.0, "predicted")
+
 
 @dataclass(frozen=True)
-class Known:
+class Value:
     """What is known of a value.
 
-    value, in the unit of its check; uncertainty, the standard one, 0 where it is predicted; basis, how it is known;
+    number, in the unit of its check; uncertainty, the standard one, 0 where it is predicted; basis, how it is known;
     extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole.
     """
 
-    value: float
+    number: float
     uncertainty: float
     basis: Basis
     extent: Extent = "whole"
@@ -57,8 +64,8 @@ class Known:
 class Decision:
     """A limit, the value held against it (None: there is none), the guard band, the verdict, and why in words."""
 
-    asked: Asked
-    known: Known | None
+    limit: Limit
+    value: Value | None
     guard: float
     verdict: Verdict
     reason: str
@@ -66,37 +73,75 @@ class Decision:
     @property
     def margin(self) -> float | None:
         """Room left to the limit, in the unit of the check: negative beyond it."""
-        return None if self.known is None else _room(self.asked, self.known)
+        return None if self.value is None else _room(self.limit, self.value)
 
     @property
     def expanded(self) -> float | None:
         """Expanded uncertainty, k = 2, of a measured value."""
-        measured = self.known is not None and self.known.basis != "predicted"
-        return COVERAGE_FACTOR * self.known.uncertainty if measured and self.known else None
+        known = self.value is not None and self.value.basis != "predicted"
+        return COVERAGE_FACTOR * self.value.uncertainty if known and self.value else None
 
 
-def decide(asked: Asked, known: Known | None, rule: Rule, margin: float) -> Decision:
+def decide(limit: Limit, value: Value | None, rule: Rule, margin: float) -> Decision:
     """Decide on a value by a rule; margin: of predictions, as a share of the value.
 
     Without a value the decision is INCONCLUSIVE.
     """
-    if known is None:
-        return Decision(asked, None, 0.0, Verdict.INCONCLUSIVE, "the record does not tell it")
-    predicted = known.basis == "predicted"
-    guard = margin * abs(known.value) if predicted else GUARD * known.uncertainty if rule == "guard" else 0.0
-    room = _room(asked, known)
-    if known.extent == "part":
-        return Decision(asked, known, guard, Verdict.INCONCLUSIVE, "of a part of the cycle only")
+    if value is None:
+        return Decision(limit, None, 0.0, Verdict.INCONCLUSIVE, "the record does not tell it")
+    predicted = value.basis == "predicted"
+    guard = margin * abs(value.number) if predicted else GUARD * value.uncertainty if rule == "guard" else 0.0
+    room = _room(limit, value)
+    if value.extent == "part":
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "of a part of the cycle only")
     if room < -guard:
-        return Decision(asked, known, guard, Verdict.FAIL, "")
-    if known.extent == "at least":
-        return Decision(asked, known, guard, Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only")
+        return Decision(limit, value, guard, Verdict.FAIL, "")
+    if value.extent == "at least":
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only")
     if room >= guard:
-        return Decision(asked, known, guard, Verdict.PASS, "")
+        return Decision(limit, value, guard, Verdict.PASS, "")
     band = "margin of the prediction" if predicted else "guard band"
-    return Decision(asked, known, guard, Verdict.INCONCLUSIVE, f"within the {band}")
+    return Decision(limit, value, guard, Verdict.INCONCLUSIVE, f"within the {band}")
 
 
-def _room(asked: Asked, known: Known) -> float:
-    room = asked.limit - known.value
-    return room if asked.check.upper else -room
+def _room(limit: Limit, value: Value) -> float:
+    room = limit.bound - value.number
+    return room if limit.check.upper else -room
+
+
+def limits_of(drive: Drive) -> tuple[Limit, ...]:
+    """Limits of a drive: for torques, those of operation.M_g and those the limits name, for orders, for the drive.
+
+    Raises DataError: there is none.
+    """
+    found = tuple(_limits(drive))
+    if not found:
+        raise DataError(
+            f"{drive.name}: no limit to accept it by",
+            "acceptance: {F_ior: {80: 30}} in the preset, or --limit F_ior=30",
+        )
+    return found
+
+
+def _limits(drive: Drive) -> Iterator[Limit]:
+    for check in sorted(CHECKS, key=lambda check: ("limits", "orders", "number").index(check.kind)):
+        stated = drive.value(f"acceptance.{check.field}")
+        if check.kind == "limits":
+            named = [float(key) for key in stated if key != "all"]
+            for M_g in dict.fromkeys([*drive.operation.M_g, *named]):
+                if (bound := drive.limit(M_g, check.field)) is not None:
+                    yield Limit(check, bound, M_g)
+        elif check.kind == "orders":
+            for key, bound in stated.items():
+                yield from (Limit(check, bound, M_g, float(key)) for M_g in drive.operation.M_g)
+        elif stated is not None:
+            yield Limit(check, stated)
+
+
+def needed_for(limits: Iterable[Limit]) -> Needed:
+    """What has to be predicted for some limits."""
+    wanted = dict.fromkeys((need, limit.M_g) for limit in limits for need in limit.check.needs)
+    cycles, own = (
+        tuple(M_g for need, M_g in wanted if need == kind and M_g is not None) for kind in ("cycle", "self error")
+    )
+    return Needed(cycles, own, any(need == "stiffness" for need, _ in wanted))

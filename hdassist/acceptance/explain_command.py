@@ -9,13 +9,11 @@ import typer
 from hdassist.terminal import options as o
 
 
+@o.with_groups
 def command(
     codes: Annotated[list[str], typer.Argument(metavar="[CODE]...", help="Codes of checks or remarks.")] = [],  # noqa: B006 (typer copies it)
-    json: o.Json = False,
-    output: o.Target = "-",
-    force: o.Force = False,
-    ascii: o.Ascii = False,
-    no_color: o.NoColor = False,
+    *,
+    options: o.PageOptions,
 ) -> None:
     """What the checks of an acceptance test, what goes wrong, and what to change.
 
@@ -30,11 +28,10 @@ def command(
     from hdassist.acceptance import explain_page as report
     from hdassist.acceptance.checks import explained
     from hdassist.terminal.answers import json_text
-    from hdassist.terminal.output import Output
 
-    out = Output.open(output, force=force, ascii=ascii, no_color=no_color)
+    out = options.open()
     found = [explained(code) for code in codes]
-    if json:
-        out.text(json_text(report.answer(found)))
+    if options.json:
+        out.text(json_text(report.to_json(found)))
     else:
         out.human(report.render(found, out.style))

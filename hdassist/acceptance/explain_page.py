@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from hdassist.acceptance.checks import CHECKS, CODES, Check, Explained
+from hdassist.acceptance.checks import CODES, Check, Explained
 from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
@@ -31,14 +31,14 @@ def render(found: Sequence[Explained], style: Style) -> RenderableType:
 def _one(item: Explained, style: Style) -> list[RenderableType]:
     parts: list[RenderableType] = [Text(style.text(f"{item.code}: {item.words}"), style="bold")]
     if isinstance(item, Check):
-        how = "greatest" if item.upper else "least"
-        parts.append(Text(style.text(f"  limit: acceptance.{item.field}, the {how} value allowed, {item.unit}")))
+        how, unit = "greatest" if item.upper else "least", item.unit.replace("*", "·")
+        parts.append(Text(style.text(f"  limit: acceptance.{item.field}, the {how} value allowed, {unit}")))
     for title, text in (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change)):
         parts += [Text(f"  {title}"), Padding(Text(style.text(text)), (0, 0, 0, 4))]
     return [*parts, Text("")]
 
 
-def answer(found: Sequence[Explained]) -> dict[str, Any]:
+def to_json(found: Sequence[Explained]) -> dict[str, Any]:
     """Checks and remarks as a JSON object; all of them where none is asked for."""
     return {
         "schema": "hdassist.explain/1",
@@ -48,10 +48,10 @@ def answer(found: Sequence[Explained]) -> dict[str, Any]:
         "codes": [
             {
                 "code": item.code,
-                "kind": "check" if item in CHECKS else "remark",
+                "kind": "check" if isinstance(item, Check) else "remark",
                 "words": item.words,
                 "limit": f"acceptance.{item.field}" if isinstance(item, Check) else None,
-                "unit": item.unit.replace("·", "*") if isinstance(item, Check) else None,
+                "unit": item.unit if isinstance(item, Check) else None,
                 "tests": item.tests,
                 "goes_wrong": item.wrong,
                 "change": item.change,

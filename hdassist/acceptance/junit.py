@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from hdassist.acceptance.lot_figures import Answer, asked, provenance, status
-from hdassist.acceptance.lot_page import sentence
+from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, provenance
+from hdassist.acceptance.page import sentence
 
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
@@ -40,13 +40,13 @@ def _count(element: Element, counted: Mapping[str, str]) -> None:
 
 
 def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
-    preset, serial = answer["preset"]["name"], answer.get("serial", "")
+    preset, serial = answer.preset.name, answer.serial
     name = serial or preset
     suite = SubElement(root, "testsuite", name=_clean(name))
     place = SubElement(suite, "properties")
-    known = {"serial": serial, "preset": preset, "status": status(answer), **provenance(answer), **facts}
-    for check in answer.get("checks", ()):
-        known |= {f"{_key(check)}.{number}": check[number] for number in NUMBERS}
+    known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
+    for check in answer.checks if isinstance(answer, Accepted) else ():
+        known |= {f"{_key(check)}.{number}": getattr(check, number) for number in NUMBERS}
     for key, value in known.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=_clean(str(value)))
@@ -54,31 +54,31 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     def case(words: str) -> Element:
         return SubElement(suite, "testcase", classname=_clean(preset), name=_clean(f"{name}: {words}"))
 
-    if "error" in answer:
-        error = answer["error"]
-        message = f"{status(answer)}: {error['message'].splitlines()[0]}"
-        body = [error["message"], f"hint: {error['hint']}"] if error["hint"] else [error["message"]]
-        _say(case("no answer"), "error", message, body, ERRORS.get(answer["exit_code"], "DATA"))
+    if not isinstance(answer, Accepted):
+        error = answer.error
+        message = f"{answer.status}: {error.message.splitlines()[0]}"
+        body = [error.message, f"hint: {error.hint}"] if error.hint else [error.message]
+        _say(case("no answer"), "error", message, body, ERRORS.get(answer.exit_code, "DATA"))
         return
-    remarks = [f"remark {said['code']}: {said['text']}" for said in answer["remarks"]]
-    for check in answer["checks"]:
-        verdict, words = check["verdict"], f"{check['verdict']}: {sentence(check)}"
-        lines = [words, *([f"because: {check['reason']}"] if check["reason"] else []), *remarks]
-        element = case(asked(check).label)
-        if verdict == "PASS":
+    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
+    for check in answer.checks:
+        words = f"{check.verdict}: {sentence(check)}"
+        lines = [words, *([f"because: {check.reason}"] if check.reason else []), *remarks]
+        element = case(check.held_against.label)
+        if check.verdict == "PASS":
             SubElement(element, "system-out").text = _clean("\n".join(lines))
         else:
-            _say(element, "failure", words, [*lines, f"what to do: hdassist explain {check['code']}"], verdict)
-    for label in answer["left_out"]:
+            _say(element, "failure", words, [*lines, f"what to do: hdassist explain {check.code}"], str(check.verdict))
+    for label in answer.left_out:
         _say(case(label), "skipped", "not tested: nothing was measured")
-    if answer["fail_on"] == "warn" and remarks:
+    if answer.fail_on == "warn" and remarks:
         _say(case("remarks"), "failure", f"FAIL: {remarks[0]}", remarks, "REMARK")
 
 
-def _key(check: Answer) -> str:
+def _key(check: CheckRecord) -> str:
     """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
-    order = "" if check["per_cam_rev"] is None else f"_{check['per_cam_rev']:g}"
-    return f"{check['code']}{order}" + ("" if check["M_g_Nm"] is None else f"@{check['M_g_Nm']:g}")
+    order = "" if check.per_cam_rev is None else f"_{check.per_cam_rev:g}"
+    return f"{check.code}{order}" + ("" if check.M_g_Nm is None else f"@{check.M_g_Nm:g}")
 
 
 def _say(case: Element, tag: str, message: str, body: Sequence[str] = (), kind: str = "") -> None:

@@ -1,89 +1,119 @@
-"""Limits and stated values as the command line writes them: F_ior@80=30, order_2=5, K_1=1e5, F_ior@80=28.1±1.2."""
+"""Limits and values as the command line and lots write them: F_ior@80=30, order_2=5, K_1=1e5, F_ior@80=28.1±1.2."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
-from hdassist.acceptance.accept import Stated
-from hdassist.acceptance.checks import CHECKS, ORDER, PER_TORQUE
-from hdassist.acceptance.decision import Asked
-from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.checks import CHECKS, ORDER
+from hdassist.acceptance.decision import Limit, Value
 from hdassist.errors import UsageError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
-from hdassist.preset.fields import Drive
 from hdassist.preset.units import UnitError, is_spread, read_spread
 
 ORDER_PREFIX = "order_"
-NAMES = [check.field for check in CHECKS if check != ORDER]
-HINT = f"NAME[@TORQUE]=VALUE, NAME one of {', '.join(NAMES)}, or order_2 and so on"
+KINDS = {check.field: check.kind for check in CHECKS if check != ORDER}
+HINT = f"NAME[@TORQUE]=VALUE, NAME one of {', '.join(KINDS)}, or order_2 and so on"
+
+Option = Literal["--limit", "--value"]
 
 
-def limit_overrides(texts: Sequence[str]) -> list[str]:
-    """Limits of the command line as overrides of the preset: the same checks, the same errors.
+@dataclass(frozen=True)
+class LimitName:
+    """The name of a limit: its field of the section acceptance, order and torque as written (empty: none)."""
 
-    Raises UsageError: a text that is no limit.
-    """
-    overrides = []
-    for text in texts:
-        name, order, torque, value = _parts(text, "--limit")
-        path = f"acceptance.order_amplitude.{order}" if order else f"acceptance.{name}"
-        overrides.append(f"{path}.{torque}={value}" if torque else f"{path}={value}")
-    return overrides
+    field: str
+    order: str = ""
+    torque: str = ""
+
+    @classmethod
+    def parse(cls, text: str, option: Option, whole: str = "") -> LimitName:
+        """Read a name such as F_ior@80 or order_2; whole, what messages show.
+
+        Raises UsageError: no such name, or a torque or order that cannot be.
+        """
+        name, at, torque = text.strip().partition("@")
+        order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
+        per_torque = option == "--value" if order else KINDS.get(name) == "limits"
+        if not (order or name in KINDS) or (at and not (torque and per_torque)):
+            raise UsageError(f"{option} {whole or text}: not understood", HINT)
+        if order:
+            _number(order, whole or text)
+        return cls(ORDER.field if order else name, order, torque)
+
+    @classmethod
+    def of_column(cls, text: str, option: Option) -> LimitName | None:
+        """The name that a column has; None where it is none. Raises UsageError as parse does."""
+        if text.strip().partition("@")[0] not in KINDS and not text.strip().startswith(ORDER_PREFIX):
+            return None
+        found = cls.parse(text, option)
+        if found.torque:
+            _number(found.torque, text)
+        return found
+
+    def __str__(self) -> str:
+        name = ORDER_PREFIX + self.order if self.order else self.field
+        return f"{name}@{self.torque}" if self.torque else name
+
+    def fits(self, limit: Limit) -> bool:
+        """Whether a limit may be meant. Raises UsageError: the torque is no number."""
+        return (
+            limit.check.field == self.field
+            and (not self.order or limit.order == float(self.order))
+            and (not self.torque or limit.M_g == _number(self.torque, str(self)))
+        )
 
 
-def is_named(text: str, option: str) -> bool:
-    """Whether a text such as F_ior@80 names a limit, as --limit or --value would have it before the equals sign.
+@dataclass(frozen=True)
+class LimitText:
+    """What is said of a limit: its name, and the text behind the equals sign."""
 
-    Raises UsageError: it names one, with a torque or order that cannot be.
-    """
-    name, _, torque = text.strip().partition("@")
-    if name not in NAMES and not name.startswith(ORDER_PREFIX):
-        return False
-    _parts(f"{text}=1", option)
-    if torque:
-        _number(torque, text)
-    return True
+    name: LimitName
+    text: str
 
+    @classmethod
+    def parse(cls, text: str, option: Option) -> LimitText:
+        """Read NAME[@TORQUE]=VALUE. Raises UsageError: a text that is none."""
+        name, _, value = text.partition("=")
+        if not value.strip():
+            raise UsageError(f"{option} {text}: not understood", HINT)
+        return cls(LimitName.parse(name, option, text), value.strip())
 
-def stated_values(texts: Sequence[str], drive: Drive) -> dict[Asked, Stated]:
-    """Values of the command line, by the limit of the drive that they are for.
+    def __str__(self) -> str:
+        return f"{self.name}={self.text}"
 
-    What stands after ± is the expanded uncertainty, k = 2. Raises UsageError: a text that is no value, one without
-    its uncertainty, or one that no limit of the drive is for.
-    """
-    found: dict[Asked, Stated] = {}
-    for text in texts:
-        name, order, torque, value = _parts(text, "--value")
-        fitting = [
-            asked
-            for asked in limits_of(drive)
-            if asked.check.field == name
-            and (not order or asked.order == float(order))
-            and (not torque or asked.M_g == _number(torque, text))
-        ]
+    @property
+    def override(self) -> str:
+        """The limit as an override of the preset: the same checks, the same errors."""
+        parts = ("acceptance", self.name.field, self.name.order, self.name.torque)
+        return f"{'.'.join(filter(None, parts))}={self.text}"
+
+    def limit_of(self, limits: Sequence[Limit]) -> Limit:
+        """The limit of a drive that a value is for. Raises UsageError: there is none, or several."""
+        fitting = [limit for limit in limits if self.name.fits(limit)]
         if not fitting:
-            raise UsageError(f"--value {text}: the drive has no such limit", f"--limit {text.partition('=')[0]}=...")
+            raise UsageError(f"--value {self}: the drive has no such limit", f"--limit {self.name}=...")
         if len(fitting) > 1:
-            torques = ", ".join(f"@{asked.M_g:g}" for asked in fitting)
-            raise UsageError(f"--value {text}: at which torque?", f"one of {torques}")
-        if fitting[0] in found:
-            raise UsageError(f"--value {text}: given twice")
-        found[fitting[0]] = _stated(value, fitting[0], text)
-    return found
+            torques = ", ".join(f"@{limit.M_g:g}" for limit in fitting)
+            raise UsageError(f"--value {self}: at which torque?", f"one of {torques}")
+        return fitting[0]
 
+    def value_for(self, limit: Limit) -> Value:
+        """The value that was measured otherwise; what stands after ± is its expanded uncertainty, k = 2.
 
-def _parts(text: str, option: str) -> tuple[str, str, str, str]:
-    """Field, order, torque and value of a text; order and torque may be empty."""
-    where, equals, value = text.partition("=")
-    name, at, torque = where.strip().partition("@")
-    order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
-    field = ORDER.field if order else name
-    per_torque = field in {check.field for check in PER_TORQUE} or (bool(order) and option == "--value")
-    if not equals or not value.strip() or (not order and name not in NAMES) or (at and not (torque and per_torque)):
-        raise UsageError(f"{option} {text}: not understood", HINT)
-    if order:
-        _number(order, text)
-    return field, order, torque, value.strip()
+        Raises UsageError: it is none, has no uncertainty, or is below zero.
+        """
+        if not is_spread(self.text):
+            hint = f"like {self.text}±1.2: expanded, k = 2; ±0 for none"
+            raise UsageError(f"--value {self}: without its uncertainty", hint)
+        try:
+            number, expanded = read_spread(self.text, limit.check.unit)
+        except UnitError as error:
+            raise UsageError(f"--value {self}: {error.message}", error.hint) from None
+        if number < 0:
+            raise UsageError(f"--value {self}: {limit.label} cannot be below zero", "its size, without a sign")
+        return Value(number, expanded / COVERAGE_FACTOR, "stated")
 
 
 def _number(text: str, whole: str) -> float:
@@ -91,15 +121,3 @@ def _number(text: str, whole: str) -> float:
         return float(text)
     except ValueError:
         raise UsageError(f"{whole}: {text} is no number", HINT) from None
-
-
-def _stated(text: str, asked: Asked, whole: str) -> Stated:
-    if not is_spread(text):
-        raise UsageError(f"--value {whole}: without its uncertainty", f"like {text}±1.2: expanded, k = 2; ±0 for none")
-    try:
-        value, expanded = read_spread(text, asked.check.unit.replace("·", "*"))
-    except UnitError as error:
-        raise UsageError(f"--value {whole}: {error.message}", error.hint) from None
-    if value < 0:
-        raise UsageError(f"--value {whole}: {asked.label} cannot be below zero", "its size, without a sign")
-    return Stated(value, expanded / COVERAGE_FACTOR)

@@ -1,4 +1,9 @@
-"""Lots: many drives to accept, from the rows of a table or from the files of a folder."""
+"""Lots: many drives to accept, from the rows of a table or from the files of a folder.
+
+Columns of a table: serial, preset, measured or measured@80 (a file), NAME[@TORQUE] (a value with its uncertainty,
+measured otherwise), limit NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are
+not used.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +11,23 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
-from hdassist.acceptance.lot_columns import Column, columns_of
-from hdassist.acceptance.request import Request
-from hdassist.errors import DataError, Finding, HdassistError, PresetError
+from hdassist.acceptance.limit_parser import LimitName, LimitText
+from hdassist.acceptance.request import Request, TraceFile
+from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
+from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
-from hdassist.preset.yamltext import shown
-from hdassist.readers.table import Cell, TextTable, few, read_texts
+from hdassist.preset.overrides import path_of
+from hdassist.preset.yamltext import near, shown
+from hdassist.readers.table import TextTable, few, read_texts
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
+_LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
+_AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
+_UNUSED = re.compile(r"#|note", re.IGNORECASE)
 _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
 
 
@@ -41,6 +54,14 @@ class Lot:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Column:
+    """What the cells of a column are, and of what: the name of a limit, a torque, or the path of an override."""
+
+    kind: Literal["serial", "preset", "measured", "value", "limit", "override"]
+    of: LimitName | str = ""
+
+
 def is_lot(path: str) -> bool:
     """Whether an argument is a lot: a folder, or a file with the name of a table."""
     return path.lower().endswith(TABLES) or (path != "-" and Path(path).is_dir())
@@ -58,83 +79,115 @@ def read_lot(path: str, base: Request) -> Lot:
 
 
 def _of_table(table: TextTable, base: Request) -> Lot:
-    columns = columns_of(table)
+    columns = _columns(table)
     first: dict[str, int] = {}
-    rows = [_row(table, columns, line, cells, base, first) for line, cells in table.rows]
+    rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
     notes = [f"{len(rows)} drives"]
     inside = [number for number in table.remarks if number > table.names_line]
     if inside:
         notes.append(f"left out as remarks: line {few(inside, 20)}")
-    left = [table.names[index].text for index in range(len(columns)) if columns[index] is None]
+    left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
     if any(left):
         notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
 
 
+def _columns(table: TextTable) -> list[Column | None]:
+    """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
+    findings: list[Finding] = []
+    columns: list[Column | None] = []
+
+    def wrong(at: int, text: str, message: str, hint: str = "") -> None:
+        findings.append(Finding(table.file, table.names_line, at, text, message, hint=hint))
+
+    for name in table.names:
+        column = None
+        if name.text and not _UNUSED.match(name.text):
+            column, hint = _column(name.text)
+            if column is None:
+                hint = hint or "section.key, limit NAME@TORQUE, or note for what is not used"
+                wrong(name.column, name.text, "no such column", hint)
+            elif column in columns:
+                wrong(name.column, name.text, f"column {columns.index(column) + 1} is the same")
+        columns.append(column)
+    if not any(columns) and not findings:
+        wrong(1, "", "no column that is used", ", ".join(PLAIN))
+    if findings:
+        raise PresetError(findings)
+    return columns
+
+
+def _column(name: str) -> tuple[Column | None, str]:
+    """What a column is for, or a hint."""
+    for kind in PLAIN:
+        if name.lower() == kind:
+            return Column(kind), ""
+    if at := _AT.fullmatch(name):
+        return (Column("measured", f"{float(at[1]):g}"), "") if is_number(at[1]) else (None, "like measured@80")
+    try:
+        if (limit := _LIMIT.fullmatch(name)) and (of := LimitName.of_column(limit[1], "--limit")):
+            return Column("limit", of), ""
+        if of := LimitName.of_column(name, "--value"):
+            return Column("value", of), ""
+    except UsageError as error:
+        return None, error.hint
+    if ".".join(map(str, path_of(name)[:2])) in field_table():
+        return Column("override", name), ""
+    known = [*PLAIN, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    return None, near(name, known)
+
+
 def _row(
-    table: TextTable,
-    columns: Sequence[Column | None],
-    line: int,
-    cells: Sequence[Cell],
-    base: Request,
-    first: dict[str, int],
+    table: TextTable, columns: Sequence[Column | None], place: int, base: Request, first: dict[str, int]
 ) -> LotRow:
-    """One row; first: line in which each serial stood first, which is added to."""
+    """One row by its place; first: line in which each serial stood first, which is added to."""
+    line, cells = table.rows[place]
+    folder = Path(table.file).parent
     found: list[Finding] = []
 
     def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         found.append(Finding(table.file, line, column, path, message, shown(got), hint))
 
-    said = {"preset": "", "serial": ""}
-    lists: dict[str, list[str]] = {"measured": [], "values": [], "limits": [], "overrides": []}
-    for index, cell in enumerate(cells):
-        if index >= len(columns):
-            if cell.text:
-                wrong(cell.column, "", f"a cell beyond the {len(columns)} columns", cell.text, "quotes around a comma?")
-            continue
-        column = columns[index]
-        if column is None and cell.text and not table.names[index].text:
-            wrong(cell.column, "", "a cell in a column without a name", cell.text)
-        if column is None or not cell.text:
-            continue
-        if column.kind in said:
-            said[column.kind] = cell.text
-        elif column.kind == "measured":
-            lists["measured"].append(column.prefix + _beside(table.file, cell.text, column.prefix == ""))
-        else:
-            lists[column.kind].append(column.prefix + table.with_points(cell.text))
     numbered = not any(column and column.kind == "serial" for column in columns)
-    serial = f"line {line}" if numbered else said["serial"]
+    serial, preset = f"line {line}" if numbered else "", base.preset
+    traces: list[TraceFile] = []
+    values: list[LimitText] = []
+    limits, overrides = [*base.limits], [*base.overrides]
+    for index, cell in enumerate(cells):
+        if not cell.text:
+            continue
+        column = columns[index] if index < len(columns) else None
+        if index >= len(columns):
+            wrong(cell.column, "", f"a cell beyond the {len(columns)} columns", cell.text, "quotes around a comma?")
+        elif column is None:
+            if not table.names[index].text:
+                wrong(cell.column, "", "a cell in a column without a name", cell.text)
+        elif column.kind == "serial":
+            serial = cell.text
+        elif column.kind == "preset":
+            preset = cell.text if cell.text in ("-", *preset_names()) else str(folder / cell.text)
+        elif column.kind == "measured":
+            trace = TraceFile(str(column.of), cell.text) if column.of else TraceFile.parse(cell.text)
+            traces.append(trace if trace.file == "-" else replace(trace, file=str(folder / trace.file)))
+        elif isinstance(column.of, LimitName):
+            said = LimitText(column.of, table.with_points(cell.text))
+            (limits if column.kind == "limit" else values).append(said)
+        else:
+            overrides.append(f"{column.of}={table.with_points(cell.text)}")
     if not serial:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
     elif first.setdefault(serial, line) != line:
         wrong(1, "serial", f"stands in line {first[serial]} too", serial, "one row for each drive")
-    preset = _preset(table.file, said["preset"]) or base.preset
     if not preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    elif "-" in (preset, *lists["measured"]):
+    elif "-" in (preset, *(trace.file for trace in traces)):
         wrong(1, "", "a row cannot read standard input", hint="name a file")
     serial = serial or f"line {line}"
     request = replace(
-        base, preset=preset, serial=serial,
-        measured=tuple(lists["measured"]),
-        values=tuple(lists["values"]),
-        limits=(*base.limits, *lists["limits"]),
-        overrides=(*base.overrides, *lists["overrides"]),
+        base, preset=preset, serial=serial, measured=tuple(traces), values=tuple(values), limits=tuple(limits),
+        overrides=tuple(overrides),
     )  # fmt: skip
     return LotRow(serial, request, f"{table.file}:{line}", PresetError(found) if found else None)
-
-
-def _beside(file: str, path: str, may_have_torque: bool) -> str:
-    """A path of a row, which counts from the folder of the table; 80:FILE keeps its torque."""
-    match = re.fullmatch(r"([-+0-9.eE]+:)(.+)", path) if may_have_torque else None
-    torque, name = (match[1], match[2]) if match else ("", path)
-    return torque + (name if name == "-" else str(Path(file).parent / name))
-
-
-def _preset(file: str, name: str) -> str:
-    """A preset of a row: a name of the library, or a path from the folder of the table."""
-    return name if not name or name == "-" or name in preset_names() else str(Path(file).parent / name)
 
 
 def _of_folder(folder: Path, base: Request) -> Lot:
@@ -145,13 +198,12 @@ def _of_folder(folder: Path, base: Request) -> Lot:
     presets = [item for item in files if item.suffix in (".yaml", ".yml")]
     if not presets:
         raise DataError(f"{folder}: no preset in the folder", "one NAME.yaml a drive, its trace beside it as NAME.csv")
-    traces: dict[str, list[str]] = {item.stem: [] for item in presets}
+    traces: dict[str, list[TraceFile]] = {item.stem: [] for item in presets}
     spare = []
     for item in files:
         match = _TRACE.fullmatch(item.name)
-        stem = match["stem"] if match else ""
-        if match and stem in traces:
-            traces[stem].append((f"{match['torque']}:" if match["torque"] else "") + str(item))
+        if match and match["stem"] in traces:
+            traces[match["stem"]].append(TraceFile(match["torque"] or "", str(item)))
         elif match:
             spare.append(item.name)
     rows = []

@@ -1,59 +1,52 @@
-"""A lot for people: a line for each drive, and a summary."""
+"""A lot for people: a line for each drive, and a summary; and as one JSON object."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from hdassist.acceptance.answer import Accepted, Answer, CheckRecord
+from hdassist.acceptance.answer import to_json as answer_json
+from hdassist.acceptance.checks import check_of
+from hdassist.acceptance.decision import Limit
 from hdassist.acceptance.lot import Lot
-from hdassist.acceptance.lot_figures import QUANTILE_KEYS, VERDICTS, asked, status, summary
-from hdassist.acceptance.page import number
+from hdassist.acceptance.lot_summary import QUANTILES, VERDICTS, summary
+from hdassist.acceptance.page import bound, number, sentence
 from hdassist.preset.yamltext import shown
+from hdassist.terminal.answers import together
 from hdassist.terminal.console import Style, table
+from hdassist.verdict import SEVERITY
 from hdassist.version import __version__
 
 HEADINGS = ("values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
 WIDE = 80  # columns that the table of values needs
 
 
-def line(answer: Mapping[str, Any], width: int) -> str:
+def line(answer: Answer, width: int) -> str:
     """One drive: serial, verdict, and the check that decides; width: that of the longest serial."""
-    start = f"{title(answer):<{width}}  {status(answer):<12}"
-    if "error" in answer:
-        first, *more = answer["error"]["message"].splitlines()
-        return f"{start}  {first}" + (f" (and {len(more)} more)" if more else "")
-    return f"{start}  {sentence(_worst(answer['checks']))}"
+    start = f"{title(answer):<{width}}  {answer.status:<12}"
+    if isinstance(answer, Accepted):
+        return f"{start}  {sentence(_decisive(answer.checks))}"
+    first, *more = answer.error.message.splitlines()
+    return f"{start}  {first}" + (f" (and {len(more)} more)" if more else "")
 
 
-def title(answer: Mapping[str, Any]) -> str:
+def title(answer: Answer) -> str:
     """What a drive is called on a line: its serial, whatever it has of control characters escaped."""
-    name = answer["serial"] or answer["preset"]["name"]
+    name = answer.serial or answer.preset.name
     return shown(name, len(name))
 
 
-def sentence(check: Mapping[str, Any]) -> str:
-    """A check in words: value, uncertainty, limit, margin, how it is known."""
-    what, unit = asked(check), check["unit"]
-    limit = f"limit {'≤' if what.check.upper else '≥'} {what.limit:.6g}"
-    if check["value"] is None:
-        return f"{what.label}: no value, {limit} {unit}"
-    at_least = "≥ " if check["extent"] == "at least" else ""
-    spread = f" ± {number(check['expanded_uncertainty'], what)}" if check["expanded_uncertainty"] is not None else ""
-    margin = number(check["margin"], what)
-    value = f"{at_least}{number(check['value'], what)}{spread} {unit}"
-    return f"{what.label}: {value}, {limit}, margin {margin}, {check['basis']}"
-
-
-def _worst(checks: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+def _decisive(checks: Sequence[CheckRecord]) -> CheckRecord:
     """The check that decides: of the worst verdict, the one with the least room for its limit."""
-    order = ("FAIL", "INCONCLUSIVE", "PASS")
-    return min(checks, key=lambda c: (order.index(c["verdict"]), (c["margin"] or 0.0) / c["limit"]))
+    return min(checks, key=lambda check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit))
 
 
-def render(lot: Lot, answers: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
+def render(lot: Lot, answers: Sequence[Answer], style: Style) -> RenderableType:
     """Counts, yield, the spread of values, and what it rests on."""
     told = summary(answers)
     counts = [f"{n} {verdict}" for verdict, n in told["verdicts"].items() if n]
@@ -69,19 +62,16 @@ def render(lot: Lot, answers: Sequence[Mapping[str, Any]], style: Style) -> Rend
                            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"))
         )  # fmt: skip
         parts += [Text(""), _spread(told["checks"], style)]
-        part = sum(row["of_part_only"] for row in told["checks"])
-        if part:
-            parts.append(Text(style.text(f"left out of it: {part} values of part of the cycle, or none")))
-    codes = {c["code"] for a in answers for c in a.get("checks", ()) if c["verdict"] in VERDICTS[1:]}
-    remarks = {said["code"] for answer in answers for said in answer.get("remarks", ())}
-    for code in sorted(remarks):
-        count = sum(any(said["code"] == code for said in answer.get("remarks", ())) for answer in answers)
-        parts.append(Text(style.text(f"remark {code}: {_drives(count)}")))
-    if codes:
-        parts.append(Text(style.text(f"what to do: hdassist explain {' '.join(sorted(codes))}")))
+    accepted = [answer for answer in answers if isinstance(answer, Accepted)]
+    part = sum(row["of_part_only"] for row in told["checks"])
+    lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
+    remarks = Counter(code for answer in accepted for code in {remark.code for remark in answer.remarks})
+    lines += [f"remark {code}: {_drives(remarks[code])}" for code in sorted(remarks)]
+    codes = {check.code for answer in accepted for check in answer.checks if check.verdict in VERDICTS[1:]}
+    lines += [f"what to do: hdassist explain {' '.join(sorted(codes))}"] * bool(codes)
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
-    parts.append(Text(style.text(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")))
-    return Group(*parts)
+    lines.append(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")
+    return Group(*parts, *(Text(style.text(line)) for line in lines))
 
 
 def _spread(rows: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
@@ -101,13 +91,22 @@ def _spread(rows: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
 
 def _cells(row: Mapping[str, Any], several: bool) -> list[str]:
     """What a check is, and a cell for each of HEADINGS; several: whether the lot has drives of several presets."""
-    what, unit = asked({**row, "limit": row["limit_greatest"]}), row["unit"]
+    limit = Limit(check_of(row["code"]), row["limit_greatest"], row["M_g_Nm"], row["per_cam_rev"])
     ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
-    limit = ("≤ " if what.check.upper else "≥ ") + " to ".join(ends)
-    found = ["-" if row[key] is None else number(row[key], what) for key in QUANTILE_KEYS]
+    found = ["-" if row[key] is None else number(row[key], limit) for key in QUANTILES]
     name = f"{row['preset']}: " if several else ""
-    return [f"{name}{what.label}, {unit}, {row['basis'] or 'no value'}", str(row["values"]), *found, limit]
+    what = f"{name}{limit.label}, {row['unit']}, {row['basis'] or 'no value'}"
+    return [what, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"]
 
 
 def _drives(count: int) -> str:
     return f"{count} drive{'s' * (count != 1)}"
+
+
+def to_json(lot: Lot, answers: Sequence[Answer]) -> dict[str, Any]:
+    """The lot as one JSON object: every answer, and what they say together."""
+    return {
+        **together("accept", [answer_json(answer) for answer in answers]),
+        "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows), "notes": list(lot.notes)},
+        "summary": summary(answers),
+    }

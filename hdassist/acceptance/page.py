@@ -1,15 +1,18 @@
-"""Acceptance of a drive as a page, and as the answer alone."""
+"""Acceptance of a drive as a page, as the answer alone, in a sentence for each check, and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, fields
 from math import floor, log10
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from hdassist.acceptance.accept import Acceptance
-from hdassist.acceptance.decision import GUARD, Asked, Decision
+from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
+from hdassist.acceptance.decision import GUARD, Limit
+from hdassist.terminal.answers import csv_text
 from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
@@ -23,25 +26,26 @@ HEADINGS = ("check", "value", EXPANDED, "limit", "margin", "verdict")
 GAP = 3  # columns between those of a table
 
 
-def number(value: float, asked: Asked) -> str:
+def number(value: float, limit: Limit) -> str:
     """A value as its table shows it: three digits of a small limit, two decimals of an arcsec at least."""
-    if asked.check.unit != "arcsec":
+    if limit.check.unit != "arcsec":
         return f"{value:.4g}"
-    return f"{value:.{max(2, 2 - floor(log10(asked.limit)))}f}"
+    return f"{value:.{max(2, 2 - floor(log10(limit.bound)))}f}"
 
 
 def render(result: Acceptance, style: Style, serial: str = "") -> RenderableType:
     """The verdict, a row for each limit, and what it should not be read without."""
     name = result.drive.name + (f", serial {serial}" if serial else "")
     parts: list[RenderableType] = [Text(style.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
-    for basis, title in titles(result).items():
-        found = [d for d in result.decisions if (d.known.basis if d.known else "measured") == basis]
+    checks = [CheckRecord.of(decision) for decision in result.decisions]
+    for basis, title in _titles(result).items():
+        found = [check for check in checks if (check.basis or "measured") == basis]
         parts += [_table(found, title, style)] * bool(found)
     parts += [Text(style.text(line)) for line in _notes(result)]
     return Group(*parts)
 
 
-def titles(result: Acceptance) -> dict[str, str]:
+def _titles(result: Acceptance) -> dict[str, str]:
     """What stands over the checks of each basis."""
     acceptance = result.drive.acceptance
     return {
@@ -51,11 +55,11 @@ def titles(result: Acceptance) -> dict[str, str]:
     }
 
 
-def _table(decisions: Sequence[Decision], title: str, style: Style) -> RenderableType:
-    """A row for each decision; sentences in their place where a terminal is too narrow for the numbers."""
-    spread = any(decision.expanded is not None for decision in decisions)
+def _table(checks: Sequence[CheckRecord], title: str, style: Style) -> RenderableType:
+    """A row for each check; sentences in their place where a terminal is too narrow for the numbers."""
+    spread = any(check.expanded_uncertainty is not None for check in checks)
     kept = [place for place in range(len(HEADINGS)) if spread or HEADINGS[place] != EXPANDED]
-    rows = [[style.text(row[place]) for place in kept] for row in map(_row, decisions)]
+    rows = [[style.text(row[place]) for place in kept] for row in map(_row, checks)]
     headings = [style.text(HEADINGS[place]) for place in kept]
     words = [max(row[0].split(), key=len) for row in rows]  # names of checks may be broken, numbers may not
     needed = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
@@ -74,30 +78,58 @@ def _table(decisions: Sequence[Decision], title: str, style: Style) -> Renderabl
     return grid
 
 
-def _row(decision: Decision) -> list[str]:
+def _row(check: CheckRecord) -> list[str]:
     """Check, value, expanded uncertainty, limit, margin, verdict."""
-    asked, known, unit = decision.asked, decision.known, decision.asked.check.unit
-    limit = f"{'≤' if asked.check.upper else '≥'} {asked.limit:.6g}"
-    if known is None or decision.margin is None:
-        return [f"{asked.label}, {unit}", "-", "-", limit, "-", str(decision.verdict)]
-    at_least = "≥ " if known.extent == "at least" else ""
-    spread = "-" if decision.expanded is None else number(decision.expanded, asked)
-    value, margin = at_least + number(known.value, asked), number(decision.margin, asked)
-    return [f"{asked.label}, {unit}", value, spread, limit, margin, str(decision.verdict)]
+    value, spread, limit, margin = _texts(check)
+    name = f"{check.held_against.label}, {check.unit.replace('*', '·')}"
+    return [name, value or "-", spread or "-", limit, margin or "-", str(check.verdict)]
+
+
+def sentence(check: CheckRecord) -> str:
+    """A check in words: value, uncertainty, limit, margin, how it is known."""
+    value, spread, limit, margin = _texts(check)
+    if not value:
+        return f"{check.held_against.label}: no value, limit {limit} {check.unit}"
+    measure = f"{value}{f' ± {spread}' if spread else ''} {check.unit}"
+    return f"{check.held_against.label}: {measure}, limit {limit}, margin {margin}, {check.basis}"
+
+
+def _texts(check: CheckRecord) -> tuple[str, str, str, str]:
+    """Value, expanded uncertainty, limit and margin of a check; empty where there is none."""
+    held = check.held_against
+    value, spread, margin = (
+        "" if figure is None else number(figure, held)
+        for figure in (check.value, check.expanded_uncertainty, check.margin)
+    )
+    at_least = "≥ " if check.extent == "at least" else ""
+    return at_least + value, spread, bound(held), margin
+
+
+def bound(limit: Limit) -> str:
+    """A limit with its sign."""
+    return f"{'≤' if limit.check.upper else '≥'} {limit.bound:.6g}"
 
 
 def _notes(result: Acceptance) -> list[str]:
     lines = [f"certificate: {result.predictions.certificate}"] if result.predictions else []
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
-    lines += [f"{d.verdict}, {d.asked.label}: {d.reason}" for d in result.decisions if d.reason]
-    lines += [f"remark {said.remark.code}: {said.text}" for said in result.remarks]
-    codes = [d.asked.check.code for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]
+    lines += [f"{d.verdict}, {d.limit.label}: {d.reason}" for d in result.decisions if d.reason]
+    lines += [f"remark {note.code}: {note.text}" for note in result.notes]
+    codes = [d.limit.check.code for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]
     if codes:
         lines.append(f"what to do: hdassist explain {' '.join(dict.fromkeys(codes))}")
     return lines
 
 
-def brief(result: Acceptance) -> str:
-    """The answer alone: the verdict."""
-    return str(result.verdict)
+def csv(answers: Iterable[Answer]) -> str:
+    """One row per drive and check; a drive without an answer has a row with its error."""
+    keys = [field.name for field in fields(CheckRecord)]
+    rows: list[list[object]] = []
+    for answer in answers:
+        start, end = [answer.serial, answer.preset.name], list(provenance(answer).values())
+        if isinstance(answer, Accepted):
+            rows += [[*start, *astuple(check), answer.exit_code, None, *end] for check in answer.checks]
+        else:
+            rows.append([*start, *[None] * len(keys), answer.exit_code, answer.error.message, *end])
+    return csv_text(["serial", "preset", *keys, "exit_code", "error", *PROVENANCE], rows)

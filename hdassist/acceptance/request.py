@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from hdassist.acceptance.accept import Acceptance, accept
-from hdassist.acceptance.limit_parser import limit_overrides, stated_values
-from hdassist.acceptance.limits import limits_of
-from hdassist.acceptance.predictions import Predictions
+from pydantic import BeforeValidator, ConfigDict, PlainSerializer
+
+from hdassist.acceptance.accept import Acceptance, accept, without_values
+from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
+from hdassist.acceptance.limit_parser import LimitText
+from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure
@@ -22,12 +24,66 @@ from hdassist.preset.library import load_preset
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
 
+RECORD_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
+
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
+FailOn = Literal["warn", "fail", "never"]
+
+
+@dataclass(frozen=True)
+class TraceFile:
+    """A measured trace: its torque as written, empty where the limits of the drive have to tell it, and its file."""
+
+    torque: str
+    file: str
+
+    @classmethod
+    def parse(cls, text: str) -> TraceFile:
+        """Read 80:FILE or FILE."""
+        match = TORQUE_AND_FILE.fullmatch(text)
+        return cls(match[1], match[2]) if match else cls("", text)
+
+    def __str__(self) -> str:
+        return f"{self.torque}:{self.file}" if self.torque else self.file
+
+    def at(self, drive: Drive) -> float:
+        """Torque [N*m]. Raises UsageError: it is none, or the limits of the drive leave it open."""
+        if self.torque:
+            try:
+                return float(self.torque)
+            except ValueError:
+                raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80:run.csv") from None
+        torques = list(dict.fromkeys(limit.M_g for limit in limits_of(drive) if limit.M_g is not None))
+        if len(torques) > 1:
+            named = ", ".join(f"{M_g:g}:{self}" for M_g in torques)
+            raise UsageError(f"--measured {self}: at which torque was it measured?", f"one of {named}")
+        return (torques or list(drive.operation.M_g))[0]
+
+
+def _kept_as_text(read: Callable[[str], Any]) -> tuple[BeforeValidator, PlainSerializer]:
+    """How a typed text stands in a file: as it is written."""
+
+    def checked(text: Any) -> Any:
+        if not isinstance(text, str):
+            raise ValueError("must be text")
+        try:
+            return read(text)
+        except UsageError as error:
+            raise ValueError(error.message) from None
+
+    return BeforeValidator(checked), PlainSerializer(str)
+
+
+_BOUND = _kept_as_text(lambda text: LimitText.parse(text, "--limit"))
+_VALUE = _kept_as_text(lambda text: LimitText.parse(text, "--value"))
+_TRACE = _kept_as_text(TraceFile.parse)
 
 
 @dataclass(frozen=True)
 class Reading(TraceForm):
     """How measured traces are read and looked at: the options of `hdassist measure`."""
+
+    __pydantic_config__ = RECORD_CONFIG
 
     orders: str | None = None
     drift: str = "none"
@@ -38,24 +94,26 @@ class Reading(TraceForm):
 class Request:
     """One drive to accept.
 
-    preset, a name, path or -; serial, of the drive, for reports; overrides of the preset and limits, as on the command
-    line; measured, traces like FILE or 80:FILE; values, measured otherwise; measured_only and seed as in accept.
+    preset, a name, path or -; serial, of the drive, for reports; overrides of the preset, as on the command line;
+    limits, instead of the preset's; measured, traces; values, measured otherwise; measured_only and seed as in accept.
     """
+
+    __pydantic_config__ = RECORD_CONFIG
 
     preset: str
     serial: str = ""
     overrides: tuple[str, ...] = ()
-    limits: tuple[str, ...] = ()
-    measured: tuple[str, ...] = ()
-    values: tuple[str, ...] = ()
+    limits: tuple[Annotated[LimitText, *_BOUND], ...] = ()
+    measured: tuple[Annotated[TraceFile, *_TRACE], ...] = ()
+    values: tuple[Annotated[LimitText, *_VALUE], ...] = ()
     reading: Reading = field(default_factory=Reading)
     measured_only: bool = False
     cross_check: str = "clarabel"
     seed: int = 0
 
     def load(self) -> Drive:
-        """The drive, its limits included. Raises what load_preset does, and UsageError for what is no limit."""
-        return load_preset(self.preset, [*self.overrides, *limit_overrides(self.limits)])
+        """The drive, its limits included. Raises what load_preset does."""
+        return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
 
 
 def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement]:
@@ -64,11 +122,11 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
     Raises what read_trace and measure do, and UsageError where the torque of a trace is open or stands twice.
     """
     files: dict[float, str] = {}
-    for text in request.measured:
-        torque, path = torque_and_file(text, drive)
+    for trace in request.measured:
+        torque = trace.at(drive)
         if torque in files:
             raise UsageError(f"two traces at {torque:g} N*m", "one trace a torque: join repeated runs in one file")
-        files[torque] = path
+        files[torque] = trace.file
     reading, gearing = request.reading, gearing_of(drive, None)
     stated, ratio = parse_stated(reading.budget), gearing.ratio if gearing else None
     return {
@@ -84,18 +142,32 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
     }
 
 
-def torque_and_file(text: str, drive: Drive) -> tuple[float, str]:
-    """Torque [N*m] and path out of 80:FILE, or of FILE where the limits of the drive leave one torque."""
-    if match := TORQUE_AND_FILE.fullmatch(text):
-        try:
-            return float(match[1]), match[2]
-        except ValueError:
-            raise UsageError(f"--measured {text}: {match[1]} is no torque", "like 80:run.csv") from None
-    torques = list(dict.fromkeys(asked.M_g for asked in limits_of(drive) if asked.M_g is not None))
-    if len(torques) > 1:
-        named = ", ".join(f"{M_g:g}:{text}" for M_g in torques)
-        raise UsageError(f"--measured {text}: at which torque was it measured?", f"one of {named}")
-    return (torques or list(drive.operation.M_g))[0], text
+def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Value]:
+    """Values measured otherwise, by the limit of the drive that they are for.
+
+    Raises UsageError: a text that is no value, one without its uncertainty, or one that no limit of the drive is for.
+    """
+    limits = limits_of(drive) if texts else ()
+    found: dict[Limit, Value] = {}
+    for text in texts:
+        limit = text.limit_of(limits)
+        if limit in found:
+            raise UsageError(f"--value {text}: given twice")
+        found[limit] = text.value_for(limit)
+    return found
+
+
+def predict_for(request: Request) -> Predictions | None:
+    """Predictions that a request needs, without a look at what was measured; None where it needs none.
+
+    Raises what accept does of drive and limits.
+    """
+    drive = request.load()
+    limits = limits_of(drive)
+    torques, stated = [trace.at(drive) for trace in request.measured], [v.limit_of(limits) for v in request.values]
+    left = () if request.measured_only else without_values(drive, torques, stated)
+    needed = needed_for(left)
+    return predict(drive, needed, cross_check=request.cross_check, seed=request.seed) if left else None
 
 
 def carry_out(
@@ -119,15 +191,3 @@ def carry_out(
         executor=executor,
         progress=progress,
     )
-
-
-FailOn = Literal["warn", "fail", "never"]
-
-
-def exit_code(result: Acceptance, fail_on: FailOn) -> int:
-    """Exit code of an acceptance: that of its verdict; with warn remarks count as FAIL, with never nothing does."""
-    if fail_on == "never":
-        return 0
-    if fail_on == "warn" and result.remarks:
-        return 3
-    return result.verdict.exit_code

@@ -7,9 +7,11 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 
 from hdassist.errors import Finding, UsageError
+from hdassist.preset.fields import fields
+from hdassist.preset.kinds import kind_of
 from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read, shown
 
-PER_TORQUE = [("acceptance", name) for name in ("F_ior", "turn_range", "self_error")]
+PER_TORQUE = [tuple(path.split(".")) for path, info in fields() if kind_of(info) == "limits"]
 
 
 @dataclass(frozen=True)

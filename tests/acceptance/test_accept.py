@@ -11,14 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hdassist.acceptance.accept import Stated, accept
-from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, explained
-from hdassist.acceptance.decision import GUARD, Asked, Known, decide
-from hdassist.acceptance.limit_parser import limit_overrides, stated_values
-from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.accept import accept
+from hdassist.acceptance.answer import answer_of, exit_code, to_json
+from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER, explained
+from hdassist.acceptance.decision import GUARD, Limit, Value, decide, limits_of, needed_for
+from hdassist.acceptance.limit_parser import LimitText
+from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.page import number, render
-from hdassist.acceptance.predictions import amplitude, predict, range_in_a_turn
-from hdassist.acceptance.request import Request, exit_code, read_measurements, torque_and_file
+from hdassist.acceptance.predictions import predict
+from hdassist.acceptance.request import Request, TraceFile, read_measurements, stated_values
 from hdassist.design.check import check
 from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
@@ -31,12 +32,20 @@ from tests.rigs import drive_error, recorded, turn_range, whole_range
 
 ROOT = Path(__file__).parents[2]
 SMALL = str(ROOT / "tests/data/small.yaml")
-UPPER = Asked(F_IOR, 30.0, 80.0)
-LOWER = Asked(K1, 30.0)
+UPPER = Limit(F_IOR, 30.0, 80.0)
+LOWER = Limit(K1, 30.0)
+
+
+def bounds(*texts: str) -> tuple[LimitText, ...]:
+    return tuple(LimitText.parse(text, "--limit") for text in texts)
 
 
 def small(*limits: str, **request):
-    return Request(SMALL, limits=limits, **request).load()
+    return Request(SMALL, limits=bounds(*limits), **request).load()
+
+
+def stated(number: float, uncertainty: float) -> Value:
+    return Value(number, uncertainty, "stated")
 
 
 @pytest.mark.parametrize(
@@ -56,7 +65,7 @@ def small(*limits: str, **request):
     ],
 )
 def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict):
-    found = decide(UPPER, Known(value, u, "measured", extent), rule, 0.5)
+    found = decide(UPPER, Value(value, u, "measured", extent), rule, 0.5)
     assert found.verdict == verdict
     assert found.margin == 30 - value
     assert found.expanded == 2 * u
@@ -69,10 +78,10 @@ def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict
 )  # fmt: skip
 def test_a_looser_limit_never_hurts_and_a_least_value_is_the_mirror_image(value, u, limit, rule, basis, margin):
     better = ["FAIL", "INCONCLUSIVE", "PASS"]
-    known = Known(value, u, basis)
-    verdicts = [better.index(decide(Asked(F_IOR, x), known, rule, margin).verdict) for x in (limit, limit + 1)]
+    known = Value(value, u, basis)
+    verdicts = [better.index(decide(Limit(F_IOR, x), known, rule, margin).verdict) for x in (limit, limit + 1)]
     assert verdicts[0] <= verdicts[1]
-    upper, lower = (decide(Asked(item, limit), known, rule, margin) for item in (F_IOR, K1))
+    upper, lower = (decide(Limit(item, limit), known, rule, margin) for item in (F_IOR, K1))
     assert upper.margin == -lower.margin
     if upper.margin:
         swap = {"PASS": "FAIL", "FAIL": "PASS", "INCONCLUSIVE": "INCONCLUSIVE"}
@@ -84,16 +93,16 @@ def test_the_guard_band_accepts_wrongly_once_in_twenty():
     rng, u = np.random.default_rng(0), 0.5
     true = 30.0  # at the limit: the worst that conforms
     read = true + u * rng.standard_normal(20_000)
-    accepted = np.mean([decide(UPPER, Known(value, u, "measured"), "guard", 0).verdict == "PASS" for value in read])
+    accepted = np.mean([decide(UPPER, Value(value, u, "measured"), "guard", 0).verdict == "PASS" for value in read])
     assert accepted == pytest.approx(norm.sf(GUARD), abs=0.005)
     assert norm.sf(GUARD) == pytest.approx(0.05, abs=1e-3)
 
 
 def test_predictions_have_their_margin_under_both_rules():
-    known = Known(28.0, 0.0, "predicted")
+    known = Value(28.0, 0.0, "predicted")
     for rule in ("guard", "simple"):
         assert [decide(UPPER, known, rule, m).verdict for m in (0.0, 0.05, 0.1)] == ["PASS", "PASS", "INCONCLUSIVE"]
-    assert decide(UPPER, Known(40.0, 0.0, "predicted"), "guard", 0.1).verdict == "FAIL"
+    assert decide(UPPER, Value(40.0, 0.0, "predicted"), "guard", 0.1).verdict == "FAIL"
 
 
 LIMITS = (
@@ -111,12 +120,12 @@ LIMITS = (
 @pytest.fixture(scope="module")
 def predicted():
     drive = small(*LIMITS)
-    return drive, predict(drive, limits_of(drive))
+    return drive, predict(drive, needed_for(limits_of(drive)))
 
 
 def values(found):
     drive, predictions = found
-    return {(a.check.code, a.M_g): predictions.known(a).value for a in limits_of(drive)}
+    return {(a.check.code, a.M_g): a.predicted(predictions).number for a in limits_of(drive)}
 
 
 def test_predicted_values_are_those_of_the_other_commands(predicted):
@@ -169,23 +178,23 @@ def test_margin_and_rule_of_the_preset_count(predicted):
     for rule in ("simple", "guard"):
         drive = small("lost_motion=60", overrides=(f"acceptance.rule={rule}",))
         (asked,) = limits_of(drive)
-        found.append(accept(drive, stated={asked: Stated(59.0, 1.0)}).verdict)
+        found.append(accept(drive, stated={asked: stated(59.0, 1.0)}).verdict)
     assert found == ["PASS", "INCONCLUSIVE"]
 
 
 def test_only_what_is_asked_is_predicted():
     drive = small("self_error@4=5")
-    found = predict(drive, limits_of(drive))
+    found = predict(drive, needed_for(limits_of(drive)))
     assert (list(found.errors), list(found.self_errors), found.stiffness) == ([], [4.0], None)
 
 
 def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
-    error = predicted[1].errors[1.0]
-    assert amplitude(error, 31 / 30) >= 0
+    predictions = predicted[1]
+    assert predictions.amplitude(1.0, 31 / 30) >= 0
     for order in (0.01, 2.01, 40.0):
         with pytest.raises(UsageError, match="none of the full cycle"):
-            amplitude(error, order)
-    assert range_in_a_turn(error) <= error.F_ior_arcsec
+            predictions.amplitude(1.0, order)
+    assert predictions.turn_range(1.0) <= predictions.errors[1.0].F_ior_arcsec
 
 
 RNG = np.random.default_rng(3)
@@ -200,15 +209,15 @@ def rig(turns: int, noise: float = 0.2):
 def test_a_trace_of_the_full_cycle_decides():
     drive = small("F_ior@4=50", "turn_range@4=50", "order_2=50")
     found = accept(drive, {4.0: measure(rig(30), drive=drive)}, measured_only=True)
-    F_ior, within, second = (d.known for d in found.decisions)
-    assert F_ior.value == pytest.approx(whole_range(CURVE, 30), abs=3 * F_ior.uncertainty)
+    F_ior, within, second = (d.value for d in found.decisions)
+    assert F_ior.number == pytest.approx(whole_range(CURVE, 30), abs=3 * F_ior.uncertainty)
     fine = np.arange(30 * 720) / 720
-    assert within.value == pytest.approx(turn_range(CURVE, 30), abs=3 * within.uncertainty)
+    assert within.number == pytest.approx(turn_range(CURVE, 30), abs=3 * within.uncertainty)
     spectrum = 2 * np.abs(np.fft.rfft(CURVE(fine))) / len(fine)
-    assert second.value == pytest.approx(spectrum[60], abs=4 * second.uncertainty)
+    assert second.number == pytest.approx(spectrum[60], abs=4 * second.uncertainty)
     assert {k.extent for k in (F_ior, within, second)} == {"whole"}
     assert [a.M_g for a in found.left_out] == [1.0]
-    assert {said.remark.code for said in found.remarks} == {"BUDGET", "NOT_TESTED"}
+    assert {note.code for note in found.notes} == {"BUDGET", "NOT_TESTED"}
 
 
 def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
@@ -217,7 +226,7 @@ def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
         drive = small(f"F_ior@4={limit}", f"turn_range@4={limit}")
         found = accept(drive, measured)
         assert [d.verdict for d in found.decisions] == [verdict] * 2
-        assert "COVERAGE" in [said.remark.code for said in found.remarks]
+        assert "COVERAGE" in [note.code for note in found.notes]
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
 
 
@@ -233,7 +242,7 @@ def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
     drive = small("F_ior@4=1000", "turn_range@4=1000", "order_2=1000")
     found = accept(drive, {4.0: measure(both, drive=drive)}, measured_only=True)
     assert [d.verdict for d in found.decisions] == ["PASS"] * 3
-    assert {d.known.extent for d in found.decisions} == {"whole"}
+    assert {d.value.extent for d in found.decisions} == {"whole"}
 
 
 def test_the_worse_verdict_of_two_directions_counts():
@@ -251,7 +260,7 @@ def test_the_worse_verdict_of_two_directions_counts():
 
 def test_no_width_cuts_a_number():
     drive = small("F_ior@4=50", "order_2=12.5", "K_1=1234.5")
-    told = {a: Stated(1876.54, 3.21) for a in limits_of(drive) if a.M_g != 1}
+    told = {a: stated(1876.54, 3.21) for a in limits_of(drive) if a.M_g != 1}
     found = accept(drive, stated=told, measured_only=True)
     for plain in (False, True):
         for width in range(14, 90):
@@ -266,13 +275,13 @@ def test_no_width_cuts_a_number():
 def test_remarks_that_count():
     drive = small("F_ior@4=50", overrides=("operation.rated=3",))
     noisy = accept(drive, {4.0: measure(rig(30, noise=20.0), drive=drive)})
-    codes = [said.remark.code for said in noisy.remarks]
+    codes = [note.code for note in noisy.notes]
     assert "UNCERTAINTY" in codes
     assert "RATED" in codes
-    assert [exit_code(noisy, how) for how in ("warn", "never")] == [3, 0]
-    assert exit_code(noisy, "fail") == noisy.verdict.exit_code
-    clean = accept(drive, stated={limits_of(drive)[0]: Stated(20.0, 0.1)})
-    assert exit_code(clean, "fail") == 0
+    assert [exit_code(noisy.verdict, bool(noisy.notes), how) for how in ("warn", "never")] == [3, 0]
+    assert exit_code(noisy.verdict, True, "fail") == noisy.verdict.exit_code
+    clean = accept(drive, stated={limits_of(drive)[0]: stated(20.0, 0.1)})
+    assert exit_code(clean.verdict, bool(clean.notes), "fail") == 0
 
 
 def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
@@ -287,7 +296,7 @@ def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
 def test_small_limits_keep_their_digits():
     asked = limits_of(small("order_2=0.004"))[0]
     assert number(0.0041, asked) == "0.00410"
-    assert number(28.094, Asked(F_IOR, 30.0)) == "28.09"
+    assert number(28.094, Limit(F_IOR, 30.0)) == "28.09"
 
 
 def test_what_has_no_limit_is_refused():
@@ -298,56 +307,81 @@ def test_what_has_no_limit_is_refused():
     with pytest.raises(DataError, match="nothing was measured"):
         accept(small("F_ior@4=3"), measured_only=True)
     with pytest.raises(DataError, match="which has no limit"):
-        accept(small("F_ior@4=3"), stated={Asked(K1, 3.0): Stated(1.0, 0.0)})
+        accept(small("F_ior@4=3"), stated={Limit(K1, 3.0): stated(1.0, 0.0)})
 
 
 def test_limits_name_torques_beyond_those_of_operation():
     drive = small("F_ior=9", "F_ior@7=3", "order_2=1")
-    assert [(a.check.code, a.M_g, a.limit) for a in limits_of(drive)] == [
+    assert [(a.check.code, a.M_g, a.bound) for a in limits_of(drive)] == [
         ("F_IOR", 1.0, 9.0), ("F_IOR", 4.0, 9.0), ("F_IOR", 7.0, 3.0), ("ORDER", 1.0, 1.0), ("ORDER", 4.0, 1.0),
     ]  # fmt: skip
 
 
 def test_words_of_limits():
-    assert limit_overrides(["F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1"]) == [
+    texts = ("F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1")
+    assert [str(limit) for limit in bounds(*texts)] == list(texts)
+    assert [limit.override for limit in bounds(*texts)] == [
         "acceptance.F_ior.80=30", "acceptance.F_ior=0.5 arcmin", "acceptance.order_amplitude.2=5",
         "acceptance.K_1=30 N*m/arcmin", "acceptance.order_amplitude.0.01=1",
     ]  # fmt: skip
     drive = small("order_0.1=1", "K_1=30 N*m/arcmin")
     assert [a.order for a in limits_of(drive)] == [0.1, 0.1, None]
-    assert limits_of(drive)[-1].limit == pytest.approx(30 * 10800 / np.pi)
+    assert limits_of(drive)[-1].bound == pytest.approx(30 * 10800 / np.pi)
     for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@80=3"):
         with pytest.raises(UsageError):
-            limit_overrides([bad])
+            bounds(bad)
+
+
+def said(*texts: str) -> tuple[LimitText, ...]:
+    return tuple(LimitText.parse(text, "--value") for text in texts)
 
 
 def test_words_of_stated_values():
     drive = small("F_ior=9", "lost_motion=60", "order_2=5")
     first, second, *_, lost = limits_of(drive)
-    told = stated_values(["F_ior@4=8.1 ± 0.4", "lost_motion=1+-6 arcsec"], drive)
-    assert told == {second: Stated(8.1, 0.2), lost: Stated(1.0, 3.0)}
-    assert next(iter(stated_values(["order_2@1=3±1"], drive))).order == 2
+    told = stated_values(said("F_ior@4=8.1 ± 0.4", "lost_motion=1+-6 arcsec"), drive)
+    assert told == {second: stated(8.1, 0.2), lost: stated(1.0, 3.0)}
+    assert next(iter(stated_values(said("order_2@1=3±1"), drive))).order == 2
     for bad, why in (
         ("F_ior=8±1", "at which torque"), ("lost_motion=3", "without its uncertainty"), ("K_1=3±1", "no such limit"),
         ("F_ior@5=8±1", "no such limit"), ("lost_motion=x±1", "must be a number"),
         ("F_ior@4=-8±1", "cannot be below zero"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=why):
-            stated_values([bad], drive)
+            stated_values(said(bad), drive)
     with pytest.raises(UsageError, match="twice"):
-        stated_values(["F_ior@4=8±1"] * 2, drive)
+        stated_values(said("F_ior@4=8±1") * 2, drive)
     assert first not in told
 
 
 def test_the_torque_of_a_trace():
     drive = small("F_ior@4=9")
-    assert torque_and_file("run.csv", drive) == (4.0, "run.csv")
-    assert torque_and_file("4:a:b.csv", drive) == (4.0, "a:b.csv")
+    alone, named = map(TraceFile.parse, ("run.csv", "4:a:b.csv"))
+    assert (alone.at(drive), alone.file, str(alone)) == (4.0, "run.csv", "run.csv")
+    assert (named.at(drive), named.file, str(named)) == (4.0, "a:b.csv", "4:a:b.csv")
     with pytest.raises(UsageError, match="at which torque"):
-        torque_and_file("run.csv", small("F_ior=9"))
-    request = Request(SMALL, limits=("F_ior@4=9",), measured=("run.csv", "4:again.csv"))
+        alone.at(small("F_ior=9"))
+    with pytest.raises(UsageError, match=r"4\.4\.4 is no torque"):
+        TraceFile.parse("4.4.4:run.csv").at(drive)
+    request = Request(SMALL, limits=bounds("F_ior@4=9"), measured=(alone, TraceFile.parse("4:again.csv")))
     with pytest.raises(UsageError, match="two traces at 4"):
         read_measurements(request, drive)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.code)
+def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
+    name = {"limits": f"{check.field}@4", "orders": "order_2", "number": check.field}[check.kind]
+    drive = small(f"{name}=7")
+    (limit,) = [limit for limit in limits_of(drive) if limit.M_g in (4.0, None)]
+    assert (limit.check, limit.bound, limit.order) == (check, 7.0, 2.0 if check == ORDER else None)
+    assert limit.predicted(predicted[1]).number > 0
+    assert limits_of(small(f"{name}=7 {check.unit}")) == limits_of(drive)
+    columns = f"serial,preset,limit {name},{name if check != ORDER else 'order_2@4'}\n1,{SMALL},7,6±0.1\n"
+    (tmp_path / "lot.csv").write_text(columns)
+    (row,) = read_lot(str(tmp_path / "lot.csv"), Request("")).rows
+    assert stated_values(row.request.values, row.request.load()) == {limit: stated(6.0, 0.05)}
+    (only,) = to_json(answer_of(row.request, accept(drive, predictions=predicted[1]), "fail"))["checks"][-1:]
+    assert (only["code"], only["unit"], only["limit"]) == (check.code, check.unit, 7.0)
 
 
 def test_codes_are_explained_and_in_the_docs():

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from xml.dom.minidom import Element, parseString
 from xml.parsers import expat
 
 import pytest
 from junitparser import JUnitXml
 
+from hdassist.acceptance.accept import Note
+from hdassist.acceptance.answer import Accepted, Answer
 from hdassist.acceptance.junit import junit
 from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.lot_figures import summary
-from hdassist.acceptance.lot_runner import answers
+from hdassist.acceptance.lot_runner import answer_rows
+from hdassist.acceptance.lot_summary import summary
 from hdassist.acceptance.request import Request
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
@@ -41,13 +43,13 @@ ALLOWED: dict[str, tuple[set[str], set[str]]] = {
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+def told(tmp_path_factory: pytest.TempPathFactory) -> list[Answer]:
     """Answers of a lot with PASS, FAIL, INCONCLUSIVE, a broken row and a limit that is left out."""
     table = tmp_path_factory.mktemp("lot") / "lot.csv"
     table.write_text(ROWS, encoding="utf-8")
     lot = read_lot(str(table), Request(SMALL, measured_only=True))
     with ThreadPoolExecutor(1) as executor:
-        return list(answers(lot.rows, executor, "fail", ahead=2))
+        return list(answer_rows(lot.rows, executor, "fail", jobs=1))
 
 
 def elements(parent: Element, name: str) -> list[Element]:
@@ -95,15 +97,15 @@ def test_numbers_and_provenance_are_properties(told):
     for suite, answer in zip(elements(root, "testsuite"), told, strict=True):
         (group,) = elements(suite, "properties")
         found = {p.getAttribute("name"): p.getAttribute("value") for p in elements(group, "property")}
-        assert found["version"] == answer["version"]
+        assert found["version"] == answer.version
         assert found["lot_sha256"] == "ab"
-        assert found["time"] == answer["time"]
+        assert found["time"] == answer.time
         assert found["seed"] == "0"
-        for check in answer.get("checks", ()):
-            assert found["preset_sha256"] == answer["preset"]["sha256"]
+        for check in answer.checks if isinstance(answer, Accepted) else ():
+            assert found["preset_sha256"] == answer.preset.sha256
             for key in ("value", "expanded_uncertainty", "limit", "margin"):
-                assert float(found[f"F_IOR@1.{key}"]) == check[key]
-            assert found["F_IOR@1.verdict"] == check["verdict"]
+                assert float(found[f"F_IOR@1.{key}"]) == getattr(check, key)
+            assert found["F_IOR@1.verdict"] == check.verdict
 
 
 def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
@@ -122,7 +124,7 @@ def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
 
 
 def test_remarks_that_fail_a_drive_do_not_look_green(told):
-    remarked = {**told[0], "remarks": [{"code": "BUDGET", "text": "nothing stated"}], "fail_on": "warn", "exit_code": 3}
+    remarked = replace(told[0], remarks=(Note("BUDGET", "nothing stated"),), fail_on="warn", exit_code=3)
     root = parseString(junit("lot", [remarked], {})).documentElement
     assert root is not None
     (failure,) = root.getElementsByTagName("failure")

@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance import lot_runner as lotwork
-from hdassist.acceptance.lot_command import Files, accept_lot
+from hdassist.acceptance.command import FileOptions, Run
+from hdassist.acceptance.limit_parser import LimitText
+from hdassist.acceptance.lot_command import accept_lot
 from hdassist.acceptance.request import Request
-from hdassist.terminal.output import Output
+from hdassist.terminal.options import FigureOptions
 from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
 from tests.rigs import drive_error, text
 
@@ -128,11 +130,9 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
 
     monkeypatch.setattr(lotwork, "carry_out", broken)
     monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have the patch
-    base = Request(SMALL, limits=("F_ior=40",), measured_only=True)
-    found = accept_lot(
-        str(tmp_path / "lot.csv"), base, Output.open(), Files(), fail_on="fail", jobs=2, json=False, quiet=True,
-        verbose=False, debug=False,
-    )  # fmt: skip
+    base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
+    options = FigureOptions(quiet=True)
+    found = accept_lot(str(tmp_path / "lot.csv"), Run(base, FileOptions(), options, options.open(), jobs=2))
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
     assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]
@@ -198,6 +198,35 @@ def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
     code, out, said = here("accept", "--replay", "one.json")
     assert code == 4
     assert "run.csv has changed: sha256" in said
+
+
+def test_a_kept_answer_that_was_changed_is_refused(folder, here):
+    args = (*MEASURED, "--jsonl", "a.jsonl", "-q")
+    assert here(*args)[0] == 4
+    first, second, *rest = (folder / "a.jsonl").read_text().splitlines()
+    assert json.loads(second)["verdict"] == "FAIL"
+    for change in (
+        lambda told: told.update(verdict="PASS", exit_code=0),
+        lambda told: told["checks"][0].update(verdict="PASS"),
+        lambda told: told["checks"][0].update(value=28.0, margin=12.0),
+        lambda told: told["checks"][0].update(expanded_uncertainty=30.0),
+        lambda told: told["checks"][0].update(limit=60.0),
+        lambda told: told["rule"].update(measured="simple"),
+    ):
+        told = json.loads(second)
+        change(told)
+        lines = [first, json.dumps(told), *rest]
+        (folder / "a.jsonl").write_text("\n".join(lines) + "\n")
+        code, out, said = here(*args, "--resume")
+        assert (code, out) == (4, "")
+        assert "error: a.jsonl: 17-2: " in said
+        assert "does not follow from" in said
+        assert (folder / "a.jsonl").read_text().splitlines() == lines
+    (folder / "a.jsonl").write_text(first + "\n" + second.replace('"value":55.0', '"value":Infinity') + "\n")
+    for again in ((*args, "--resume"), ("accept", "--replay", "a.jsonl")):
+        code, out, said = here(*again)
+        assert (code, out) == (4, "")
+        assert "a.jsonl:2: an answer is not whole: checks.0.value: Input should be a finite number" in said
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from hdassist import load_preset, trace
 from hdassist.acceptance.checks import F_IOR
-from hdassist.acceptance.decision import Asked, Known, decide
+from hdassist.acceptance.decision import Limit, Value, decide
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import combined, parse_stated
@@ -45,7 +45,7 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
         in_turn = abs(found.revolution.value - turn_range(curve, RATIO))
         within += in_turn <= 2 * found.revolution_uncertainty_arcsec
         # a drive that stands just at its limit
-        passed += decide(Asked(F_IOR, true), Known(found.range.value, u, "measured"), "guard", 0).verdict == "PASS"
+        passed += decide(Limit(F_IOR, true), Value(found.range.value, u, "measured"), "guard", 0).verdict == "PASS"
         raw_too_large += found.raw_range_arcsec > high
     assert hits >= 57
     assert within >= 57

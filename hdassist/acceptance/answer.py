@@ -1,0 +1,365 @@
+"""Answers of `hdassist accept` as its files have them: made of an acceptance, and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Literal, TypeAlias
+
+from pydantic import TypeAdapter, ValidationError
+
+from hdassist.acceptance.accept import Acceptance, Note
+from hdassist.acceptance.checks import Extent, check_of
+from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
+from hdassist.acceptance.predictions import Predictions
+from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request
+from hdassist.errors import DataError, HdassistError
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.textfile import read_bytes
+from hdassist.verdict import Verdict, worst
+from hdassist.version import __version__
+
+MAX_BYTES = 1_000_000_000
+SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
+PROVENANCE = ("version", "preset_sha256", "measured_sha256", "seed", "solver", "max_residual", "time")
+
+
+class Record:
+    """What stands in a file of ours: nothing but its fields, and finite numbers."""
+
+    __pydantic_config__ = RECORD_CONFIG
+
+
+@dataclass(frozen=True)
+class CheckRecord(Record):
+    """A decision on a limit; limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain."""
+
+    code: str
+    M_g_Nm: float | None
+    per_cam_rev: float | None
+    basis: Basis | None
+    extent: Extent | None
+    value: float | None
+    expanded_uncertainty: float | None
+    guard: float
+    limit: float
+    limit_is: Literal["greatest", "least"]
+    margin: float | None
+    unit: str
+    verdict: Verdict
+    reason: str | None
+
+    @classmethod
+    def of(cls, decision: Decision) -> CheckRecord:
+        """A decision as a record."""
+        limit, value = decision.limit, decision.value
+        basis, extent, number = (value.basis, value.extent, value.number) if value else (None, None, None)
+        return cls(
+            limit.check.code, limit.M_g, limit.order, basis, extent, number, decision.expanded, decision.guard,
+            limit.bound, "greatest" if limit.check.upper else "least", decision.margin, limit.check.unit,
+            decision.verdict, decision.reason or None,
+        )  # fmt: skip
+
+    @property
+    def held_against(self) -> Limit:
+        """The limit of the decision. Raises DataError: no check has the code."""
+        return Limit(check_of(self.code), self.limit, self.M_g_Nm, self.per_cam_rev)
+
+    def decided_again(self, rule: Rule, margin: float) -> CheckRecord:
+        """What follows from value, uncertainty and limit by a rule and a margin, as in decide."""
+        value = None
+        if self.value is not None and self.basis is not None and self.extent is not None:
+            uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
+            value = Value(self.value, uncertainty, self.basis, self.extent)
+        return CheckRecord.of(decide(self.held_against, value, rule, margin))
+
+
+@dataclass(frozen=True)
+class TraceRecord(Record):
+    """A trace: torque, file with its SHA-256, and the F'_ior that it shows, a lower bound of part of the cycle."""
+
+    M_g_Nm: float
+    file: str
+    sha256: str
+    rows: int
+    F_ior_arcsec: float
+    F_ior_is_lower_bound: bool
+    standard_uncertainty_arcsec: float
+
+
+@dataclass(frozen=True)
+class RuleRecord(Record):
+    """By what was decided: rule of measured values with its guard band, margin of predicted ones."""
+
+    measured: Rule
+    guard_standard_uncertainties: float
+    prediction_margin_percent: float
+
+
+@dataclass(frozen=True)
+class ResidualsRecord(Record):
+    """Worst residuals of the optimality conditions."""
+
+    negative_force: float
+    negative_gap: float
+    complementarity: float
+    equilibrium: float
+
+
+@dataclass(frozen=True)
+class CertificateRecord(Record):
+    """The proof of what was predicted."""
+
+    states: int
+    max_residual: float
+    residuals: ResidualsRecord
+    fallbacks: int
+    cross_check: CrossCheck | None
+
+
+@dataclass(frozen=True)
+class DriveRecord(Record):
+    """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top."""
+
+    name: str
+    sha256: str
+    overrides: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PresetRecord(Record):
+    """The preset of a drive that has no answer: as it was asked for."""
+
+    name: str
+    sha256: None = None
+
+
+@dataclass(frozen=True)
+class ErrorRecord(Record):
+    """What went wrong, and what to do about it."""
+
+    message: str
+    hint: str
+
+
+@dataclass(frozen=True)
+class Envelope(Record):
+    """What every answer begins with."""
+
+    schema: Literal["hdassist.accept/1"]
+    version: str
+    preset: DriveRecord | PresetRecord
+    exit_code: int
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Accepted(Envelope):
+    """The answer about a drive: verdict, decisions, and all that it takes to do it again.
+
+    place: of the row of a lot, None without one.
+    """
+
+    preset: DriveRecord
+    serial: str
+    verdict: Verdict
+    checks: tuple[CheckRecord, ...]
+    left_out: tuple[str, ...]
+    remarks: tuple[Note, ...]
+    measured: tuple[TraceRecord, ...]
+    rule: RuleRecord
+    certificate: CertificateRecord | None
+    solver: str | None
+    seed: int
+    fail_on: FailOn
+    request: Request
+    time: str
+    place: str | None = None
+
+    @property
+    def status(self) -> str:
+        """The verdict."""
+        return str(self.verdict)
+
+    @property
+    def contradiction(self) -> str:
+        """What of the answer does not follow from its own figures; empty where all of it does."""
+        for check in self.checks:
+            again = check.decided_again(self.rule.measured, self.rule.prediction_margin_percent / 100)
+            if again != check:
+                return f"{check.held_against.label}: {check.verdict} does not follow from its figures"
+        verdict = worst(check.verdict for check in self.checks)
+        if (
+            not self.checks
+            or self.verdict != verdict
+            or self.exit_code != exit_code(verdict, bool(self.remarks), self.fail_on)
+        ):
+            return f"{self.verdict}, exit code {self.exit_code}, does not follow from its checks"
+        return ""
+
+
+@dataclass(frozen=True)
+class Unanswered(Envelope):
+    """The answer about a drive that has none: its error; request: None for a row that is wrong in itself."""
+
+    preset: PresetRecord
+    error: ErrorRecord
+    serial: str
+    seed: int
+    request: Request | None
+    time: str
+    place: str | None = None
+
+    @property
+    def status(self) -> str:
+        """What stands where a verdict would."""
+        return "BROKEN"
+
+
+Answer: TypeAlias = Accepted | Unanswered
+_ACCEPTED, _UNANSWERED = TypeAdapter(Accepted), TypeAdapter(Unanswered)
+
+
+def answer_of(request: Request, result: Acceptance, fail_on: FailOn, place: str | None = None) -> Accepted:
+    """The answer that an acceptance is."""
+    drive, acceptance, predictions = result.drive, result.drive.acceptance, result.predictions
+    guard = GUARD if acceptance.rule == "guard" else 0.0
+    return Accepted(
+        schema=SCHEMA,
+        version=__version__,
+        preset=DriveRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
+        exit_code=exit_code(result.verdict, bool(result.notes), fail_on),
+        warnings=drive.origin.warnings,
+        serial=request.serial,
+        verdict=result.verdict,
+        checks=tuple(map(CheckRecord.of, result.decisions)),
+        left_out=tuple(limit.label for limit in result.left_out),
+        remarks=result.notes,
+        measured=tuple(
+            TraceRecord(
+                M_g, m.trace.file, m.trace.sha256, len(m.trace.line), m.F_ior_arcsec, m.directions[0].is_bound,
+                m.directions[0].uncertainty_arcsec,
+            )
+            for M_g, m in result.measurements.items()
+        ),
+        rule=RuleRecord(acceptance.rule, guard, acceptance.margin),
+        certificate=_certificate(predictions) if predictions else None,
+        solver="engine" if predictions else None,
+        seed=request.seed,
+        fail_on=fail_on,
+        request=request,
+        time=_now(),
+        place=place,
+    )  # fmt: skip
+
+
+def _certificate(predictions: Predictions) -> CertificateRecord:
+    found, crossed = predictions.certificate, predictions.cross_checks
+    residuals = ResidualsRecord(found.negative_force, found.negative_gap, found.complementarity, found.equilibrium)
+    cross_check = None
+    if crossed:
+        worst_of_all = max(c.max_difference_arcsec for c in crossed)
+        cross_check = CrossCheck(crossed[0].solver, sum(c.states for c in crossed), worst_of_all)
+    return CertificateRecord(found.states, found.max_residual, residuals, found.fallbacks, cross_check)
+
+
+def failure_of(request: Request, error: HdassistError) -> Unanswered:
+    """The answer about a drive that has none."""
+    return Unanswered(
+        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (), ErrorRecord(error.message, error.hint),
+        request.serial, request.seed, request, _now(),
+    )  # fmt: skip
+
+
+def exit_code(verdict: Verdict, remarked: bool, fail_on: FailOn) -> int:
+    """Exit code of an acceptance: that of its verdict; with warn remarks count as FAIL, with never nothing does."""
+    if fail_on == "never":
+        return 0
+    return 3 if fail_on == "warn" and remarked else verdict.exit_code
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def provenance(answer: Answer) -> dict[str, Any]:
+    """What an answer rests on, flat: the keys of PROVENANCE."""
+    accepted = answer if isinstance(answer, Accepted) else None
+    values = (
+        answer.version,
+        answer.preset.sha256,
+        " ".join(trace.sha256 for trace in accepted.measured) or None if accepted else None,
+        answer.seed,
+        accepted and accepted.solver,
+        accepted and accepted.certificate and accepted.certificate.max_residual,
+        answer.time,
+    )
+    return dict(zip(PROVENANCE, values, strict=True))
+
+
+def to_json(answer: Answer) -> dict[str, Any]:
+    """An answer as a JSON object; without its place where it has none."""
+    adapter: TypeAdapter[Any] = _ACCEPTED if isinstance(answer, Accepted) else _UNANSWERED
+    told: dict[str, Any] = adapter.dump_python(answer, mode="json")
+    if told["place"] is None:
+        del told["place"]
+    return told
+
+
+def to_line(answer: Answer) -> str:
+    """An answer on one line, without its end; never NaN or Infinity."""
+    return json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+
+
+def to_lines(answers: Iterable[Answer]) -> str:
+    """Answers as the text of a file of JSON Lines."""
+    return "".join(to_line(answer) + "\n" for answer in answers)
+
+
+def read_answers(path: str) -> list[Answer]:
+    """Answers of `hdassist accept` from a file: --json of one drive or of many, or JSON Lines.
+
+    A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
+    """
+    data, file = read_bytes(path, MAX_BYTES)
+    text = data.decode("utf-8", "replace")
+    try:
+        told = json.loads(text)
+    except ValueError:
+        return _answers_of_lines(text, file)
+    if isinstance(told, dict) and isinstance(told.get("results"), list):
+        return [_answer(one, file, place) for place, one in enumerate(told["results"], 1)]
+    return [_answer(told, file, 1)]
+
+
+def _answers_of_lines(text: str, file: str) -> list[Answer]:
+    answers = []
+    *lines, last = text.split("\n")  # what stands after the last end of a line was broken off
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            try:
+                told = json.loads(line)
+            except ValueError as fault:
+                raise DataError(f"{file}:{number}: no JSON: {fault}", "an answer of hdassist accept a line") from None
+            answers.append(_answer(told, file, number))
+    if not answers and last.strip():
+        raise DataError(f"{file}: no answer of hdassist accept", "a file of --json or --jsonl")
+    return answers
+
+
+def _answer(told: Any, file: str, number: int) -> Answer:
+    schema = told.get("schema") if isinstance(told, dict) else None
+    if schema != SCHEMA:
+        raise DataError(f"{file}:{number}: no answer of hdassist accept (schema {schema})", f"schema {SCHEMA}")
+    try:
+        return _UNANSWERED.validate_python(told) if "error" in told else _ACCEPTED.validate_python(told)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
+        words = "does not say what was asked" if first["loc"][:1] == ("request",) else "is not whole"
+        raise DataError(
+            f"{file}:{number}: an answer {words}: {where}: {what}", "it was changed, or another version wrote it"
+        ) from None
