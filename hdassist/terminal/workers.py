@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 
 
 @contextmanager
@@ -51,11 +52,13 @@ def _way() -> str:
     """How processes begin: with all that is imported here already (a second each), where that can be had.
 
     A fork of a process with threads may inherit a lock that nobody will open; there a process without threads, which
-    has imported the same, does the forking.
+    has imported the same, does the forking. Solvers start threads that Python does not know of; the system does.
     """
     if sys.platform != "linux":
         return "spawn"
-    return "fork" if threading.active_count() == 1 else "forkserver"
+    tasks = Path("/proc/self/task")
+    threads = len(list(tasks.iterdir())) if tasks.exists() else threading.active_count()
+    return "fork" if threads == 1 else "forkserver"
 
 
 def count(jobs: int) -> int:
