@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error
-from hdassist.acceptance.accept import Stated, accept
-from hdassist.acceptance.decision import Known
-from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.accept import accept
+from hdassist.acceptance.decision import Value, limits_of
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
@@ -278,28 +277,29 @@ def with_acceptance(drive: Drive, **values: object) -> Drive:
 def test_each_limit_decides(reference, path):
     kind, name = kind_of(field_table()[path]), path.split(".")[1]
     drive = with_acceptance(reference, **{name: {"limits": {"80": 20.0}, "orders": {"2": 20.0}}.get(kind, 20.0)})
-    asked = limits_of(drive)[0]
-    verdicts = [accept(drive, stated={asked: Stated(value, 0.0)}, measured_only=True).verdict for value in (19.0, 21.0)]
+    limit = limits_of(drive)[0]
+    values = (Value(number, 0.0, "stated") for number in (19.0, 21.0))
+    verdicts = [accept(drive, stated={limit: value}, measured_only=True).verdict for value in values]
     assert verdicts == (["FAIL", "PASS"] if name.startswith("K_") else ["PASS", "FAIL"])
 
 
 @pytest.mark.moves("operation.M_g")
 def test_limits_hold_at_each_torque(reference):
     drive = with_acceptance(changed(reference, operation__M_g=(40.0, -70.0)), F_ior={"all": 30.0})
-    assert [asked.M_g for asked in limits_of(drive)] == [40, -70]
+    assert [limit.M_g for limit in limits_of(drive)] == [40, -70]
     assert wind_up(reference, 40) < wind_up(reference, 70)
 
 
 @pytest.mark.moves("acceptance.rule", "acceptance.margin")
 def test_rule_of_measured_and_margin_of_predicted_values(reference):
-    def verdict(known: Known, **values: object) -> Verdict:
+    def verdict(stated: Value | None = None, **values: object) -> Verdict:
         drive = with_acceptance(reference, lost_motion=60.0, **values)
-        stated = {asked: Stated(known.value, known.uncertainty) for asked in limits_of(drive) if known.uncertainty}
-        return accept(drive, stated=stated, predictions=SimpleNamespace(known=lambda _: known)).verdict
+        found = dict.fromkeys(limits_of(drive), stated) if stated else {}
+        return accept(drive, stated=found, predictions=SimpleNamespace(twist=twist)).verdict
 
-    measured, predicted = Known(59.0, 1.0, "stated"), Known(59.0, 0.0, "predicted")
+    measured, twist = Value(59.0, 1.0, "stated"), SimpleNamespace(lost_motion_arcsec=59.0)
     assert [verdict(measured, rule=rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
-    assert [verdict(predicted, margin=margin) for margin in (1.0, 5.0)] == ["PASS", "INCONCLUSIVE"]
+    assert [verdict(margin=margin) for margin in (1.0, 5.0)] == ["PASS", "INCONCLUSIVE"]
 
 
 @pytest.mark.moves("mounting.allowed")
