@@ -124,9 +124,9 @@ def test_chances_are_those_of_the_samples():
     found = advice.robust
     assert found is not None
     (said,) = card(advice).chance.lines
-    if advice.worth_turning:
-        assert f"a probability of {found.probability_best[found.best]:.0%}".replace("%", " %") in said
-        assert f"a gain with {found.probability_gain:.0%}".replace("%", " %") in said
+    assert advice.worth_turning
+    assert f"a probability of {found.probability_best[found.best]:.0%}".replace("%", " %") in said
+    assert f"a gain with {found.probability_gain:.0%}".replace("%", " %") in said
     certain = card(CARDS["sampled"])
     assert "with a probability of 100 %, and the turn is a gain with 100 %" in certain.chance.lines[0]
     assert certain.chance.lines[1] == "Weights of the torques: 2 / 1."
@@ -249,9 +249,8 @@ def test_catalogues_have_the_same_keys_and_fields():
         entries = texts(language).entries
         assert entries.keys() == home.keys()
         assert all(isinstance(text, str) and text for text in entries.values())
-        for key in home:
-            if not key.startswith("plural."):
-                assert fields(entries[key]) == fields(home[key]), (language, key)
+        for key in (key for key in home if not key.startswith("plural.")):
+            assert fields(entries[key]) == fields(home[key]), (language, key)
 
 
 def test_no_text_of_the_catalogue_is_unused(monkeypatch):

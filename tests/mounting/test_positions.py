@@ -102,9 +102,10 @@ def test_searched_curves_are_those_of_every_state(every_state):
 def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     real = making._searched
     monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, search_from=0, cross_check=None)
+    some = slice(None, None, 3)
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], search_from=0, cross_check=None)
     assert curve.every_state.all()
-    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=1e-9)
+    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, some], abs=1e-9)
 
 
 class Impatient(Executor):

@@ -116,7 +116,8 @@ def test_two_encoders_make_the_same_trace(tmp_path: Path, sense: int) -> None:
 def test_traces_and_numbers_together(tables: Tables, tmp_path: Path) -> None:
     traced = read(tmp_path / "t.csv", figures(50.0, 20.0, 0, 100.0))
     number = Trial(120.0, 18.7)
-    alone, together = learnt(tables, traced), learnt(tables, traced, number)
+    prior = prior_of(tables, trials=(traced,), rig=RIG)
+    alone, together = (posterior(prior, some, RIG, POSITIONS) for some in ((traced,), (traced, number)))
     assert together.trials == (traced, number)
     assert together.expected_loss[together.best] <= alone.expected_loss[alone.best] + 0.01
     assert off(together, 20) < max(3 * together.directions()[0].spread_deg, 8)
