@@ -69,10 +69,11 @@ def accept(
     """Hold a drive against the limits of its preset.
 
     Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
-    measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions,
-    of the same drive and limits where they are known already; the others as in predict.
-    Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not
-    have; UsageError: such an order on the command line; and what predict raises.
+    measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions, of
+    the same drive and limits where they are known already; for predictions made here: cross_check, solver of some
+    states again, and seed of their choice, executor, to spread the work over, progress, told how many states were
+    solved. Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does
+    not have; UsageError: such an order on the command line; UntrustedError where a prediction cannot be trusted.
     """
     limits, measured, known = limits_of(drive), measurements or {}, stated or {}
     left = without_values(drive, measured, known)

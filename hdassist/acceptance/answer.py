@@ -69,7 +69,7 @@ class CheckRecord(Record):
         return Limit(check_of(self.code), self.limit, self.M_g_Nm, self.per_cam_rev)
 
     def decided_again(self, rule: Rule, margin: float) -> CheckRecord:
-        """What follows from value, uncertainty and limit by a rule and a margin, as in decide."""
+        """The check that follows from its own value, uncertainty and limit, by a rule and a margin [%]."""
         value = None
         if self.value is not None and self.basis is not None and self.extent is not None:
             uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR

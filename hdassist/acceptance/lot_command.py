@@ -33,7 +33,8 @@ def accept_lot(path: str, run: Run) -> int:
     """Accept the drives of a lot; returns the exit code.
 
     Arguments: path of a table or folder; run, its base being what is asked of every drive.
-    Raises what read_lot does, and UsageError or DataError for files.
+    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table, folder or file
+    that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
     base, files, options, out = run.base, run.files, run.options, run.out
     begun = time.monotonic()

@@ -93,7 +93,9 @@ def predict(
 ) -> Predictions:
     """Predict what is needed of a drive, and nothing else.
 
-    Arguments: executor, to spread the work over; the others and the errors as in kinematic_error.
+    Arguments: needed, torques [N*m] of cycles and self errors, and whether the stiffness is; cross_check, solver of
+    some states again, and seed of their choice; executor, to spread the work over (the numbers do not depend on it);
+    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
     """
     told = None if executor else progress
     jobs: list[Callable[[], Any]] = [

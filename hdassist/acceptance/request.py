@@ -95,7 +95,8 @@ class Request:
     """One drive to accept.
 
     preset, a name, path or -; serial, of the drive, for reports; overrides of the preset, as on the command line;
-    limits, instead of the preset's; measured, traces; values, measured otherwise; measured_only and seed as in accept.
+    limits, instead of the preset's; measured, traces; values, measured otherwise; reading, how traces are read;
+    measured_only, predict nothing; cross_check, solver of some predicted states again, and seed of their choice.
     """
 
     __pydantic_config__ = RECORD_CONFIG
@@ -112,14 +113,15 @@ class Request:
     seed: int = 0
 
     def load(self) -> Drive:
-        """The drive, its limits included. Raises what load_preset does."""
+        """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
         return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
 
 
 def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement]:
     """Traces of a request by their torque [N*m].
 
-    Raises what read_trace and measure do, and UsageError where the torque of a trace is open or stands twice.
+    Raises UsageError where the torque of a trace is open or stands twice; PresetError or DataError for a file that
+    cannot be used; UntrustedError where a record does not tell its orders apart.
     """
     files: dict[float, str] = {}
     for trace in request.measured:
@@ -160,7 +162,7 @@ def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Value
 def predict_for(request: Request) -> Predictions | None:
     """Predictions that a request needs, without a look at what was measured; None where it needs none.
 
-    Raises what accept does of drive and limits.
+    Raises DataError: no limit, or something measured that no limit is for; UntrustedError: no answer to be trusted.
     """
     drive = request.load()
     limits = limits_of(drive)
@@ -179,7 +181,12 @@ def carry_out(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Acceptance:
-    """Accept the drive of a request, loaded and measured before; the others and the errors as in accept."""
+    """Accept the drive of a request, loaded and measured before.
+
+    Arguments: measurements by torque [N*m]; predictions, where they are known already, else executor and progress for
+    them. Raises DataError: no limit, or something measured that no limit is for; UsageError: a value that no limit is
+    for; UntrustedError where a prediction cannot be trusted.
+    """
     return accept(
         drive,
         measurements,

@@ -147,9 +147,11 @@ def compare(
 ) -> Comparison:
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
-    Arguments: convention, how the file counts; orders, drift, stated and seed as in measure; progress, told how many
-    states were solved. Both directions count as one, each with its own level: the model knows no friction.
-    Raises what measure raises; UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
+    Arguments: convention, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none,
+    linear or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source; seed of the bootstrap; progress,
+    told how many states were solved. Both directions count as one, each with its own level: the model knows no
+    friction. Raises UsageError for rolling balls and for orders, drift or sources that cannot be meant; UntrustedError
+    where the record does not tell its orders apart, or an answer cannot be trusted.
     """
     convention = convention or RecordConvention()
     torus = ErrorWaves(drive, M_g, progress)

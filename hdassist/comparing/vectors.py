@@ -47,7 +47,11 @@ def direction_of(vector: complex, near: float) -> float:
 
 
 def with_vectors(drive: Drive, vectors: Complex, free: Sequence[int]) -> Drive:
-    """The drive with some of its deviations, by their place, as in vectors; directions near to those it has."""
+    """The drive with some of its deviation vectors changed.
+
+    Arguments: vectors [um, complex], one for each of VECTORS; free, places of those to take over. Directions are given
+    in the turn nearest to those that the drive has.
+    """
     values = {}
     for k in free:
         values[VECTORS[k].size] = float(abs(vectors[k]))

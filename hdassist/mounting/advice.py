@@ -108,9 +108,14 @@ def advise(
 ) -> Advice:
     """Find the position in which to mount the fixed wheel of a drive.
 
-    Arguments: as in mounting_curve and, for a preset with uncertainties, robust. An interrupt ends the work early:
-    the advice has what was done. Raises UsageError and UntrustedError as those, and UsageError for samples of a drive
-    with measured teeth.
+    Arguments: torques [N*m]; rotations_deg, positions to try [deg], 0 first, where the wheel stands; measured, wheels
+    in place of first harmonics; every_state, solve all states instead of searching; weights of the torques, one each;
+    samples of what the preset gives an uncertainty for, and the criterion that chooses among positions in them:
+    expected, worst or quantile:Q; cross_check, solver of some states again; seed of samples and of those states;
+    executor, to spread the work over (the numbers do not depend on it); progress, told how many states were solved. An
+    interrupt ends the work early: the advice has what was done. Raises UsageError for positions, weights or a criterion
+    that cannot be meant, and for samples of a drive with measured teeth; UntrustedError where an answer cannot be
+    trusted.
     """
     Criterion.of(criterion)  # wrong before anything is computed, and without uncertainties too
     if measured and drive.uncertainty and samples:

@@ -121,7 +121,8 @@ def alternatives(
 ) -> list[Alternative]:
     """Best position under each of the preset's alternatives, in steps of a seat hole, or of 30 deg.
 
-    Fields that were overridden keep their override. Arguments and errors as in mounting_curve.
+    Fields that were overridden keep their override. Arguments: torques [N*m]; executor, to spread the work over;
+    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
     """
     count = drive.mounting.holes or FREE_POSITIONS
     rotations = np.arange(count, dtype=float) * 360 / count
@@ -141,7 +142,8 @@ def alternatives(
 class _Job:
     """A mounting curve being made: values, shape (torques, rotations), NaN where nothing is known yet.
 
-    solved, same shape: where every state was solved; the other fields as in mounting_curve.
+    solved, same shape: where every state was solved; weights of the torques, one each; measured, wheels in place of
+    first harmonics; cross_check, solver of some states again, and seed of their choice.
     """
 
     drive: Drive

@@ -94,7 +94,7 @@ class DriveOptions(OptionGroup):
     overrides: Overrides = field(default_factory=list)
 
     def load(self, preset: str, *more: str) -> Drive:
-        """The drive of a preset with the overrides, and more of them. Raises what load_preset does."""
+        """The drive of a preset with the overrides, and more of them. Raises DataError, PresetError or UsageError."""
         from hdassist.preset.library import load_preset
 
         return load_preset(preset, [*self.overrides, *more])
@@ -107,7 +107,7 @@ class LoadedDriveOptions(DriveOptions):
     torque: Torques = field(default_factory=list)
 
     def load(self, preset: str, *more: str) -> Drive:
-        """The drive of a preset with the overrides and torques. Raises what load_preset does."""
+        """The drive of a preset with the overrides and torques. Raises DataError, PresetError or UsageError."""
         return super().load(preset, *more, *torque_overrides(self.torque))
 
 
