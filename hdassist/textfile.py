@@ -21,7 +21,7 @@ MAX_LINE = 10_000  # characters
 PART = 1 << 18  # bytes that are read at once
 _NOT_UTF_8 = re.compile("[\udc80-\udcff]")
 
-Source = str | Path | bytes | IO[bytes] | IO[str]
+Readable = str | Path | bytes | IO[bytes] | IO[str]
 
 
 class TextFile:
@@ -31,7 +31,7 @@ class TextFile:
     UTF-8), and is_latin says whether there were lines that are not UTF-8; these are read as Latin-1.
     """
 
-    def __init__(self, source: Source, at_most: int, name: str = "") -> None:
+    def __init__(self, source: Readable, at_most: int, name: str = "") -> None:
         """Open nothing yet.
 
         Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have;

@@ -30,7 +30,7 @@ class Note:
 
 
 @dataclass(frozen=True)
-class Acceptance:
+class AcceptanceResult:
     """Decisions on the limits of a drive, in the order of the checklist.
 
     left_out: limits that were not decided on; measurements: traces by torque [N*m]; predictions: None where all was
@@ -65,7 +65,7 @@ def accept(
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Acceptance:
+) -> AcceptanceResult:
     """Hold a drive against the limits of its preset.
 
     Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
@@ -100,7 +100,7 @@ def accept(
             values = [limit.predicted(predictions)]
         rule, margin = drive.acceptance.rule, drive.acceptance.margin / 100
         decisions.append(_decisive([decide(limit, value, rule, margin) for value in values]))
-    return Acceptance(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
+    return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
 
 
 def without_values(drive: Drive, torques: Collection[float], stated: Collection[Limit]) -> list[Limit]:
@@ -157,7 +157,7 @@ def _decisive(found: Sequence[Decision]) -> Decision:
     return min(found, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
-def _of_traces(result: Acceptance) -> Iterator[Note]:
+def _of_traces(result: AcceptanceResult) -> Iterator[Note]:
     for M_g, measurement in result.measurements.items():
         where = f"{measurement.trace.file}, {M_g:g} N*m"
         parts = [d for d in measurement.directions if d.is_bound]
@@ -170,7 +170,7 @@ def _of_traces(result: Acceptance) -> Iterator[Note]:
         yield from (Note(RECORD.code, f"{where}: {text}") for text in measurement.warnings)
 
 
-def _of_decisions(result: Acceptance) -> Iterator[Note]:
+def _of_decisions(result: AcceptanceResult) -> Iterator[Note]:
     for decision in result.decisions:
         expanded, limit = decision.expanded, decision.limit
         if expanded is not None and expanded > QUARTER * limit.bound:

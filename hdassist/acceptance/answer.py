@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from hdassist.acceptance.accept import Acceptance, Note
+from hdassist.acceptance.accept import AcceptanceResult, Note
 from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
 from hdassist.acceptance.predictions import Predictions
@@ -27,14 +27,14 @@ SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
 PROVENANCE = ("version", "preset_sha256", "measured_sha256", "seed", "solver", "max_residual", "time")
 
 
-class Record:
+class ClosedRecord:
     """What stands in a file of ours: nothing but its fields, and finite numbers."""
 
     __pydantic_config__ = RECORD_CONFIG
 
 
 @dataclass(frozen=True)
-class CheckRecord(Record):
+class CheckRecord(ClosedRecord):
     """A decision on a limit; limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain."""
 
     code: str
@@ -78,7 +78,7 @@ class CheckRecord(Record):
 
 
 @dataclass(frozen=True)
-class TraceRecord(Record):
+class TraceRecord(ClosedRecord):
     """A trace: torque, file with its SHA-256, and the F'_ior that it shows, a lower bound of part of the cycle."""
 
     M_g_Nm: float
@@ -91,7 +91,7 @@ class TraceRecord(Record):
 
 
 @dataclass(frozen=True)
-class RuleRecord(Record):
+class RuleRecord(ClosedRecord):
     """By what was decided: rule of measured values with its guard band, margin of predicted ones."""
 
     measured: Rule
@@ -100,7 +100,7 @@ class RuleRecord(Record):
 
 
 @dataclass(frozen=True)
-class ResidualsRecord(Record):
+class ResidualsRecord(ClosedRecord):
     """Worst residuals of the optimality conditions."""
 
     negative_force: float
@@ -110,7 +110,7 @@ class ResidualsRecord(Record):
 
 
 @dataclass(frozen=True)
-class CertificateRecord(Record):
+class CertificateRecord(ClosedRecord):
     """The proof of what was predicted."""
 
     states: int
@@ -121,7 +121,7 @@ class CertificateRecord(Record):
 
 
 @dataclass(frozen=True)
-class DriveRecord(Record):
+class DriveRecord(ClosedRecord):
     """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top."""
 
     name: str
@@ -130,7 +130,7 @@ class DriveRecord(Record):
 
 
 @dataclass(frozen=True)
-class PresetRecord(Record):
+class PresetRecord(ClosedRecord):
     """The preset of a drive that has no answer: as it was asked for."""
 
     name: str
@@ -138,7 +138,7 @@ class PresetRecord(Record):
 
 
 @dataclass(frozen=True)
-class ErrorRecord(Record):
+class ErrorRecord(ClosedRecord):
     """What went wrong, and what to do about it."""
 
     message: str
@@ -146,7 +146,7 @@ class ErrorRecord(Record):
 
 
 @dataclass(frozen=True)
-class Envelope(Record):
+class Envelope(ClosedRecord):
     """What every answer begins with."""
 
     schema: Literal["hdassist.accept/1"]
@@ -223,7 +223,7 @@ Answer: TypeAlias = Accepted | Unanswered
 _ACCEPTED, _UNANSWERED = TypeAdapter(Accepted), TypeAdapter(Unanswered)
 
 
-def answer_of(request: Request, result: Acceptance, fail_on: FailOn, place: str | None = None) -> Accepted:
+def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Accepted:
     """The answer that an acceptance is."""
     drive, acceptance, predictions = result.drive, result.drive.acceptance, result.predictions
     guard = GUARD if acceptance.rule == "guard" else 0.0

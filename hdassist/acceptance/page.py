@@ -9,7 +9,7 @@ from math import floor, log10
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from hdassist.acceptance.accept import Acceptance
+from hdassist.acceptance.accept import AcceptanceResult
 from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
 from hdassist.acceptance.decision import GUARD, Limit
 from hdassist.terminal.answers import csv_text
@@ -33,7 +33,7 @@ def number(value: float, limit: Limit) -> str:
     return f"{value:.{max(2, 2 - floor(log10(limit.bound)))}f}"
 
 
-def render(result: Acceptance, style: Style, serial: str = "") -> RenderableType:
+def render(result: AcceptanceResult, style: Style, serial: str = "") -> RenderableType:
     """The verdict, a row for each limit, and what it should not be read without."""
     name = result.drive.name + (f", serial {serial}" if serial else "")
     parts: list[RenderableType] = [Text(style.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
@@ -45,7 +45,7 @@ def render(result: Acceptance, style: Style, serial: str = "") -> RenderableType
     return Group(*parts)
 
 
-def _titles(result: Acceptance) -> dict[str, str]:
+def _titles(result: AcceptanceResult) -> dict[str, str]:
     """What stands over the checks of each basis."""
     acceptance = result.drive.acceptance
     return {
@@ -110,7 +110,7 @@ def bound(limit: Limit) -> str:
     return f"{'≤' if limit.check.upper else '≥'} {limit.bound:.6g}"
 
 
-def _notes(result: Acceptance) -> list[str]:
+def _notes(result: AcceptanceResult) -> list[str]:
     lines = [f"certificate: {result.predictions.certificate}"] if result.predictions else []
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]

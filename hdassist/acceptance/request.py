@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, PlainSerializer
 
-from hdassist.acceptance.accept import Acceptance, accept, without_values
+from hdassist.acceptance.accept import AcceptanceResult, accept, without_values
 from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.predictions import Predictions, predict
@@ -180,7 +180,7 @@ def carry_out(
     predictions: Predictions | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Acceptance:
+) -> AcceptanceResult:
     """Accept the drive of a request, loaded and measured before.
 
     Arguments: measurements by torque [N*m]; predictions, where they are known already, else executor and progress for

@@ -30,7 +30,7 @@ Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is 
 class TableOptions(o.OptionGroup):
     """How a table is given."""
 
-    json: o.Json = False
+    json: o.AsJson = False
     ascii: o.Ascii = False
     no_color: o.NoColor = False
     debug: o.Debug = False
@@ -114,7 +114,7 @@ def validate(
     presets: o.Presets,
     *,
     drives: o.DriveOptions,
-    json: o.Json = False,
+    json: o.AsJson = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
     """Check presets: everything that is wrong with each, at once.

@@ -21,7 +21,7 @@ MAIN = 0.3  # of a combination: what has less is not named
 VAGUE = 60.0  # deg: a direction that is less sure is none
 DECIMALS = 3  # of a new value, at most
 
-Kind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
+ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Explanation:
 class Conclusion:
     """What is concluded: agrees, mirrored, one (deviation explains it), several (together), or unexplained."""
 
-    kind: Kind
+    kind: ConclusionKind
     best: Explanation | None = None
 
 

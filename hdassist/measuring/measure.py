@@ -14,7 +14,14 @@ from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, TraceFit, fit_orders
 from hdassist.measuring.orders import DEFAULT, WHOLE, MeasuredOrder, order_grid, order_table
 from hdassist.measuring.range import Range, ranges_of, visited_angles
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR, OF_THE_RANGE, OF_THE_RECORD, Source, budget, combined
+from hdassist.measuring.uncertainty import (
+    COVERAGE_FACTOR,
+    OF_THE_RANGE,
+    OF_THE_RECORD,
+    UncertaintySource,
+    budget,
+    combined,
+)
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.sweeps import Sweep
@@ -45,7 +52,7 @@ class SweepResult:
     raw_range_arcsec: float
     orders: tuple[MeasuredOrder, ...]
     coverage: Coverage | None
-    sources: tuple[Source, ...]
+    sources: tuple[UncertaintySource, ...]
 
     @property
     def bins(self) -> Bins:

@@ -20,7 +20,7 @@ OF_THE_RECORD = 4  # so many, the first ones, show in the record itself
 
 
 @dataclass(frozen=True)
-class Source:
+class UncertaintySource:
     """One source: its name, standard uncertainty [arcsec] (None: nobody has stated it), and where that comes from."""
 
     name: str
@@ -49,7 +49,7 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
 
 def budget(
     noise: float, bias: float, unmodelled: float, step: float, scatter: float, stated: Mapping[str, float]
-) -> tuple[Source, ...]:
+) -> tuple[UncertaintySource, ...]:
     """Sources of uncertainty of a range.
 
     Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; unmodelled,
@@ -58,22 +58,22 @@ def budget(
     """
     hidden = step / 2 < scatter
     sources = [
-        Source("noise", noise, "bootstrap of the residuals"),
-        Source("bias correction", bias, "a third of what was taken off"),
-        Source("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
-        Source(
+        UncertaintySource("noise", noise, "bootstrap of the residuals"),
+        UncertaintySource("bias correction", bias, "a third of what was taken off"),
+        UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
+        UncertaintySource(
             "resolution",
             0.0 if hidden else step / sqrt(6),
             "no step seen above the noise" if hidden else "step of the readings",
         ),
     ]
     given = [
-        Source(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
+        UncertaintySource(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
         for name, words in STATED.items()
     ]
     return (*sources, *given)
 
 
-def combined(sources: Sequence[Source]) -> float:
+def combined(sources: Sequence[UncertaintySource]) -> float:
     """Combined standard uncertainty [arcsec] of the sources that have a value."""
     return sqrt(sum(source.arcsec**2 for source in sources if source.arcsec is not None))

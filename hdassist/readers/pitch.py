@@ -48,7 +48,7 @@ from hdassist.readers.words import (
     names_teeth,
     plain_unit,
 )
-from hdassist.textfile import Source
+from hdassist.textfile import Readable
 
 LEAST, MOST = 0.5, 1000.0  # um: range over a wheel that can be meant
 CLOSING = 0.2  # of the range: how far the single deviations may be from closing
@@ -74,7 +74,7 @@ HOW = 'write a comment line above the rows, like "# form: cumulative" or "# form
 
 
 def read_pitch(
-    source: Source,
+    source: Readable,
     teeth: int,
     *,
     form: Form | None = None,

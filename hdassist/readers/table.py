@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError
 from hdassist.preset.yamltext import MAX_FINDINGS, NUMBER, in_order, shown
-from hdassist.textfile import MAX_LINE, Source, TextFile
+from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MAX_BYTES = 5_000_000
 SAMPLE = 300  # lines that settle what a file is like
@@ -126,7 +126,7 @@ class TextTable:
         return _DECIMAL_COMMA.sub(".", text) if free else text
 
 
-def read_texts(source: Source, at_most: int = MAX_BYTES, name: str = "") -> TextTable:
+def read_texts(source: Readable, at_most: int = MAX_BYTES, name: str = "") -> TextTable:
     """Read a table of text under a line of names, separated by semicolons, tabs or commas.
 
     Arguments: source, a path, stream or bytes; at_most, the bytes it may have; name of bytes and streams in messages.
@@ -152,7 +152,7 @@ def read_texts(source: Source, at_most: int = MAX_BYTES, name: str = "") -> Text
     return TextTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks))
 
 
-def read_numbers(source: Source, needs: Sequence[str] = (), at_most: int = MAX_BYTES, name: str = "") -> NumberTable:
+def read_numbers(source: Readable, needs: Sequence[str] = (), at_most: int = MAX_BYTES, name: str = "") -> NumberTable:
     """Read a table of numbers; what is wrong with its text ends up in the findings.
 
     Arguments: source, a path, stream or bytes; needs, what the columns are to hold, at least as many as there must be;

@@ -18,7 +18,7 @@ from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, Sweep, looks_wrapped, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers
 from hdassist.readers.words import ANGLES, angle_fault, plain_unit, role_in, unit_in
-from hdassist.textfile import Source
+from hdassist.textfile import Readable
 
 MAX_BYTES = 100_000_000
 ARCSEC = 3600.0  # per degree
@@ -93,7 +93,7 @@ class MeasuredTrace:
 
 
 def read_trace(
-    source: Source, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST
+    source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST
 ) -> MeasuredTrace:
     """Read a measured trace.
 

@@ -28,7 +28,7 @@ Torques = Annotated[
     list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
 ]
 Traces = Annotated[list[str], typer.Argument(metavar="FILE...", help="Measured traces, or - for stdin.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Target = Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.")]
@@ -55,7 +55,7 @@ class OptionGroup:
 class PageOptions(OptionGroup):
     """How an answer is given."""
 
-    json: Json = False
+    json: AsJson = False
     output: Target = "-"
     force: Force = False
     ascii: Ascii = False
