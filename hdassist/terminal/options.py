@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hdassist.terminal.output import Output
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
-Presets = Annotated[list[str], typer.Argument(metavar="PRESET...", help="Preset names, paths, or - for stdin.")]
+Presets = Annotated[list[str], typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin.")]
 Overrides = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable."),
@@ -27,7 +27,7 @@ Overrides = Annotated[
 Torques = Annotated[
     list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
 ]
-Traces = Annotated[list[str], typer.Argument(metavar="FILE...", help="Measured traces, or - for stdin.")]
+Traces = Annotated[list[str], typer.Argument(metavar="FILE", help="Measured traces, or - for stdin.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Target = Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]

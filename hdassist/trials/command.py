@@ -17,7 +17,7 @@ def command(
     trials: Annotated[
         list[str],
         typer.Argument(
-            metavar="WHERE:F_IOR...",
+            metavar="WHERE:F_IOR",
             help="F'_ior measured with the wheel turned: h4:17.3 (hole) or 120:17.3 (deg); or a trace, h4:run.csv.",
         ),
     ],
