@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import traceback
@@ -23,9 +24,12 @@ from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
 from hdassist.version import __version__
+from hdassist.visible import visible
 
 INTERRUPTED = 130
 BUG = 1
+# What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
+ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -72,7 +76,12 @@ def main() -> None:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except ClickException as error:
+        told = io.StringIO()
+        error.show(told)
+        sys.stderr.write(visible(told.getvalue()))
+        sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()
         from hdassist.terminal.output import complain
@@ -84,7 +93,7 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except Exception as error:
         _trace_if_asked()
-        sys.stderr.write(f"internal error: {type(error).__name__}: {error}\n")
+        sys.stderr.write(visible(f"internal error: {type(error).__name__}: {error}\n"))
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
         sys.exit(BUG)
 
@@ -98,4 +107,4 @@ def _open_streams() -> None:
 
 def _trace_if_asked() -> None:
     if "--debug" in sys.argv:
-        traceback.print_exc()
+        sys.stderr.write(visible(traceback.format_exc()))
