@@ -88,7 +88,7 @@ class Output:
             console=console(sys.stderr, style), transient=True,
             redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
-        task = bar.add_task(words, total=total)
+        task = bar.add_task(style.text(words), total=total)
         begun = time.monotonic()
 
         def advance(states: int) -> None:
