@@ -88,11 +88,11 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
     """
     from hdassist.preset.library import read_preset
     from hdassist.terminal.answers import envelope
+    from hdassist.terminal.files import give_stdout
     from hdassist.terminal.output import warn
 
     if not (resolved or options.json or drives.overrides):
-        sys.stdout.buffer.write(read_preset(preset)[0])
-        sys.stdout.buffer.flush()
+        give_stdout(read_preset(preset)[0])
         return
     from hdassist.preset.schema import resolved as rows_of
 

@@ -69,11 +69,11 @@ def silence(stream: TextIO | None = None) -> None:
 
 
 def say(line: str) -> None:
-    """Write a line on stderr; silent where its reader has gone."""
+    """Write a line on stderr; silent where it cannot be written: the answer and its exit code stay what they are."""
     try:
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()
-    except BrokenPipeError:
+    except OSError:
         silence(sys.stderr)
 
 
