@@ -22,7 +22,7 @@ from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.terminal.answers import json_text
-from hdassist.terminal.files import add_line, put_text, write_text
+from hdassist.terminal.files import add_line, held, put_text, write_text
 from hdassist.terminal.output import complain, note
 from hdassist.terminal.workers import count, workers
 from hdassist.textfile import is_file, is_there
@@ -37,6 +37,11 @@ def accept_lot(path: str, run: Run) -> int:
     Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table, folder or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
+    with held(run.files.lines_file):
+        return _accept_lot(path, run)
+
+
+def _accept_lot(path: str, run: Run) -> int:
     base, files, options, out = run.base, run.files, run.options, run.out
     begun = time.monotonic()
     _require_sound(base)

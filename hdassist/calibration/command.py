@@ -57,7 +57,7 @@ def command(
     from hdassist.errors import UsageError
     from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.preset.write import with_found_values
-    from hdassist.terminal.files import require_writable, write_text
+    from hdassist.terminal.files import held, require_writable, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.workers import workers
@@ -80,6 +80,7 @@ def command(
             with_found_values(given, name, {u.path: drive.value(u.path) for u in wanted.unknowns}, "")
         try:
             with (
+                held(None if state is None else str(state)),
                 out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
                 workers(jobs) as executor,
             ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
 import traceback
 from typing import Annotated
@@ -73,6 +74,7 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
+    _hear_stops()
     try:
         app()
     except HdassistError as error:
@@ -95,6 +97,17 @@ def main() -> None:
         sys.stderr.write(f"internal error: {type(error).__name__}: {error}\n")
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
         sys.exit(BUG)
+
+
+def _hear_stops() -> None:
+    """End in order when told to (SIGTERM, or a terminal that goes: SIGHUP): bars off, workers ended, no half file."""
+
+    def end(number: int, _: object) -> None:
+        sys.exit(128 + number)
+
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has SIGHUP ignored, and means it
+            signal.signal(number, end)
 
 
 def _open_streams() -> None:

@@ -7,6 +7,8 @@ import os
 import secrets
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from hdassist.errors import DataError, UsageError
@@ -63,6 +65,49 @@ def add_line(path: str, line: str) -> None:
             stream.write(line.encode("utf-8", "backslashreplace") + b"\n")
     except OSError as error:
         raise _unwritable(path, error.strerror or str(error)) from None
+
+
+@contextmanager
+def held(path: str | None) -> Iterator[None]:
+    """Hold a file that is written bit by bit, so that no other run writes it at the same time.
+
+    Argument: path, None for nothing to hold. A file path.lock stands beside it meanwhile; one that a killed run has
+    left holds nothing. Raises UsageError: another run holds it; DataError: the lock cannot be written.
+    """
+    if path is None or _is_device(Path(path)):
+        yield
+        return
+    beside = Path(f"{_real(Path(path))}.lock")
+    try:
+        descriptor = _locked(beside)
+    except BlockingIOError:
+        raise UsageError(
+            f"{path} is being written by another run", "wait for it to end, or name another file"
+        ) from None
+    except OSError as error:
+        raise _unwritable(str(beside), error.strerror or str(error)) from None
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        os.close(descriptor)
+
+
+def _locked(path: Path) -> int:
+    """Descriptor of a lock file that is ours. Raises BlockingIOError where it is another process's."""
+    import fcntl
+
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)  # that which was locked has been taken away by the run before
 
 
 def require_writable(path: str, force: bool) -> None:

@@ -19,6 +19,7 @@ from hdassist.acceptance.command import FileOptions, Run
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot_command import accept_lot
 from hdassist.acceptance.request import Request
+from hdassist.terminal.files import held
 from hdassist.terminal.options import FigureOptions
 from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
 from tests.rigs import drive_error, text
@@ -271,3 +272,17 @@ def test_lines_fit_a_terminal_or_are_objects(folder, here):
     assert "95 % 53.48, greatest 55.00, limit ≤ 40" in joined
     _, out, _ = here(*MEASURED, "--jsonl", "-")
     assert [json.loads(line)["serial"] for line in io.StringIO(out)] == [f"17-{n}" for n in range(1, 6)]
+
+
+def test_two_runs_do_not_write_the_same_answers(folder):
+    args = (*MEASURED, "--jsonl", "a.jsonl", "--resume")
+    assert run(*args, cwd=folder).returncode == 4  # a broken row
+    before = (folder / "a.jsonl").read_bytes()
+    with held(str(folder / "a.jsonl")):
+        second = run(*args, cwd=folder)
+    assert second.returncode == 2
+    assert second.stdout == ""
+    assert "a.jsonl is being written by another run" in second.stderr
+    assert (folder / "a.jsonl").read_bytes() == before
+    assert run(*args, cwd=folder).returncode == 4
+    assert len((folder / "a.jsonl").read_text().splitlines()) == 5
