@@ -25,6 +25,7 @@ from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import add_line, held, put_text, write_text
 from hdassist.terminal.output import complain, note
 from hdassist.terminal.workers import count, workers
+from hdassist.textfile import is_file, is_there
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
@@ -102,7 +103,11 @@ def _kept(lot: Lot, file: str, run: Run) -> dict[str, Accepted]:
     Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
     DataError: one of them contradicts itself.
     """
-    if not Path(file).exists() or not Path(file).stat().st_size:
+    if not is_there(file):
+        return {}
+    if not is_file(file):
+        raise DataError(f"{file} is no file that answers can be kept in", "--jsonl FILE without --resume writes to it")
+    if not Path(file).stat().st_size:
         return {}
     before = {answer.serial: answer for answer in read_answers(file) if isinstance(answer, Accepted)}
     there = len(before)

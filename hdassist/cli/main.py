@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import signal
@@ -20,7 +21,7 @@ from hdassist.design import check_command as check
 from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
-from hdassist.errors import HdassistError
+from hdassist.errors import DataError, HdassistError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
@@ -31,6 +32,7 @@ INTERRUPTED = 130
 BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -94,6 +96,12 @@ def main() -> None:
         sys.stderr.write("interrupted\n")
         sys.exit(INTERRUPTED)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
+            from hdassist.terminal.console import say, silence
+
+            silence()  # or what is left in the buffer fails once more at the end
+            say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
+            sys.exit(getattr(error.__context__, "exit_code", DataError.exit_code))  # of wrong usage that cannot be said
         _trace_if_asked()
         sys.stderr.write(visible(f"internal error: {type(error).__name__}: {error}\n"))
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")

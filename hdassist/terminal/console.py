@@ -74,11 +74,11 @@ def silence(stream: TextIO | None = None) -> None:
 
 
 def say(line: str) -> None:
-    """Write a line on stderr, hidden characters escaped; silent where its reader has gone."""
+    """Write a line on stderr, hidden characters escaped; silent where it cannot be written: the exit code stays."""
     try:
         sys.stderr.write(f"{visible(line)}\n")
         sys.stderr.flush()
-    except BrokenPipeError:
+    except OSError:
         silence(sys.stderr)
 
 

@@ -26,15 +26,26 @@ def write_text(path: str, text: str, force: bool) -> None:
         encoding = sys.stdout.encoding or "utf-8"
         if sys.stdout.isatty():
             text = visible(text.replace("\r\n", "\n"))
-        try:
-            sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
-            sys.stdout.flush()
-        except BrokenPipeError:
-            silence()
+        give_stdout(text.encode(encoding, "backslashreplace").decode(encoding))
         return
     require_writable(path, force)
     put_text(path, text)
     say(f"wrote {path}")
+
+
+def give_stdout(answer: str | bytes) -> None:
+    """Write to standard output; silent where its reader has gone. Raises DataError: it cannot be written."""
+    try:
+        if isinstance(answer, bytes):
+            sys.stdout.buffer.write(answer)
+        else:
+            sys.stdout.write(answer)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence()
+    except OSError as error:
+        silence()  # or what is left in the buffer fails once more at the end
+        raise _unwritable("standard output", error.strerror or str(error)) from None
 
 
 def put_text(path: str, text: str) -> None:
@@ -116,6 +127,8 @@ def require_writable(path: str, force: bool) -> None:
             raise _unwritable(path, "it is a directory" if path else "it has no name")
         if target.exists() and not _is_device(target) and not force:
             raise UsageError(f"{path} exists", "--force replaces it")
+        if _real(target).is_symlink():
+            raise _unwritable(path, "its links go round in a circle")
         folder = _real(target).parent
         if not folder.is_dir():
             raise _unwritable(path, f"there is no directory {folder}")
