@@ -6,6 +6,7 @@ import codecs
 import difflib
 import hashlib
 import io
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -124,6 +125,7 @@ class TextFile:
 def opened(path: str | Path) -> Iterator[BinaryIO]:
     """A file, or standard input where the path is "-", to read bytes from.
 
+    A pipe that nobody writes to reads as empty; a device may never end: who reads it stops at a bound.
     Raises DataError: no such file, a directory, or a file that cannot be read.
     """
     name = str(path)
@@ -132,7 +134,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     if name == "-" and sys.stdin is None:
         raise DataError("cannot read standard input: it is closed")
     try:
-        with nullcontext(sys.stdin.buffer) if name == "-" else Path(name).open("rb") as stream:
+        with nullcontext(sys.stdin.buffer) if name == "-" else open_at_once(name) as stream:
             yield stream
     except FileNotFoundError:
         raise DataError(f"no such file: {name}", _near_by(Path(name))) from None
@@ -140,6 +142,33 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise DataError(f"{name} is a directory, not a file", "name the file in it") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
         raise DataError(f"cannot read {'standard input' if name == '-' else name}: {reason(error)}") from None
+
+
+def open_at_once(name: str) -> BinaryIO:
+    """Open a file to read; a pipe that nobody writes to is not waited for, as open() would for ever."""
+
+    def opener(path: str, flags: int) -> int:
+        descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+        if hasattr(os, "O_NONBLOCK"):
+            os.set_blocking(descriptor, True)
+        return descriptor
+
+    return open(name, "rb", opener=opener)  # a path's open takes no opener
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether there is a regular file; False for a path that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 (a path's is_file raises where a name is too long)
+
+
+def is_folder(path: str | Path) -> bool:
+    """Whether there is a folder; False for a path that none can have."""
+    return os.path.isdir(path)  # noqa: PTH112 (a path's is_dir raises where a name is too long)
+
+
+def is_there(path: str | Path) -> bool:
+    """Whether there is a file, folder or device; False for a path that none can have."""
+    return os.path.exists(path)  # noqa: PTH110 (a path's exists raises where a name is too long)
 
 
 def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:

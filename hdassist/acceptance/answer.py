@@ -14,13 +14,15 @@ from hdassist.acceptance.accept import AcceptanceResult, Note
 from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request
+from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request, Seed
 from hdassist.errors import DataError, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.preset.yamltext import shown
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.textfile import read_bytes
+from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
+from hdassist.visible import printable
 
 MAX_BYTES = 1_000_000_000
 SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
@@ -173,7 +175,7 @@ class Accepted(Envelope):
     rule: RuleRecord
     certificate: CertificateRecord | None
     solver: str | None
-    seed: int
+    seed: Seed
     fail_on: FailOn
     request: Request
     time: str
@@ -208,7 +210,7 @@ class Unanswered(Envelope):
     preset: PresetRecord
     error: ErrorRecord
     serial: str
-    seed: int
+    seed: Seed
     request: Request | None
     time: str
     place: str | None = None
@@ -311,7 +313,7 @@ def to_json(answer: Answer) -> dict[str, Any]:
 
 def to_line(answer: Answer) -> str:
     """An answer on one line, without its end; never NaN or Infinity."""
-    return json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return printable(json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":")))
 
 
 def to_lines(answers: Iterable[Answer]) -> str:
@@ -324,15 +326,35 @@ def read_answers(path: str) -> list[Answer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file = read_bytes(path, MAX_BYTES)
-    text = data.decode("utf-8", "replace")
+    text, file = _text_of(path)
     try:
-        told = json.loads(text)
+        told = _said(text)
     except ValueError:
         return _answers_of_lines(text, file)
     if isinstance(told, dict) and isinstance(told.get("results"), list):
         return [_answer(one, file, place) for place, one in enumerate(told["results"], 1)]
     return [_answer(told, file, 1)]
+
+
+def _text_of(path: str) -> tuple[str, str]:
+    """Text of a file of answers, and its name. Raises DataError: one that cannot be read, or cannot be meant."""
+    with opened(path) as stream:
+        file, parts, size = STDIN if path == "-" else path, [], 0
+        while part := stream.read(PART):
+            parts.append(part)
+            size += len(part)
+            if b"\0" in part or size > MAX_BYTES:
+                fault = "a binary file" if b"\0" in part else f"larger than {MAX_BYTES / 1e6:g} MB"
+                raise DataError(f"{file}: {fault}", "a file of --json or --jsonl")
+    return b"".join(parts).decode("utf-8", "replace"), file
+
+
+def _said(text: str) -> Any:
+    """What a JSON text says. Raises ValueError: it is none, or its brackets are nested without end."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deep") from None
 
 
 def _answers_of_lines(text: str, file: str) -> list[Answer]:
@@ -341,7 +363,7 @@ def _answers_of_lines(text: str, file: str) -> list[Answer]:
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                told = json.loads(line)
+                told = _said(line)
             except ValueError as fault:
                 raise DataError(f"{file}:{number}: no JSON: {fault}", "an answer of hdassist accept a line") from None
             answers.append(_answer(told, file, number))
@@ -353,7 +375,9 @@ def _answers_of_lines(text: str, file: str) -> list[Answer]:
 def _answer(told: Any, file: str, number: int) -> Answer:
     schema = told.get("schema") if isinstance(told, dict) else None
     if schema != SCHEMA:
-        raise DataError(f"{file}:{number}: no answer of hdassist accept (schema {schema})", f"schema {SCHEMA}")
+        raise DataError(
+            f"{file}:{number}: no answer of hdassist accept (schema {shown(str(schema))})", f"schema {SCHEMA}"
+        )
     try:
         return _UNANSWERED.validate_python(told) if "error" in told else _ACCEPTED.validate_python(told)
     except ValidationError as error:

@@ -22,6 +22,7 @@ from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near, shown
 from hdassist.readers.table import TextTable, few, read_texts
+from hdassist.textfile import is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
@@ -64,7 +65,7 @@ class Column:
 
 def is_lot(path: str) -> bool:
     """Whether an argument is a lot: a folder, or a file with the name of a table."""
-    return path.lower().endswith(TABLES) or (path != "-" and Path(path).is_dir())
+    return path.lower().endswith(TABLES) or (path != "-" and is_folder(path))
 
 
 def read_lot(path: str, base: Request) -> Lot:
@@ -75,7 +76,7 @@ def read_lot(path: str, base: Request) -> Lot:
     Raises DataError: a file or folder that cannot be read or has no drive; PresetError: names of columns that cannot
     be meant. What is wrong with a row is kept with it.
     """
-    return _of_folder(Path(path), base) if Path(path).is_dir() else _of_table(read_texts(path), base)
+    return _of_folder(Path(path), base) if is_folder(path) else _of_table(read_texts(path), base)
 
 
 def _of_table(table: TextTable, base: Request) -> Lot:

@@ -22,9 +22,10 @@ from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.terminal.answers import json_text
-from hdassist.terminal.files import add_line, put_text, write_text
+from hdassist.terminal.files import add_line, held, put_text, write_text
 from hdassist.terminal.output import complain, note
 from hdassist.terminal.workers import count, workers
+from hdassist.textfile import is_file, is_there
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
@@ -36,6 +37,11 @@ def accept_lot(path: str, run: Run) -> int:
     Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table, folder or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
+    with held(run.files.lines_file):
+        return _accept_lot(path, run)
+
+
+def _accept_lot(path: str, run: Run) -> int:
     base, files, options, out = run.base, run.files, run.options, run.out
     begun = time.monotonic()
     _require_sound(base)
@@ -97,7 +103,11 @@ def _kept(lot: Lot, file: str, run: Run) -> dict[str, Accepted]:
     Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
     DataError: one of them contradicts itself.
     """
-    if not Path(file).exists() or not Path(file).stat().st_size:
+    if not is_there(file):
+        return {}
+    if not is_file(file):
+        raise DataError(f"{file} is no file that answers can be kept in", "--jsonl FILE without --resume writes to it")
+    if not Path(file).stat().st_size:
         return {}
     before = {answer.serial: answer for answer in read_answers(file) if isinstance(answer, Accepted)}
     there = len(before)

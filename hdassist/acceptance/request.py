@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, PlainSerializer
+from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from hdassist.acceptance.accept import AcceptanceResult, accept, without_values
 from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
@@ -28,6 +28,7 @@ RECORD_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is re
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
 FailOn = Literal["warn", "fail", "never"]
+Seed = Annotated[int, Field(ge=0)]  # of what is drawn
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Request:
     reading: Reading = field(default_factory=Reading)
     measured_only: bool = False
     cross_check: str = "clarabel"
-    seed: int = 0
+    seed: Seed = 0
 
     def load(self) -> Drive:
         """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""

@@ -54,14 +54,16 @@ def command(
     from hdassist.calibration.evaluations import Evaluations
     from hdassist.calibration.page import answer
     from hdassist.calibration.targets import read_targets
-    from hdassist.errors import DataError, UsageError
-    from hdassist.preset.library import read_preset
+    from hdassist.errors import UsageError
+    from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.preset.write import with_found_values
-    from hdassist.terminal.files import require_writable, write_text
+    from hdassist.terminal.files import held, require_writable, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.workers import workers
+    from hdassist.textfile import read_bytes
 
+    o.stdin_once(preset, str(targets))
     out, changed = options.open(), ""
     if write is not None:
         require_writable(write, options.force)
@@ -71,16 +73,14 @@ def command(
     def one(name: str) -> Answer:
         nonlocal changed
         drive = drives.load(name)
-        try:
-            text = targets.read_bytes()
-        except OSError as error:
-            raise DataError(f"cannot read {targets}: {error.strerror}") from None
+        text, _ = read_bytes(targets, READ_AT_MOST)
         wanted = read_targets(text, str(targets), drive)
         given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
         if write is not None:  # a text that cannot be changed is better known before than after
             with_found_values(given, name, {u.path: drive.value(u.path) for u in wanted.unknowns}, "")
         try:
             with (
+                held(None if state is None else str(state)),
                 out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
                 workers(jobs) as executor,
             ):

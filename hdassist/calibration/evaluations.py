@@ -21,9 +21,11 @@ from hdassist.errors import DataError, HdassistError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.rules import conflicts
+from hdassist.textfile import is_file, is_there, read_bytes
 
 Level = Literal["rough", "medium"]
 LEVELS: dict[Level, Accuracy] = {"rough": ROUGH, "medium": MEDIUM}
+MAX_BYTES = 100_000_000  # of a state file
 IMPOSSIBLE = 1e6  # tolerances off each target, where a drive cannot be computed
 
 Values = tuple[float, ...]
@@ -76,7 +78,7 @@ class Evaluations:
                 targets=targets.sha256,
                 levels=LEVELS,
             )
-            if file.exists():
+            if is_there(file):
                 self._resume(file, owner)
             else:
                 self._write(owner)
@@ -105,8 +107,12 @@ class Evaluations:
 
     def _resume(self, file: Path, owner: Owner) -> None:
         """Take over what a state file knows; a file that is none, or is another one's, is left as it is."""
+        if not is_file(file):
+            raise DataError(f"{file} is no file that work can be kept in", "name another --state file")
         try:
-            data = file.read_bytes()
+            data, _ = read_bytes(file, MAX_BYTES + 1)
+            if len(data) > MAX_BYTES:
+                raise DataError(f"{file} is larger than {MAX_BYTES / 1e6:g} MB", "name another --state file")
             whole = data[: data.rfind(b"\n") + 1]
             first, *lines = whole.decode().splitlines() or [""]
             found = Owner.model_validate_json(first)
@@ -114,7 +120,7 @@ class Evaluations:
         except ValidationError as error:
             message = f"{file}: not the state of a calibration: {error.errors()[0]['msg']}"
             raise DataError(message, "name another --state file") from None
-        except (OSError, UnicodeDecodeError) as error:
+        except UnicodeDecodeError as error:
             raise DataError(f"{file}: not the state of a calibration: {error}", "name another --state file") from None
         if found != owner:
             raise DataError(f"{file} belongs to another preset or other targets", "name another --state file")

@@ -281,7 +281,7 @@ class _Reader:
             self.findings.add(path, "must be a table of keys", hint)
             return None
         quantity = item.get("quantity")
-        if quantity not in KINDS:
+        if not isinstance(quantity, str) or quantity not in KINDS:
             hint = near(str(quantity), KINDS) or f"known: {', '.join(KINDS)}"
             self.findings.add((*path, "quantity"), "names no quantity", hint)
             return None

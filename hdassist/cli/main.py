@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+import signal
 import sys
 import traceback
 from typing import Annotated
@@ -18,14 +21,18 @@ from hdassist.design import check_command as check
 from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
-from hdassist.errors import HdassistError
+from hdassist.errors import DataError, HdassistError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
 from hdassist.version import __version__
+from hdassist.visible import visible
 
 INTERRUPTED = 130
 BUG = 1
+# What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
+ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -71,8 +78,14 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
+    _hear_stops()
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except ClickException as error:
+        told = io.StringIO()
+        error.show(told)
+        sys.stderr.write(visible(told.getvalue()))
+        sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()
         from hdassist.terminal.output import complain
@@ -83,10 +96,27 @@ def main() -> None:
         sys.stderr.write("interrupted\n")
         sys.exit(INTERRUPTED)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
+            from hdassist.terminal.console import say, silence
+
+            silence()  # or what is left in the buffer fails once more at the end
+            say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
+            sys.exit(getattr(error.__context__, "exit_code", DataError.exit_code))  # of wrong usage that cannot be said
         _trace_if_asked()
-        sys.stderr.write(f"internal error: {type(error).__name__}: {error}\n")
+        sys.stderr.write(visible(f"internal error: {type(error).__name__}: {error}\n"))
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
         sys.exit(BUG)
+
+
+def _hear_stops() -> None:
+    """End in order when told to (SIGTERM, or a terminal that goes: SIGHUP): bars off, workers ended, no half file."""
+
+    def end(number: int, _: object) -> None:
+        sys.exit(128 + number)
+
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has SIGHUP ignored, and means it
+            signal.signal(number, end)
 
 
 def _open_streams() -> None:
@@ -98,4 +128,4 @@ def _open_streams() -> None:
 
 def _trace_if_asked() -> None:
     if "--debug" in sys.argv:
-        traceback.print_exc()
+        sys.stderr.write(visible(traceback.format_exc()))

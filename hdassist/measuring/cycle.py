@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
@@ -67,7 +66,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     if ratio is None:
         return None
     ratio = abs(ratio)
-    doubled = round(2 * ratio) if isfinite(ratio) else 0
+    doubled = round(2 * ratio) if ratio <= GREATEST_RATIO else 0
     if not LEAST_RATIO <= ratio <= GREATEST_RATIO or abs(2 * ratio - doubled) > ROUNDING:
         hint = "half the number of teeth of the wheel that turns, such as 100 or 99.5"
         span = f"from {LEAST_RATIO:g} to {GREATEST_RATIO:g}"

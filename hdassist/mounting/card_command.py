@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import date
@@ -132,4 +133,5 @@ def give_with_card(
 
 
 def _same(path: str, other: str | None) -> bool:
-    return other not in (None, "-") and Path(path).resolve() == Path(str(other)).resolve()
+    """Whether two names are of one file; a circle of links is none, and is refused where it is written."""
+    return other not in (None, "-") and os.path.realpath(path) == os.path.realpath(str(other))

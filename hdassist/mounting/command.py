@@ -106,11 +106,13 @@ def command(
 def _rotations(drive: Drive, step: float | None) -> list[float]:
     """Turns of the wheel to try [deg]: those of the seat, and a step between. Raises UsageError: not a part of 360."""
     from hdassist.errors import UsageError
-    from hdassist.mounting.positions import seat_positions
+    from hdassist.mounting.positions import LEAST_STEP, seat_positions
 
     positions = seat_positions(drive)
     if step is None:
         return positions
+    if 0 < step < LEAST_STEP:
+        raise UsageError(f"--step must be {LEAST_STEP:g} deg or more, not {step:g}", "5 shows the curve")
     count = round(360 / step) if 0 < step <= 360 else 0
     if not count or abs(count * step - 360) > 1e-6:
         raise UsageError(f"--step must divide 360 degrees, not {step:g}", "30 is the step of 12 seat holes")

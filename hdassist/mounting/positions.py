@@ -19,6 +19,7 @@ from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 
 FREE_STEP = 5.0  # deg between positions where the seat has no holes
+LEAST_STEP = 0.01  # deg between positions: 36 000 of them
 
 
 @dataclass(frozen=True)

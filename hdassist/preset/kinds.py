@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import Unread
+from hdassist.preset.yamltext import NUMBER, Unread
 
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 
@@ -45,7 +45,7 @@ def field(meaning: str, unit: str = "", default: Any = ..., example: Any = None,
 
 def is_number(key: str) -> bool:
     """Whether a key of a table of limits is a number, such as a torque [N*m] (the other key is "all")."""
-    return re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?", key) is not None and isfinite(float(key))
+    return re.fullmatch(NUMBER, key) is not None and isfinite(float(key))
 
 
 PER_ORDER = "by orders per cam turn"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError
-from hdassist.textfile import STDIN, reason, standard_input
+from hdassist.textfile import STDIN, open_at_once, reason, standard_input
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
@@ -50,7 +50,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
         with library[name_or_path].open("rb") as stream:
             return stream.read(READ_AT_MOST), name_or_path
     try:
-        with Path(name_or_path).open("rb") as stream:
+        with open_at_once(name_or_path) as stream:
             return stream.read(READ_AT_MOST), name_or_path
     except FileNotFoundError:
         raise _unknown(name_or_path, list(library)) from None

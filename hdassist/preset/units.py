@@ -78,6 +78,7 @@ _SIGN = r"(?:±|\+/-|\+-)"
 _SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 _SMALLEST = 1e-290
+LONGEST = 400  # characters of a number with its unit and uncertainty; time to match them grows faster than they do
 
 
 class UnitError(ValueError):
@@ -96,7 +97,7 @@ def convert(text: str, unit: str) -> float:
     Result: the number in the unit of the field.
     Raises UnitError: no number, not finite, no unit, or a unit that does not fit.
     """
-    match = _SPLIT.fullmatch(text.strip())
+    match = None if _is_long(text) else _SPLIT.fullmatch(text.strip())
     if match is None:
         raise _no_number(text.strip(), unit)
     number, given = match[1], _normal(match[2])
@@ -113,9 +114,14 @@ def convert(text: str, unit: str) -> float:
     return float(Decimal(number) * factor)
 
 
+def _is_long(text: str) -> bool:
+    """Whether a text is too long to be a number."""
+    return len(text.strip()) > LONGEST
+
+
 def is_spread(text: str) -> bool:
     """Whether a text has a sign of an uncertainty in it."""
-    return _SPREAD.fullmatch(text.strip()) is not None
+    return not _is_long(text) and _SPREAD.fullmatch(text.strip()) is not None
 
 
 def read_spread(text: str, unit: str) -> tuple[float, float]:
@@ -124,7 +130,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     Arguments: text, such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin": a unit that one of them lacks is the
     other's, and two bare numbers are in the unit of the field. Raises UnitError for anything else.
     """
-    match = _SPREAD.fullmatch(text.strip())
+    match = None if _is_long(text) else _SPREAD.fullmatch(text.strip())
     if match is None:
         raise UnitError("must be a number and its uncertainty", "like 260 ± 10")
     units = [found[2] if (found := _SPLIT.fullmatch(part)) else "" for part in match.groups()]

@@ -7,29 +7,45 @@ import os
 import secrets
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from hdassist.errors import DataError, UsageError
 from hdassist.terminal.console import say, silence
+from hdassist.visible import visible
 
 
 def write_text(path: str, text: str, force: bool) -> None:
-    """Write text as UTF-8, and say "wrote FILE" on standard error.
+    """Write text as UTF-8, and say "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
 
     Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
     Raises UsageError: the file exists; DataError: it cannot be written. Then nothing has changed.
     """
     if path == "-":
         encoding = sys.stdout.encoding or "utf-8"
-        try:
-            sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
-            sys.stdout.flush()
-        except BrokenPipeError:
-            silence()
+        if sys.stdout.isatty():
+            text = visible(text.replace("\r\n", "\n"))
+        give_stdout(text.encode(encoding, "backslashreplace").decode(encoding))
         return
     require_writable(path, force)
     put_text(path, text)
     say(f"wrote {path}")
+
+
+def give_stdout(answer: str | bytes) -> None:
+    """Write to standard output; silent where its reader has gone. Raises DataError: it cannot be written."""
+    try:
+        if isinstance(answer, bytes):
+            sys.stdout.buffer.write(answer)
+        else:
+            sys.stdout.write(answer)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence()
+    except OSError as error:
+        silence()  # or what is left in the buffer fails once more at the end
+        raise _unwritable("standard output", error.strerror or str(error)) from None
 
 
 def put_text(path: str, text: str) -> None:
@@ -54,6 +70,49 @@ def add_line(path: str, line: str) -> None:
         raise _unwritable(path, error.strerror or str(error)) from None
 
 
+@contextmanager
+def held(path: str | None) -> Iterator[None]:
+    """Hold a file that is written bit by bit, so that no other run writes it at the same time.
+
+    Argument: path, None for nothing to hold. A file path.lock stands beside it meanwhile; one that a killed run has
+    left holds nothing. Raises UsageError: another run holds it; DataError: the lock cannot be written.
+    """
+    if path is None or _is_device(Path(path)):
+        yield
+        return
+    beside = Path(f"{_real(Path(path))}.lock")
+    try:
+        descriptor = _locked(beside)
+    except BlockingIOError:
+        raise UsageError(
+            f"{path} is being written by another run", "wait for it to end, or name another file"
+        ) from None
+    except OSError as error:
+        raise _unwritable(str(beside), error.strerror or str(error)) from None
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        os.close(descriptor)
+
+
+def _locked(path: Path) -> int:
+    """Descriptor of a lock file that is ours. Raises BlockingIOError where it is another process's."""
+    import fcntl
+
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)  # that which was locked has been taken away by the run before
+
+
 def require_writable(path: str, force: bool) -> None:
     """Refuse a file that `write_text` would refuse, before anything is computed for it.
 
@@ -68,6 +127,8 @@ def require_writable(path: str, force: bool) -> None:
             raise _unwritable(path, "it is a directory" if path else "it has no name")
         if target.exists() and not _is_device(target) and not force:
             raise UsageError(f"{path} exists", "--force replaces it")
+        if _real(target).is_symlink():
+            raise _unwritable(path, "its links go round in a circle")
         folder = _real(target).parent
         if not folder.is_dir():
             raise _unwritable(path, f"there is no directory {folder}")

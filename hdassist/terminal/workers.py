@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -10,7 +11,10 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import connection
 from pathlib import Path
+
+PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 @contextmanager
@@ -22,17 +26,38 @@ def workers(jobs: int) -> Iterator[Executor]:
     context = multiprocessing.get_context(_way())
     if context.get_start_method() == "forkserver":
         context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
-    pool = ProcessPoolExecutor(
-        max_workers=count(jobs),
-        mp_context=context,
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN),  # an interrupt is the parent's to handle
-    )
+    pool = ProcessPoolExecutor(max_workers=count(jobs), mp_context=context, initializer=_begin, initargs=(os.getpid(),))
     try:
         yield pool
     finally:
         with _deaf():
+            if pool._pending_work_items:  # nobody waits for what is under way: a state may take for ever
+                for process in list((pool._processes or {}).values()):
+                    process.kill()
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(parent: int) -> None:
+    """What a worker does first: leave interrupts to the process that began it, and end when that ends, in any way.
+
+    parent: its process id. Linux kills the worker, even in the middle of a solver; elsewhere a thread waits for that.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for stop in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(stop, signal.SIG_DFL)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    else:
+        threading.Thread(target=_end_with_parent, daemon=True).start()
+    if not Path("/proc", str(parent)).exists() and Path("/proc/self").exists():  # it ended before
+        os._exit(1)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
 
 
 @contextmanager

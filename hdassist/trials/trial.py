@@ -11,7 +11,12 @@ import numpy as np
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import FREE_STEP, hole_of
 from hdassist.preset.fields import Drive
+from hdassist.preset.yamltext import shown
+from hdassist.readers.trace import MOST
+from hdassist.textfile import is_file
 from hdassist.trials.trial_traces import TrialTrace, read_trial_trace
+
+FARTHEST = 3600.0  # deg that a wheel can be meant to be turned by
 
 
 @dataclass(frozen=True)
@@ -67,11 +72,11 @@ def read_trial(text: str, holes: int, traces_of: Drive | None = None, *, reverse
         hint += ", or the file of a trace: h4:run.csv"
     try:
         rotation = float(where.removeprefix("h"))
-        F_ior = None if traces_of and not _is_number(value) and path.is_file() else float(value)
+        F_ior = None if traces_of and not _is_number(value) and is_file(path) else float(value)
     except ValueError:
         raise UsageError(f"{text!r} is no trial{_why_none(value, traces_of)}", hint) from None
-    if not ((F_ior is None or 0 < F_ior < np.inf) and np.isfinite(rotation)):
-        raise UsageError(f"{text!r} is no trial", hint)
+    if not ((F_ior is None or 0 < F_ior <= MOST) and abs(rotation) <= FARTHEST):
+        raise UsageError(f"{shown(text)!r} is no trial", hint)
     if where.startswith("h"):
         if not holes:
             raise UsageError(f"{text!r} names a hole of a seat that has none", "mounting.holes says how many")

@@ -19,6 +19,7 @@ from hdassist.acceptance.command import FileOptions, Run
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot_command import accept_lot
 from hdassist.acceptance.request import Request
+from hdassist.terminal.files import held
 from hdassist.terminal.options import FigureOptions
 from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
 from tests.rigs import drive_error, text
@@ -55,18 +56,12 @@ def untimed(value):
 
 
 @pytest.fixture
-def here(folder, monkeypatch, capsys):
-    """Runs a command in the folder without a process of its own: exit code, stdout, stderr."""
-    from hdassist.cli.main import main
-
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have what is patched here
+def here(folder):
+    """Runs a command in the folder: exit code, stdout, stderr."""
 
     def run_here(*args):
-        monkeypatch.setattr("sys.argv", ["hdassist", *args])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
+        done = run(*args, cwd=folder)
+        return done.returncode, done.stdout, done.stderr
 
     return run_here
 
@@ -138,7 +133,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]
 
 
-def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here, monkeypatch):
+def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     phases = [10 * n for n in range(9)]
     lot = "serial,phases.xi_b\n" + "".join(f"d{n},{xi}\n" for n, xi in enumerate(phases))
     (tmp_path / "lot.csv").write_text(lot)
@@ -165,7 +160,6 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here, monk
     lines = (tmp_path / "a.jsonl").read_text().splitlines()
     assert lines[: len(kept)] == kept
     assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(9)]
-    monkeypatch.chdir(tmp_path)
     code, _, told = here(*args, "--resume", "--seed", "1")
     assert code == 2
     assert "not one of its answers" in told
@@ -271,3 +265,17 @@ def test_lines_fit_a_terminal_or_are_objects(folder, here):
     assert "95 % 53.48, greatest 55.00, limit ≤ 40" in joined
     _, out, _ = here(*MEASURED, "--jsonl", "-")
     assert [json.loads(line)["serial"] for line in io.StringIO(out)] == [f"17-{n}" for n in range(1, 6)]
+
+
+def test_two_runs_do_not_write_the_same_answers(folder):
+    args = (*MEASURED, "--jsonl", "a.jsonl", "--resume")
+    assert run(*args, cwd=folder).returncode == 4  # a broken row
+    before = (folder / "a.jsonl").read_bytes()
+    with held(str(folder / "a.jsonl")):
+        second = run(*args, cwd=folder)
+    assert second.returncode == 2
+    assert second.stdout == ""
+    assert "a.jsonl is being written by another run" in second.stderr
+    assert (folder / "a.jsonl").read_bytes() == before
+    assert run(*args, cwd=folder).returncode == 4
+    assert len((folder / "a.jsonl").read_text().splitlines()) == 5

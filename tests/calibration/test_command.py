@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from hdassist import load_preset
+from hdassist.terminal.files import held
 from tests.process import SMALL, run
 
 TARGETS = """\
@@ -77,3 +78,14 @@ def test_wrong_usage(folder):
     both = run("calibrate", SMALL, "--targets", "rig.yaml", "--write", "x.yaml", *QUICK, cwd=folder)
     assert both.returncode == 2
     assert "--set" in both.stderr
+
+
+def test_two_runs_do_not_share_a_state_file(tmp_path):
+    targets = tmp_path / "targets.yaml"
+    targets.write_text(TARGETS)
+    state = tmp_path / "state.jsonl"
+    with held(str(state)):
+        done = run("calibrate", SMALL, "--targets", str(targets), "--state", str(state))
+    assert done.returncode == 2
+    assert "state.jsonl is being written by another run" in done.stderr
+    assert not state.exists()

@@ -10,8 +10,9 @@ import sys
 
 import pytest
 
+from hdassist.cli.main import THREADS
 from hdassist.terminal.workers import count, workers
-from tests.process import CLEAN
+from tests.process import CLEAN, SMALL
 
 BEGUN = """
 import threading
@@ -23,6 +24,21 @@ if {thread}:
 with workers(1) as executor:
     known = executor.submit(eval, "'cvxpy' in __import__('sys').modules").result()
     print(executor._mp_context.get_start_method(), known)
+"""
+
+
+SOLVED = """
+import numpy as np
+from hdassist import kinematic_error, load_preset
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.terminal.workers import workers
+
+drive = load_preset({small!r})
+states = pitch_locked_states(Kinematics.of(drive), np.arange(4))
+here = kinematic_error(drive, 4.0, states=states, cross_check="CLARABEL", sample=1)
+with workers(1) as executor:
+    there = executor.submit(kinematic_error, drive, 4.0, states=states, cross_check="CLARABEL", sample=1).result()
+print(np.array_equal(here.rotation_arcsec, there.rotation_arcsec))
 """
 
 
@@ -44,9 +60,18 @@ def test_processes_answer_in_order_hear_no_interrupt_and_end():
 @pytest.mark.parametrize(("thread", "way"), [(False, "fork"), (True, "forkserver")])
 def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread, way):
     told = subprocess.run(
-        [sys.executable, "-c", BEGUN.format(thread=thread)], env=CLEAN, capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-c", BEGUN.format(thread=thread)], env=CLEAN | dict.fromkeys(THREADS, "1"),
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
     assert told.stdout == f"{way} True\n"
+
+
+def test_a_solver_with_threads_of_its_own_may_have_run_before():
+    told = subprocess.run(
+        [sys.executable, "-c", SOLVED.format(small=SMALL)], env=CLEAN, capture_output=True, text=True, timeout=120,
+        check=True,
+    )  # fmt: skip
+    assert told.stdout == "True\n"
 
 
 def test_no_number_of_jobs_is_one_for_each_core():
