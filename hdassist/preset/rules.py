@@ -14,6 +14,7 @@ from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt, tan
 from typing import Any
 
 MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings means nothing
+LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 ACTIVE_ROOT = 0.2  # modules above the root of the flexspline where its flank begins
 HEIGHTS = 9  # places on a flank where the overlap is looked for
@@ -212,6 +213,16 @@ def something_holds(C_1: float, C_2: float, C_3: float) -> Iterator[Conflict]:
         yield Conflict("supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive", hint="give one of them")
 
 
+def supports_hold(C_1: float, C_2: float, C_3: float) -> Iterator[Conflict]:
+    """What is called a support is one; numbers between such and 0 mean nothing, and take the equations apart."""
+    for name, C in {"C_1": C_1, "C_2": C_2, "C_3": C_3}.items():
+        if 0 < C < LEAST_SUPPORT:
+            yield Conflict(
+                f"supports.{name}", "too soft to hold anything", f"{C:g} N/mm",
+                f"0 where nothing holds the part, else at least {LEAST_SUPPORT:g} N/mm",
+            )  # fmt: skip
+
+
 def torques_usable(M_g: Sequence[float]) -> Iterator[Conflict]:
     """Each torque once, and none of them 0."""
     if not M_g:
@@ -267,6 +278,7 @@ RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     bearing_fits,
     rolling_needs_balls,
     something_holds,
+    supports_hold,
     torques_usable,
     holes_exist,
     nodes_resolve_modes,

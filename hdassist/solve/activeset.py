@@ -11,6 +11,7 @@ from scipy.linalg import lapack
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
+from hdassist.solve.certificate import proven
 from hdassist.solve.compiled import ZERO, Compiled
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
@@ -20,6 +21,7 @@ ALWAYS_ACTIVE = 5  # sense of an equality row
 ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
+ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 FEW = 4  # states for which a model is not worth its set-up
 STEPS = 12  # of solve_near, after which it is given up
 LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
@@ -51,7 +53,11 @@ class ActiveSet:
             self._model.update(bupper=self._upper, blower=self._lower)
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Solve states as StateSolver says: warm, else from scratch, else by an interior-point method."""
+        """Solve states as StateSolver says: warm, else from scratch, else by an interior-point method.
+
+        What makes one state hopeless makes its neighbours so, and each costs all three ways: the first one that nothing
+        solves is the last one tried.
+        """
         data, formulation = self._data, self._formulation
         q = data.q_0 + formulation.gaps(delta_p) @ data.Q.T
         forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(data.b_0)))
@@ -61,7 +67,13 @@ class ActiveSet:
             first_way = first_way or (self._warm(q[k]) if self._model else self._set_up(q[k], self.contact))
             answer = first_way or self._set_up(q[k], np.ones_like(self.contact))
             fallbacks += first_way is None
-            forces[k], free[k] = formulation.answer(*answer) if answer else self._last_resort(delta_p[k])
+            if answer:
+                forces[k], free[k] = formulation.answer(*answer)
+                continue
+            forces[k], free[k] = self._last_resort(delta_p[k])
+            if not proven(formulation.system, delta_p[k], self._torque, forces[k], free[k]):
+                forces[k + 1 :], free[k + 1 :] = np.nan, np.nan
+                break
         if len(q):
             self.contact = forces[-1] > 0
         return forces, free, fallbacks
@@ -80,8 +92,11 @@ class ActiveSet:
         sense = np.where(contact, 0, ACTIVE_LOWER)
         sense = np.concatenate([sense, np.full(len(self._data.b_0), ALWAYS_ACTIVE)]).astype(np.int32)
         self._model = daqp.Model()
-        self._model.settings = SETTINGS
-        self._model.setup(self._data.P, q, self._data.A, self._upper, self._lower, sense)
+        self._model.settings = SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
+        flag, _ = self._model.setup(self._data.P, q, self._data.A, self._upper, self._lower, sense)
+        if flag < 0:  # coefficients too far apart to be factored
+            self._model = None
+            return None
         return self._run()
 
     def _run(self) -> tuple[Array, Array] | None:

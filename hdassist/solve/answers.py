@@ -32,7 +32,8 @@ class StateSolver(Protocol):
         """Forces [N] (states, M), displacements of the free freedoms [mm, rad] (states, free), fallbacks.
 
         Arguments: delta_p, gaps without force [mm], shape (states, M). Fallbacks counts the states that the
-        first way gave up; a state that nothing solves is NaN.
+        first way gave up. A state that nothing solves has an answer without proof, or NaN; states behind it are not
+        tried, and NaN.
         """
         ...
 
@@ -123,10 +124,11 @@ def solve_states(
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:
     worst = proof.worst
-    k = int(np.argmax(worst))
+    k = int(np.argmin(worst <= TOLERANCE))  # the first one that is not solved, if any
     if not worst[k] <= TOLERANCE:
+        residual = f"residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed"
         raise UntrustedError(
-            f"state not solved at {place(first + k)}: residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed",
+            f"state not solved at {place(first + k)}: {residual if np.isfinite(worst[k]) else 'no method ends'}",
             "try another solver (--solver clarabel), or a torque and stiffnesses nearer to a real drive",
         )
 

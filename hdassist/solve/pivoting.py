@@ -26,6 +26,7 @@ INACCURATE = 1e-8  # in the programme's units: a state that rounding spoils by m
 PIVOTS = 1000  # after which a tableau is made anew, against rounding
 GREEDY = 3  # pivots for each candidate, after which the order is one that cannot cycle
 LIMIT = 30  # pivots for each candidate, after which a state is given up
+LOST = 8  # states given up after so many pivots, after which no more are tried: each took longer than any other way
 INVERSE = 1e-6  # error of a product that should be the identity
 SMALLEST = 1e-9  # pivot, where those of the reference are one and others were 1e-3 to 1e3
 
@@ -111,6 +112,7 @@ class Pivoting:
         self._scale = 1 / np.sqrt(np.diag(reference.by_others))  # makes the reference's pivots one
         self._changed = np.zeros_like(reference.contact)  # against the reference, where the tableau stands
         self._useful = np.zeros_like(reference.contact)  # changed in some state
+        self._lost = 0  # states that no end was found for
         self._take(np.flatnonzero(self._changed))
 
     def solve(self, gaps: Array, load: Array) -> tuple[Array, Array]:
@@ -196,6 +198,9 @@ class Pivoting:
             k = least.argmax()
             if closed[k]:
                 break  # all of them are
+            if self._lost >= LOST:
+                solved[~closed], changed[~closed] = np.nan, False
+                break
             if not self._reach(k, len(start), now):
                 solved[k], changed[k], closed[k] = np.nan, False, True
                 now[:] = self._changed[self._swing] = False
@@ -231,6 +236,7 @@ class Pivoting:
             column[r], row[r] = pivot + 1, pivot - 1
             dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
             now[r] = not now[r]
+        self._lost += 1
         return False
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, N_MM
+from hdassist.solve.certificate import proven
 from hdassist.solve.formulation import Formulation
 
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
@@ -21,11 +22,19 @@ CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 # Solvers that take a quadratic programme, of those cvxpy knows.
 QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
 
-# Tolerances at which each solver's answers earn their certificate; a name that is not here runs at its defaults.
-TOLERANCES: dict[str, dict[str, Any]] = {
-    "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
-    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000},
-    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000},
+LONGEST = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
+
+# Tolerances at which each solver's answers earn their certificate, and where it stops without one; a name that is not
+# here runs at its defaults, which bound its iterations.
+SETTINGS: dict[str, dict[str, Any]] = {
+    "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200, "time_limit": LONGEST},
+    "COPT": {"TimeLimit": LONGEST},
+    "CPLEX": {"cplex_params": {"timelimit": LONGEST}},
+    "GUROBI": {"TimeLimit": LONGEST},
+    "HIGHS": {"time_limit": LONGEST},
+    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": LONGEST}},
+    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": LONGEST},
+    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": LONGEST},
 }
 
 
@@ -54,7 +63,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
         with warnings.catch_warnings():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
-            stated.problem.solve(solver=name, **TOLERANCES.get(name, {}))
+            stated.problem.solve(solver=name, **SETTINGS.get(name, {}))
     except cp.SolverError as error:
         raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
     if stated.forces.value is None or stated.equilibrium.dual_value is None:
@@ -78,8 +87,13 @@ class ThroughCvxpy:
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
-        answers = [solve_through_cvxpy(self._formulation, gaps, self._torque, self._solver) for gaps in delta_p]
-        return np.stack([forces for forces, _ in answers]), np.stack([free for _, free in answers]), 0
+        formulation = self._formulation
+        forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
+        for k, gaps in enumerate(delta_p):
+            forces[k], free[k] = solve_through_cvxpy(formulation, gaps, self._torque, self._solver)
+            if not proven(formulation.system, gaps, self._torque, forces[k], free[k]):
+                break
+        return forces, free, 0
 
 
 @dataclass(frozen=True)

@@ -181,6 +181,15 @@ def test_states_given_up_are_counted_and_solved_one_by_one(formulation, delta_p,
     assert same(formulation, 4e3, delta_p, found)
 
 
+def test_pivots_that_find_no_end_are_not_tried_for_ever(formulation, delta_p, monkeypatch):
+    monkeypatch.setattr(pivoting, "LIMIT", 0)
+    reach, tried = pivoting.Pivoting._reach, []
+    monkeypatch.setattr(pivoting.Pivoting, "_reach", lambda self, *a: tried.append(1) or reach(self, *a))
+    found = Engine(formulation, 4e3).solve(delta_p)
+    assert len(tried) == pivoting.LOST < found[2]
+    assert same(formulation, 4e3, delta_p, found)
+
+
 def test_a_state_that_is_no_number_spoils_no_other(formulation, delta_p):
     expected, _, _ = Engine(formulation, 4e3).solve(delta_p)
     spoiled = delta_p.copy()

@@ -12,7 +12,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import activeset
+from hdassist.solve import activeset, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
@@ -208,10 +208,58 @@ def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, faili
     forces, free, fallbacks = Engine(formulation, 80e3).solve(delta_p)
     assert fallbacks == 1
     if failing == "all":
-        assert np.isnan(forces[2]).all()
-        assert not np.isnan(forces[[0, 1, 3]]).any()
+        # nor is anything behind it tried: what makes one state hopeless makes its neighbours so
+        assert np.isnan(forces[2:]).all()
+        assert not np.isnan(forces[:2]).any()
     else:
         assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
+
+
+@pytest.mark.parametrize("C", [1e-6, 1e-10, 1e-30])
+def test_a_drive_that_cannot_be_solved_costs_one_state(reference, monkeypatch, C):
+    # coefficients too far apart for double precision; 256 states at two ways of seconds each looked like a hang
+    drive = changed(reference, supports__C_1=C)
+    run, last, tried = ActiveSet._run, ActiveSet._last_resort, []
+    monkeypatch.setattr(ActiveSet, "_run", lambda self: tried.append("daqp") or run(self))
+    monkeypatch.setattr(ActiveSet, "_last_resort", lambda self, gaps: tried.append("last") or last(self, gaps))
+    with pytest.raises(UntrustedError, match="state not solved at phi_h = 0"):
+        kinematic_error(drive, 80)
+    assert tried.count("last") <= 2  # of the reference of the pivots, and of the first state
+    assert tried.count("daqp") <= 4
+
+
+def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, monkeypatch):
+    steps = []
+
+    def counting(self):
+        x, _, flag, info = self._model.solve()
+        assert flag == activeset.SOLVED
+        steps.append(info["iterations"] / (len(x) + len(self._data.b_0)))
+        return x, info["lam"][len(x) :]
+
+    monkeypatch.setattr(ActiveSet, "_run", counting)
+    for support in (0.0, 1.0, 1e9):
+        system = contact_system(changed(reference, supports__C_1=support, supports__C_3=support))
+        everywhere = np.ones_like(system.delta_p, dtype=bool)
+        formulation = formulate(system)
+        for torque in (1.0, 80e3, 3e6):
+            solver = ActiveSet(formulation, compile_programme(formulation), torque, everywhere)
+            solver.solve(np.repeat(system.delta_p[None], 8, axis=0))
+    assert max(steps) < activeset.ITERATIONS / 3
+
+
+@pytest.mark.parametrize("solver", ["clarabel", "osqp", "scs", "highs"])
+def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference, formulation, monkeypatch, solver):
+    bounds = throughcvxpy.SETTINGS[solver.upper()]
+    iterations = {"clarabel": "max_iter", "osqp": "max_iter", "scs": "max_iters", "highs": "qp_iteration_limit"}
+    assert any(name.startswith("time_limit") for name in bounds)
+    monkeypatch.setitem(throughcvxpy.SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
+    solve, asked = throughcvxpy.solve_through_cvxpy, []
+    monkeypatch.setattr(throughcvxpy, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
+    with pytest.raises(UntrustedError, match=r"state not solved at phi_h = 0|could not solve a state"):
+        kinematic_error(reference, 80, states=states, cross_check=None, solver=solver)
+    assert len(asked) == 1
 
 
 def test_too_great_a_torque_is_outside_the_model(reference):
