@@ -26,7 +26,6 @@ from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
 from hdassist.version import __version__
-from hdassist.visible import visible
 
 INTERRUPTED = 130
 BUG = 1
@@ -84,7 +83,7 @@ def main() -> None:
     except ClickException as error:
         told = io.StringIO()
         error.show(told)
-        sys.stderr.write(visible(told.getvalue()))
+        _say(told.getvalue())
         sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()
@@ -93,19 +92,25 @@ def main() -> None:
         complain(error)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        sys.stderr.write("interrupted\n")
+        _say("interrupted")
         sys.exit(INTERRUPTED)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
-            from hdassist.terminal.console import say, silence
+            from hdassist.terminal.console import silence
 
             silence()  # or what is left in the buffer fails once more at the end
-            say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
+            _say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
             sys.exit(getattr(error.__context__, "exit_code", DataError.exit_code))  # of wrong usage that cannot be said
         _trace_if_asked()
-        sys.stderr.write(visible(f"internal error: {type(error).__name__}: {error}\n"))
-        sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
+        words = f"internal error: {type(error).__name__}: {error}"
+        _say(f"{words}\n  hint: this is a bug in hdassist; --debug shows where")
         sys.exit(BUG)
+
+
+def _say(text: str) -> None:
+    from hdassist.terminal.console import say
+
+    say(text.rstrip("\n"))
 
 
 def _hear_stops() -> None:
@@ -128,4 +133,4 @@ def _open_streams() -> None:
 
 def _trace_if_asked() -> None:
     if "--debug" in sys.argv:
-        sys.stderr.write(visible(traceback.format_exc()))
+        _say(traceback.format_exc())

@@ -77,24 +77,23 @@ def held(path: str | None) -> Iterator[None]:
     Argument: path, None for nothing to hold. A file path.lock stands beside it meanwhile; one that a killed run has
     left holds nothing. Raises UsageError: another run holds it; DataError: the lock cannot be written.
     """
-    if path is None or _is_device(Path(path)):
-        yield
-        return
-    beside = Path(f"{_real(Path(path))}.lock")
+    beside, descriptor = Path(f"{path}.lock"), None
     try:
-        descriptor = _locked(beside)
+        if path is not None and not _is_device(Path(path)):
+            beside = Path(f"{_real(Path(path))}.lock")
+            descriptor = _locked(beside)
     except BlockingIOError:
-        raise UsageError(
-            f"{path} is being written by another run", "wait for it to end, or name another file"
-        ) from None
+        words = f"{path} is being written by another run"
+        raise UsageError(words, "wait for it to end, or name another file") from None
     except OSError as error:
         raise _unwritable(str(beside), error.strerror or str(error)) from None
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):
-            beside.unlink()
-        os.close(descriptor)
+        if descriptor is not None:
+            with contextlib.suppress(OSError):
+                beside.unlink()
+            os.close(descriptor)
 
 
 def _locked(path: Path) -> int:
