@@ -1,16 +1,11 @@
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from hdassist import Drive, load_preset
-from hdassist.cli.main import THREADS
-
-for name in THREADS:
-    os.environ.setdefault(name, "1")  # as the command line has it; numpy is not loaded yet
 
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")

@@ -37,8 +37,8 @@ def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subpro
     exit codes that main() makes of errors.
     """
     given = io.TextIOWrapper(io.BytesIO((stdin or "").encode()), encoding="utf-8")
-    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
-    err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace")
+    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="")
+    err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", errors="backslashreplace", newline="")
     with (
         mock.patch.multiple(sys, argv=["hdassist", *args], stdin=given, stdout=out, stderr=err),
         mock.patch.dict(os.environ, CLEAN, clear=True),
@@ -53,7 +53,7 @@ def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subpro
 
 
 def _told(stream: io.TextIOWrapper) -> str:
-    """All that a stream was given, with the newlines of text."""
+    """All that a stream was given, to the last carriage return."""
     stream.seek(0)
     return stream.read()
 

@@ -22,6 +22,7 @@ from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
+from hdassist.visible import printable
 
 MAX_BYTES = 1_000_000_000
 SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
@@ -312,7 +313,7 @@ def to_json(answer: Answer) -> dict[str, Any]:
 
 def to_line(answer: Answer) -> str:
     """An answer on one line, without its end; never NaN or Infinity."""
-    return json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return printable(json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":")))
 
 
 def to_lines(answers: Iterable[Answer]) -> str:

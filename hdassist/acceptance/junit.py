@@ -7,7 +7,6 @@ none in the strict schema. There are no durations and no machine names; the time
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,16 +14,16 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, provenance
 from hdassist.acceptance.page import sentence
+from hdassist.visible import visible
 
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 NUMBERS = ("value", "expanded_uncertainty", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
-_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # in XML 1.0
 
 
 def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str:
     """Suites of all drives as text; name of the whole; facts, properties that each of them has."""
-    root = Element("testsuites", name=_clean(name))
+    root = Element("testsuites", name=visible(name))
     for answer in answers:
         _suite(root, answer, facts)
     for suite in root:
@@ -42,17 +41,17 @@ def _count(element: Element, counted: Mapping[str, str]) -> None:
 def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     preset, serial = answer.preset.name, answer.serial
     name = serial or preset
-    suite = SubElement(root, "testsuite", name=_clean(name))
+    suite = SubElement(root, "testsuite", name=visible(name))
     place = SubElement(suite, "properties")
     known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
     for check in answer.checks if isinstance(answer, Accepted) else ():
         known |= {f"{_key(check)}.{number}": getattr(check, number) for number in NUMBERS}
     for key, value in known.items():
         if value is not None and value != "":
-            SubElement(place, "property", name=key, value=_clean(str(value)))
+            SubElement(place, "property", name=key, value=visible(str(value)))
 
     def case(words: str) -> Element:
-        return SubElement(suite, "testcase", classname=_clean(preset), name=_clean(f"{name}: {words}"))
+        return SubElement(suite, "testcase", classname=visible(preset), name=visible(f"{name}: {words}"))
 
     if not isinstance(answer, Accepted):
         error = answer.error
@@ -66,7 +65,7 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
         lines = [words, *([f"because: {check.reason}"] if check.reason else []), *remarks]
         element = case(check.held_against.label)
         if check.verdict == "PASS":
-            SubElement(element, "system-out").text = _clean("\n".join(lines))
+            SubElement(element, "system-out").text = visible("\n".join(lines))
         else:
             _say(element, "failure", words, [*lines, f"what to do: hdassist explain {check.code}"], str(check.verdict))
     for label in answer.left_out:
@@ -82,11 +81,6 @@ def _key(check: CheckRecord) -> str:
 
 
 def _say(case: Element, tag: str, message: str, body: Sequence[str] = (), kind: str = "") -> None:
-    said = SubElement(case, tag, message=_clean(message))
+    said = SubElement(case, tag, message=visible(message))
     said.attrib.update({"type": kind} if kind else {})
-    said.text = _clean("\n".join(body)) or None
-
-
-def _clean(text: str) -> str:
-    """A text without the characters that XML does not have: they are written as in Python."""
-    return _ILLEGAL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    said.text = visible("\n".join(body)) or None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import signal
 import sys
@@ -25,9 +26,12 @@ from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
 from hdassist.version import __version__
+from hdassist.visible import visible
 
 INTERRUPTED = 130
 BUG = 1
+# What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
+ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -76,7 +80,12 @@ def main() -> None:
     _open_streams()
     _hear_stops()
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except ClickException as error:
+        told = io.StringIO()
+        error.show(told)
+        sys.stderr.write(visible(told.getvalue()))
+        sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()
         from hdassist.terminal.output import complain
@@ -94,7 +103,7 @@ def main() -> None:
             say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
             sys.exit(getattr(error.__context__, "exit_code", DataError.exit_code))  # of wrong usage that cannot be said
         _trace_if_asked()
-        sys.stderr.write(f"internal error: {type(error).__name__}: {error}\n")
+        sys.stderr.write(visible(f"internal error: {type(error).__name__}: {error}\n"))
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
         sys.exit(BUG)
 
@@ -119,4 +128,4 @@ def _open_streams() -> None:
 
 def _trace_if_asked() -> None:
     if "--debug" in sys.argv:
-        traceback.print_exc()
+        sys.stderr.write(visible(traceback.format_exc()))

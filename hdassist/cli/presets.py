@@ -88,11 +88,15 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
     """
     from hdassist.preset.library import read_preset
     from hdassist.terminal.answers import envelope
-    from hdassist.terminal.files import give_stdout
+    from hdassist.terminal.files import give_stdout, write_text
     from hdassist.terminal.output import warn
 
     if not (resolved or options.json or drives.overrides):
-        give_stdout(read_preset(preset)[0])
+        text = read_preset(preset)[0]
+        if sys.stdout.isatty():
+            write_text("-", text.decode("utf-8", "backslashreplace"), force=False)
+        else:
+            give_stdout(text)
         return
     from hdassist.preset.schema import resolved as rows_of
 

@@ -16,6 +16,7 @@ from hdassist.mounting.card import Card, Table
 from hdassist.mounting.card_svg import seat_geometry
 from hdassist.mounting.seat_page import drawing
 from hdassist.terminal.console import PLAIN, Style, console, table
+from hdassist.visible import visible
 
 COLUMNS = 78  # of the card as plain text
 BLANK = "_" * 12  # to write on
@@ -25,7 +26,7 @@ CYRILLIC = range(0x400, 0x500)
 
 def html(card: Card) -> str:
     """The card as one HTML file: everything inside it, no scripts."""
-    page = _environment(autoescape=True, finalize=_rounded).get_template("card.html")
+    page = _environment(autoescape=True, finalize=_html_safe).get_template("card.html")
     return page.render(card=card, lines=lines_on_paper(card), seat=card.seat, **seat_geometry(card.seat))
 
 
@@ -37,7 +38,7 @@ def markdown(card: Card) -> str:
 
 def plain_text(card: Card, *, ascii: bool = False) -> str:
     """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
-    page = _environment(wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
+    page = _environment(finalize=_visible, wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
     label_width = max(len(label) for label, _ in card.subject) + 2
     text = page.get_template("card.txt").render(
         card=card, drawing=drawing(card.seat), columns=COLUMNS, blank=BLANK, label_width=label_width
@@ -70,18 +71,27 @@ def _environment(
     return environment
 
 
-def _rounded(value: Any) -> Any:
-    """Numbers of the drawing need no more digits."""
-    return round(value, 2) if isinstance(value, float) else value
+def _visible(value: Any) -> Any:
+    """Text with hidden characters escaped; what templates made stays."""
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def _html_safe(value: Any) -> Any:
+    """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
+    return round(value, 2) if isinstance(value, float) else _visible(value)
 
 
 def _markdown_safe(value: Any) -> Any:
     """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
-    return value if isinstance(value, Markup) else re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", str(value))
+    if isinstance(value, Markup):
+        return value
+    return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", visible(str(value)).replace("\n", "\\n"))
 
 
 def _wrapped(text: str, first: str = "", further: str = "") -> str:
-    return textwrap.fill(text, COLUMNS, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
+    return textwrap.fill(
+        visible(text), COLUMNS, initial_indent=first, subsequent_indent=further, break_on_hyphens=False
+    )
 
 
 def _drawn(content: Table, blank: str, ascii: bool) -> str:

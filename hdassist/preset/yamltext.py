@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from hdassist.errors import Finding
+from hdassist.visible import escaped
 
 MAX_BYTES = 256 * 1024
 MAX_DEPTH = 20
@@ -86,7 +87,7 @@ def resolve(text: str) -> Any:
 def shown(text: str, width: int = 60) -> str:
     """Text on one line for a message: unprintable characters escaped, a long text shortened."""
     text = text if len(text) <= width else text[: width - 3] + "..."
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(c if c.isprintable() else escaped(c) for c in text)
 
 
 def read(text: bytes | str, file: str) -> Document:

@@ -5,17 +5,24 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Iterable, Sequence
+from numbers import Number
 from typing import Any
 
 from hdassist.errors import HdassistError
 from hdassist.preset.fields import Drive
+from hdassist.preset.yamltext import NUMBER
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
+from hdassist.visible import printable, visible
 
 Json = dict[str, Any]
+
+FORMULA = tuple("=+-@\t\n＝＋－＠")  # what a spreadsheet takes for the begin of one
+_NUMBER = re.compile(NUMBER)
 
 
 def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Sequence[str] = ()) -> Json:
@@ -100,13 +107,24 @@ def cross_checked(cross_checks: Iterable[CrossCheck | None]) -> str:
 
 def json_text(answer: Json) -> str:
     """An answer as text; never NaN or Infinity."""
-    return json.dumps(answer, indent=2, ensure_ascii=True, allow_nan=False) + "\n"
+    return printable(json.dumps(answer, indent=2, ensure_ascii=True, allow_nan=False)) + "\n"
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table as CSV: one header line, plain newlines, full precision, empty where there is no value."""
+    """A table as CSV: one header line, plain newlines, full precision, empty where there is no value.
+
+    Text cannot act: hidden characters are escaped, and an apostrophe stands before what a spreadsheet would compute.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    writer.writerow(map(_cell, header))
+    writer.writerows(map(_cell, row) for row in rows)
     return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """A cell: numbers as they are, text made harmless."""
+    if value is None or isinstance(value, Number):
+        return "" if value is None else value
+    text = visible(str(value))
+    return f"'{text}" if text.startswith(FORMULA) and not _NUMBER.fullmatch(text) else text

@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TextIO
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
+
+from hdassist.visible import visible
 
 PIPE_WIDTH = 80
 PLAIN = str.maketrans(
@@ -48,7 +52,8 @@ class Style:
         return cls(ascii=ascii or not _shows_unicode(stream), codes=terminal and not plain, width=width)
 
     def text(self, text: str) -> str:
-        """The text as the stream can show it."""
+        """The text as the stream can show it, whatever it has of control characters escaped."""
+        text = visible(text)
         return text.translate(PLAIN).encode("ascii", "replace").decode() if self.ascii else text
 
 
@@ -69,9 +74,9 @@ def silence(stream: TextIO | None = None) -> None:
 
 
 def say(line: str) -> None:
-    """Write a line on stderr; silent where it cannot be written: the answer and its exit code stay what they are."""
+    """Write a line on stderr, hidden characters escaped; silent where it cannot be written: the exit code stays."""
     try:
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{visible(line)}\n")
         sys.stderr.flush()
     except OSError:
         silence(sys.stderr)
@@ -81,6 +86,14 @@ class _QuietConsole(Console):
     def on_broken_pipe(self) -> None:
         self.quiet = True
         silence()
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """Segments without control characters but those that rich adds to them when it writes colours.
+
+        Style.text does the same before the layout; here nothing that went past it gets through.
+        """
+        for segment in super().render(renderable, options):
+            yield segment if segment.is_control else segment._replace(text=visible(segment.text))
 
 
 def console(stream: TextIO, style: Style) -> Console:

@@ -14,16 +14,19 @@ from pathlib import Path
 from hdassist.errors import DataError, UsageError
 from hdassist.terminal.console import say, silence
 from hdassist.textfile import is_file, is_there
+from hdassist.visible import visible
 
 
 def write_text(path: str, text: str, force: bool) -> None:
-    """Write text as UTF-8, and say "wrote FILE" on standard error.
+    """Write text as UTF-8, and say "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
 
     Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
     Raises UsageError: the file exists; DataError: it cannot be written. Then nothing has changed.
     """
     if path == "-":
         encoding = sys.stdout.encoding or "utf-8"
+        if sys.stdout.isatty():
+            text = visible(text.replace("\r\n", "\n"))
         give_stdout(text.encode(encoding, "backslashreplace").decode(encoding))
         return
     require_writable(path, force)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from hdassist.errors import HdassistError
 from hdassist.terminal.console import PIPE_WIDTH, Style, console, say
 from hdassist.terminal.files import require_writable, write_text
+from hdassist.visible import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -62,8 +63,8 @@ class Output:
         return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
 
     def text(self, answer: str) -> None:
-        """Give an answer that is text as it stands."""
-        write_text(self.target, answer, self.force)
+        """Give an answer that is text, hidden characters escaped: JSON has none."""
+        write_text(self.target, visible(answer), self.force)
 
     def figures(self, csv: str) -> None:
         """Write the figures where they were asked for."""
@@ -80,14 +81,14 @@ class Output:
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
         bar = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TextColumn("{task.percentage:3.0f} %"),
             TimeRemainingColumn(),
             console=console(sys.stderr, style), transient=True,
             redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
-        task = bar.add_task(words, total=total)
+        task = bar.add_task(style.text(words), total=total)
         begun = time.monotonic()
 
         def advance(states: int) -> None:

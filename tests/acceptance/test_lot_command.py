@@ -56,18 +56,12 @@ def untimed(value):
 
 
 @pytest.fixture
-def here(folder, monkeypatch, capsys):
-    """Runs a command in the folder without a process of its own: exit code, stdout, stderr."""
-    from hdassist.cli.main import main
-
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have what is patched here
+def here(folder):
+    """Runs a command in the folder: exit code, stdout, stderr."""
 
     def run_here(*args):
-        monkeypatch.setattr("sys.argv", ["hdassist", *args])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
+        done = run(*args, cwd=folder)
+        return done.returncode, done.stdout, done.stderr
 
     return run_here
 
@@ -139,7 +133,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]
 
 
-def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here, monkeypatch):
+def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     phases = [10 * n for n in range(9)]
     lot = "serial,phases.xi_b\n" + "".join(f"d{n},{xi}\n" for n, xi in enumerate(phases))
     (tmp_path / "lot.csv").write_text(lot)
@@ -166,7 +160,6 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here, monk
     lines = (tmp_path / "a.jsonl").read_text().splitlines()
     assert lines[: len(kept)] == kept
     assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(9)]
-    monkeypatch.chdir(tmp_path)
     code, _, told = here(*args, "--resume", "--seed", "1")
     assert code == 2
     assert "not one of its answers" in told

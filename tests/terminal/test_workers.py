@@ -1,94 +1,79 @@
-"""Workers end with the process that began them, however that ends; and nobody waits for work that nobody wants."""
+"""Processes that share the work of a command: how they begin, and what they do not hear."""
 
+from __future__ import annotations
+
+import multiprocessing
+import os
 import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL
+from hdassist.cli.main import THREADS
+from hdassist.terminal.workers import count, workers
+from tests.process import CLEAN, SMALL
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+BEGUN = """
+import threading
+import hdassist.solve.formulation
+from hdassist.terminal.workers import workers
 
-LONG = [
-    ("check", "vzp160"),
-    ("mount", "vzp160", "--step", "1", "--every-state"),
-    ("accept", "vzp160", "--limit", "F_ior=1"),
-    ("calibrate", SMALL, "--targets", "targets.yaml", "--evaluations", "4000"),
-]
-TARGETS = """
-schema: hdassist.targets/1
-unknowns: {gears.j_n: {low: 0, high: 10}}
-targets: [{quantity: F_ior, M_g: 4, phase: 0, value: 14, tolerance: 0.5}]
+if {thread}:
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+with workers(1) as executor:
+    known = executor.submit(eval, "'cvxpy' in __import__('sys').modules").result()
+    print(executor._mp_context.get_start_method(), known)
 """
 
 
-def workers_of(process: subprocess.Popen) -> list[int]:
-    """Processes that it has begun, once there are two."""
-    for _ in range(600):
-        told = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-        if len(told) >= 2:
-            return [int(pid) for pid in told]
-        assert process.poll() is None
-        time.sleep(0.05)
-    raise AssertionError("no workers")
+SOLVED = """
+import numpy as np
+from hdassist import kinematic_error, load_preset
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.terminal.workers import workers
 
-
-def ended(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except OSError:
-        return True
-
-
-ENDS = [(signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
-CASES = [(arguments, *end) for arguments in LONG for end in (ENDS if arguments[0] == "check" else ENDS[:2])]
-
-
-@pytest.mark.parametrize(("arguments", "number", "code"), CASES, ids=lambda one: getattr(one, "name", None))
-def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
-    (tmp_path / "targets.yaml").write_text(TARGETS)
-    process = subprocess.Popen(
-        [*COMMAND, *arguments, "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    workers = workers_of(process)
-    time.sleep(0.3)  # at work
-    process.send_signal(number)
-    out, err = process.communicate(timeout=20)
-    assert process.returncode == code
-    assert b"Traceback" not in err
-    assert out == b""
-    for _ in range(100):
-        if all(map(ended, workers)):
-            break
-        time.sleep(0.05)
-    assert all(map(ended, workers))
-    assert [item.name for item in tmp_path.iterdir()] == ["targets.yaml"]
-
-
-def test_an_interrupt_while_the_command_is_imported_ends_it_at_once():
-    told = """
-import signal, sys
-import hdassist.__main__ as begin
-print(signal.getsignal(signal.SIGINT) is signal.SIG_DFL, "typer" in sys.modules)
-sys.argv[1:] = ["--version"]
-try:
-    begin.main()
-finally:
-    print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+drive = load_preset({small!r})
+states = pitch_locked_states(Kinematics.of(drive), np.arange(4))
+here = kinematic_error(drive, 4.0, states=states, cross_check="CLARABEL", sample=1)
+with workers(1) as executor:
+    there = executor.submit(kinematic_error, drive, 4.0, states=states, cross_check="CLARABEL", sample=1).result()
+print(np.array_equal(here.rotation_arcsec, there.rotation_arcsec))
 """
-    done = subprocess.run([sys.executable, "-c", told], env=CLEAN, capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines()[::2] == ["True False", "True"]
 
 
-def test_what_is_ignored_stays_ignored():
-    told = """
-import signal
-signal.signal(signal.SIGINT, signal.SIG_IGN)
-import hdassist.__main__
-print(signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
-"""
-    done = subprocess.run([sys.executable, "-c", told], env=CLEAN, capture_output=True, text=True, check=False)
-    assert done.stdout == "True\n"
+def deaf(_: int) -> tuple[int, bool]:
+    return os.getpid(), signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_processes_answer_in_order_hear_no_interrupt_and_end():
+    with workers(2) as executor:
+        assert list(executor.map(abs, range(-3, 0))) == [3, 2, 1]
+        found = list(executor.map(deaf, range(4)))
+    assert all(ignored for _, ignored in found)
+    assert os.getpid() not in {pid for pid, _ in found}
+    assert not multiprocessing.active_children()
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
+@pytest.mark.parametrize(("thread", "way"), [(False, "fork"), (True, "forkserver")])
+def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread, way):
+    told = subprocess.run(
+        [sys.executable, "-c", BEGUN.format(thread=thread)], env=CLEAN | dict.fromkeys(THREADS, "1"),
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert told.stdout == f"{way} True\n"
+
+
+def test_a_solver_with_threads_of_its_own_may_have_run_before():
+    told = subprocess.run(
+        [sys.executable, "-c", SOLVED.format(small=SMALL)], env=CLEAN, capture_output=True, text=True, timeout=120,
+        check=True,
+    )  # fmt: skip
+    assert told.stdout == "True\n"
+
+
+def test_no_number_of_jobs_is_one_for_each_core():
+    assert count(3) == 3
+    assert 1 <= count(0) <= (os.cpu_count() or 1)

@@ -1,0 +1,72 @@
+"""What goes to a terminal: our colours, and of other people's text only what is seen."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from unittest import mock
+
+import pytest
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.errors import DataError
+from hdassist.terminal import output
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output, complain
+from tests.test_visible import EVERY_HIDDEN, hidden
+
+NAME = "a\x1b]0;owned\x07\u202e[/bold]b"
+TOLD = "a\\x1b]0;owned\\x07\\u202e[/bold]b"
+OURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\r")  # colours of rich, and the moves of its progress bar
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@contextmanager
+def terminal() -> Iterator[Terminal]:
+    """A terminal of 120 columns in place of both streams."""
+    stream = Terminal()
+    clean = {"TERM": "xterm-256color", "COLUMNS": "120", "NO_COLOR": "", "LC_ALL": "C.UTF-8"}
+    with mock.patch.multiple(sys, stdout=stream, stderr=stream), mock.patch.dict(os.environ, clean):
+        yield stream
+
+
+@pytest.mark.parametrize("codes", [True, False])
+def test_pages_have_our_colours_and_nothing_hidden(codes: bool) -> None:
+    grid = Table(title=Text(NAME), style="red")
+    grid.add_column(Text("head", style="bold"))
+    grid.add_row(NAME)
+    grid.add_row(Text(EVERY_HIDDEN))
+    with terminal() as stream:
+        Output(Style(False, codes, 120)).human(grid)
+    sent = stream.getvalue()
+    assert ("\x1b[" in sent) == codes
+    assert not hidden(OURS.sub("", sent))
+    assert "┃" in sent and "\\x1b]0;owned" in sent
+
+
+def test_text_and_messages_have_nothing_hidden() -> None:
+    with terminal() as stream:
+        Output(Style(False, True, 120)).text(NAME + "\n")
+        complain(DataError(NAME, NAME), NAME)
+    assert stream.getvalue() == f"{TOLD}\nerror: {TOLD}: {TOLD}\n  hint: {TOLD}\n"
+
+
+def test_style_escapes_before_it_makes_seven_bits() -> None:
+    assert Style(True, True, 80).text("5 µm\x1b[2J\u202e") == "5 um\\x1b[2J\\u202e"
+
+
+def test_words_beside_a_bar_are_no_markup(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output, "PATIENCE", -1.0)
+    with terminal() as stream, Output(Style(False, True, 120)).progress(NAME, 2) as advance:
+        advance(1)
+    assert TOLD in OURS.sub("", stream.getvalue())
+    assert not hidden(OURS.sub("", stream.getvalue()))
