@@ -82,9 +82,11 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False))
     except ClickException as error:
+        from hdassist.terminal.console import say
+
         told = io.StringIO()
         error.show(told)
-        sys.stderr.write(visible(told.getvalue()))
+        say(told.getvalue().removesuffix("\n"))
         sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()
@@ -101,7 +103,7 @@ def main() -> None:
 
             silence()  # or what is left in the buffer fails once more at the end
             say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
-            sys.exit(getattr(error.__context__, "exit_code", DataError.exit_code))  # of wrong usage that cannot be said
+            sys.exit(DataError.exit_code)
         _trace_if_asked()
         sys.stderr.write(visible(f"internal error: {type(error).__name__}: {error}\n"))
         sys.stderr.write("  hint: this is a bug in hdassist; --debug shows where\n")
