@@ -100,7 +100,7 @@ def main() -> None:
 
             silence()  # or what is left in the buffer fails once more at the end
             _say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
-            sys.exit(getattr(error.__context__, "exit_code", DataError.exit_code))  # of wrong usage that cannot be said
+            sys.exit(DataError.exit_code)
         _trace_if_asked()
         words = f"internal error: {type(error).__name__}: {error}"
         _say(f"{words}\n  hint: this is a bug in hdassist; --debug shows where")

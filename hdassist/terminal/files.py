@@ -13,6 +13,7 @@ from pathlib import Path
 
 from hdassist.errors import DataError, UsageError
 from hdassist.terminal.console import say, silence
+from hdassist.textfile import is_file, is_there
 from hdassist.visible import visible
 
 
@@ -144,7 +145,7 @@ def _real(target: Path) -> Path:
 
 def _is_device(target: Path) -> bool:
     """A device or a pipe, which has nothing to lose and must not be replaced."""
-    return target.exists() and not target.is_file()
+    return is_there(target) and not is_file(target)
 
 
 def _unwritable(path: str, reason: str) -> DataError:
