@@ -374,6 +374,6 @@ def test_a_file_that_may_not_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr("hdassist.textfile.open_at_once", refuse)
     with pytest.raises(DataError, match=r"cannot read wheel\.csv: Permission denied"):
         read_bytes("wheel.csv", 100)
