@@ -81,7 +81,7 @@ def _predict(request: Request) -> Predictions | None:
     """Predictions of a drive; None where there are none, which the rows themselves then say."""
     try:
         return predict_for(request)
-    except Exception:  # whatever it is, a bug too: each row meets it again when it is answered, and says it with its place
+    except Exception:  # a bug too: each row meets it again when it is answered, and says it with its place
         return None
 
 
