@@ -89,9 +89,8 @@ def simulate(task: tuple[Study, int]) -> tuple[list[float], list[float]]:
     lain = []
     for k in range(HOLES):
         wheel = rotated(drive, 360 * k / HOLES)
-        half = wheel.tolerances.F_i2 / 2 * np.exp(1j * np.radians(wheel.phases.xi_b))
-        half += complex(*rng.normal(0, RESEAT, 2))
-        moved = {"tolerances.F_i2": 2 * abs(half), "phases.xi_b": np.degrees(np.angle(half))}
+        off = complex(*rng.normal(0, RESEAT, 2))
+        moved = {"tolerances.e_b": abs(off), "phases.phi_eb": np.degrees(np.angle(off))}
         lain.append(F_ior(wheel.with_values({path: float(value) for path, value in moved.items()})))
     return true, lain
 

@@ -36,7 +36,7 @@ def solve_state(system: ContactSystem, torque: float, delta_p: Array) -> tuple[A
 def rotation(system: ContactSystem, torque: float, scalars: Array | None = None) -> float:
     """Rotation [arcsec] of one state with deviation scalars (a, b, e_x, e_y) [mm]."""
     scalars = np.zeros(4) if scalars is None else scalars
-    return solve_state(system, torque, system.delta_p + system.deviation_map @ scalars)[2]
+    return solve_state(system, torque, system.delta_p + system.deviation_map[:, :4] @ scalars)[2]
 
 
 def wind_up(drive: Drive, M_g: float = 80.0, tau: float = 0.0, beta: float | None = None) -> float:

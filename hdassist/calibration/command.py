@@ -94,7 +94,8 @@ def command(
             raise
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
-            changed = with_found_values(given, name, best, f"hdassist calibrate, {wanted.name or targets.name}", others)
+            ref, curve = f"hdassist calibrate, {wanted.name or targets.name}", drive.numerics.nominal_curve
+            changed = with_found_values(given, name, best, ref, others, curve)
         return answer(result)
 
     give("calibrate", run_each("calibrate", [preset], one, options, keep_failures=False), options, out)

@@ -109,6 +109,7 @@ def _polar(fit: VectorFit, i: int) -> Array:
 def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> Change | None:
     """New value of vector i; None where the record does not tell its size."""
     k = fit.free.vectors[i]
+    vector = VECTORS[k]
     along, across = _polar(fit, i)
     blind = [float(((way @ fit.blind) ** 2).sum()) for way in (along, across)]
     if blind[0] > TOLD:
@@ -117,8 +118,9 @@ def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> Change |
     spread = [float(np.sqrt(way @ covariance @ way)) for way in (along, across)]
     turn = float(np.degrees(spread[1] / size)) if size else np.inf
     vague = blind[1] > TOLD or turn > VAGUE
-    direction = direction_of(fit.vectors[k], float(drive.value(VECTORS[k].direction)))
-    return Change(k, size, spread[0], None if vague else direction, None if vague else turn)
+    direction = direction_of(fit.vectors[k], drive.number(vector.direction), vector.order)
+    sizes = size * vector.unit, spread[0] * vector.unit
+    return Change(k, *sizes, None if vague else direction, None if vague else turn / vector.order)
 
 
 def _untold(fit: VectorFit) -> tuple[tuple[str, ...], ...]:

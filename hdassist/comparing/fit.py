@@ -14,19 +14,19 @@ import numpy as np
 from scipy.linalg import null_space
 
 from hdassist.comparing.record import Alignment, Record, rms, scan
-from hdassist.comparing.vectors import vectors_of, with_vectors
+from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
 from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
-STEP = 1.0  # um, of a difference quotient
-FARTHEST = 30.0  # um or deg, of one step
+STEP = 1.0  # of a vector's unit, of a difference quotient
+FARTHEST = 30.0  # of a vector's unit, or deg, of one step
 STEPS = 15
 STILL = 0.05  # of chi-square: a step that gains less is the last
 SLOW = 1e-3  # of the chi-square that is left: the same
 NEARER = 0.7  # of the chi-square: a first look must be so much better for the way to begin there
 BLIND = 0.5  # of the greatest deviation: a greater standard uncertainty says nothing
-LEAST_BLIND = 20.0  # um
+LEAST_BLIND = 20.0  # of a vector's unit
 TURNED = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg: directions looked at before the first step
 SCALED = (0.5, 1.5, 2.0)
 NEARLY = 1e-2  # of an unknown's square along what the record does not tell
@@ -35,8 +35,8 @@ WALK = 6  # standard uncertainties of the start to either side that are looked a
 FAR = 12.0  # of chi-square above the least: far enough
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
 ROUNDING = 1e-3  # of the greatest slope: as sure as difference quotients are
-WHEELS = ((0, 4), (1, 2))  # vectors that turn with the flexspline, with the rigid wheel
-USUAL = 50.0  # um: size tried for a deviation that the preset has as 0
+WHEELS = tuple(tuple(k for k, v in enumerate(VECTORS) if v.part == part) for part in "gb")  # what turns with each wheel
+USUAL = 50.0  # of a vector's unit: size tried for a deviation that the preset has as 0
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class FreeParameters:
 class VectorFit:
     """Deviations that fit a record best.
 
-    free: the unknowns, x and y of each free vector [um], then start and zero [deg]; vectors [um], shape (5,); seen,
+    free: the unknowns, x and y of each free vector in its unit, then start and zero [deg]; vectors, shape (all,); seen,
     blind: orthonormal directions among the unknowns that the record tells and does not tell, shape (unknowns, ...);
     spread: standard uncertainties along seen, noise alone; wide: covariance of the unknowns over many starts, where
     slopes at one do not tell it.
@@ -115,7 +115,7 @@ class VectorFitter:
         return self._descend(starts[best], looks[best][0], (vector,), MIDDLE)
 
     def gains(self, base: VectorFit) -> Array:
-        """How much chi-square each vector alone would take off, as far as the slopes at the drive tell, shape (5,)."""
+        """How much chi-square each vector alone would take off, as slopes at the drive tell, shape (all,)."""
         free = self._free(range(len(self._here)))
         left, waves = self._left(base.vectors, base.alignment, (), POINTS)
         slopes = self._slopes(base.vectors, base.alignment, free, waves)
@@ -217,7 +217,7 @@ class VectorFitter:
         return self._record.whitened(self._record.measured - self._record.predicted(waves, alignment)), waves
 
     def _slopes(self, vectors: Complex, alignment: Alignment, free: FreeParameters, waves: Complex) -> Array:
-        """Whitened slopes by each unknown, shape (2 orders, unknowns), per um and deg."""
+        """Whitened slopes by each unknown, shape (2 orders, unknowns), per unit and deg."""
         columns = []
         if free.vectors:
             near = [vectors]
@@ -245,7 +245,10 @@ class VectorFitter:
         for gauge in (null_space(turns[held]) if any(held) else np.eye(len(wanted))).T:
             back = np.radians(-turns @ gauge)
             wheel = [next((w for w, members in enumerate(WHEELS) if k in members), None) for k in free.vectors]
-            moved = [0j if w is None else 1j * vectors[k] * back[w] for w, k in zip(wheel, free.vectors, strict=True)]
+            moved = [
+                0j if w is None else 1j * VECTORS[k].order * vectors[k] * back[w]
+                for w, k in zip(wheel, free.vectors, strict=True)
+            ]
             columns.append([*_parts(moved), *gauge])
         if not columns:
             return np.zeros((free.count, 0))

@@ -39,10 +39,11 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     from the cam, enter. The error is even in all deviations together (half a turn changes nothing), so an
     odd product needs the offset that turns with the cam, e_hh, as well.
     """
-    kinematics, t = Kinematics.of(drive), drive.tolerances
+    kinematics, t, h = Kinematics.of(drive), drive.tolerances, drive.harmonics
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
-    most_g, most_b = DEGREE * bool(t.F_i1 or t.e_hg), DEGREE * bool(t.F_i2 or t.e_hb)
+    of_g, of_b = (t.F_i1, t.e_hg, h.a_g2, h.a_g3, h.a_g4), (t.F_i2, t.e_hb, t.e_b, h.a_b2, h.a_b3, h.a_b4, h.a_s2)
+    most_g, most_b = DEGREE * any(of_g), DEGREE * any(of_b)
     found = {}
     for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
         degree = k_g + abs(k_b)

@@ -1,14 +1,15 @@
 """The error as a table over the deviations: F'_ior of very many drives that differ in their deviations alone.
 
-At one torque the error of a state depends on four numbers, the tooth vector and the cam vector (deviations.py).
-A table of it over those four, interpolated, gives F'_ior in half a millisecond: enough for thousands of drives.
-What interpolation cuts off its peaks is measured on some of those drives and put back; how much of it varies from
+At one torque the error of a state depends on the scalars of its deviations (deviations.py). A table of it over the
+four that matter most, the vector of the teeth and that of the cam, interpolated, gives F'_ior in half a millisecond:
+enough for thousands of drives. What others add, harmonics or a run-out, is tabled as a slope over the same four. What
+interpolation and slopes miss is measured on some of those drives: its mean is put back; how much of it varies from
 drive to drive is the table's standard error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -18,7 +19,7 @@ from scipy.ndimage import map_coordinates
 
 from hdassist.error.search import QUICK, QUICK_STATES, CycleSearch
 from hdassist.errors import UntrustedError
-from hdassist.model.deviations import deviation_scalars
+from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
@@ -30,38 +31,83 @@ TURNS = 40  # positions of each wheel that stand for the cycle
 KNOWN = 40  # drives that a table is compared on
 STATES = 56_700 + KNOWN * QUICK_STATES  # that a table takes, about
 
-DEVIATIONS = ("tolerances.", "phases.")  # sections of a preset that a table spans
+DEVIATIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What of the deviation scalars a table spans.
+
+    axes: columns of its four axes, and sizes [mm] as far as they go, shape (4,); others: columns of those that it has
+    slopes over, and sizes [mm] over which these are taken.
+    """
+
+    axes: tuple[int, ...]
+    sizes: Array
+    others: tuple[int, ...]
+    steps: Array
+
+    @classmethod
+    def of(cls, drives: Sequence[Drive]) -> Reach:
+        """What drives come to that differ in deviations alone."""
+        mark_kind = drives[0].mounting.mark_kind
+        greatest: dict[int, float] = {}
+        for drive in drives:
+            sizes: dict[int, float] = {}
+            for each in deviations_of(mark_kind):
+                size = abs(each.factor) * drive.number(each.size) * 1e-3
+                sizes[each.column] = sizes.get(each.column, 0.0) + size
+            greatest = {column: max(greatest.get(column, 0.0), size) for column, size in sizes.items()}
+        teeth = SHIFT if mark_kind == "runout" else TEETH
+        pair = [_WIDER * max(greatest.get(column, 0.0), _LEAST) for column in (teeth, CAM)]
+        rest = sorted(column for column, size in greatest.items() if size and column not in (teeth, CAM))
+        steps = [greatest[column] for column in rest]
+        axes = (teeth, teeth + 1, CAM, CAM + 1)
+        others = tuple(column + k for column in rest for k in (0, 1))
+        return cls(axes, np.repeat(pair, 2), others, np.repeat(steps, 2))
+
+
+_WIDER = 1.001  # so that rounding leaves the outermost inside
+_LEAST = 1e-3  # mm: a table needs some width
 
 
 @dataclass(frozen=True)
 class ErrorTable:
     """Error of a drive at a torque over its deviations, interpolated linearly.
 
-    error [arcsec], shape SHAPE, NaN outside of the reach; reach [mm] of the four axes; offset [arcsec], what is
-    added to each F'_ior; standard_error [arcsec] of an F'_ior.
+    error [arcsec], shape SHAPE, NaN outside of the reach; slopes of it by the other scalars [arcsec/mm], shape
+    (others, *SHAPE); offset [arcsec], what is added to each F'_ior; standard_error [arcsec] of an F'_ior.
     """
 
     M_g: float
     error: Array
-    reach: Array
+    slopes: Array
+    reach: Reach
     certificate: Certificate
     offset: float = 0.0
     standard_error: float = 0.0
 
     def rotation(self, scalars: Array) -> Array:
-        """Rotation [arcsec], shape (...), from the scalars of states [mm], shape (..., 4).
+        """Rotation [arcsec], shape (...), from the scalars of states [mm], shape (..., scalars).
 
         Raises UntrustedError for deviations that the table does not span.
         """
-        step = 2 * self.reach / (np.array(self.error.shape) - 1)
-        places = np.moveaxis((scalars + self.reach) / step, -1, 0)
+        reach, given = self.reach, range(scalars.shape[-1])
+        along = np.stack([scalars[..., k] if k in given else np.zeros(scalars.shape[:-1]) for k in reach.axes])
+        step = 2 * reach.sizes / (np.array(self.error.shape) - 1)
+        away = reach.sizes.reshape(-1, *[1] * (along.ndim - 1))
+        places = (along + away) / step.reshape(away.shape)
         values = map_coordinates(self.error, places, order=1, cval=np.nan)
-        if not np.all(np.isfinite(values)):
+        for column, slope in zip(reach.others, self.slopes, strict=True):
+            if column in given and scalars[..., column].any():
+                values += map_coordinates(slope, places, order=1, cval=np.nan) * scalars[..., column]
+        beyond = [k for k in given if k not in reach.axes + reach.others]
+        if not np.all(np.isfinite(values)) or scalars[..., beyond].any():
             raise UntrustedError("deviations beyond those that the table of the error spans", "this is a bug")
         return np.asarray(values)
 
     def F_ior(self, scalars: Array) -> Array:
-        """F'_ior [arcsec], shape (...,), from the scalars of its states [mm], shape (..., states, 4).
+        """F'_ior [arcsec], shape (...,), from the scalars of its states [mm], shape (..., states, scalars).
 
         Raises UntrustedError for deviations that the table does not span.
         """
@@ -79,19 +125,6 @@ def turns() -> tuple[Array, Array]:
     return alpha_g.ravel(), alpha_b.ravel()
 
 
-def reach_of(drives: Iterable[Drive]) -> tuple[float, float]:
-    """Greatest tooth vector and greatest cam vector [mm] that drives come to."""
-    sizes = [
-        ((t.F_i1 + t.F_i2) / 2e3, (t.e_hh + t.e_hg + t.e_hb) / 1e3) for t in (drive.tolerances for drive in drives)
-    ]
-    tooth, cam = np.max(sizes, axis=0)
-    return _WIDER * max(tooth, _LEAST), _WIDER * max(cam, _LEAST)
-
-
-_WIDER = 1.001  # so that rounding leaves the outermost inside
-_LEAST = 1e-3  # mm: a table needs some width
-
-
 def error_tables(
     spans: Sequence[tuple[Drive, Sequence[Drive]]],
     torques: Sequence[float],
@@ -107,40 +140,42 @@ def error_tables(
     executor; the numbers do not depend on it); progress, told how many states were solved.
     Raises UntrustedError where an answer cannot be trusted, UsageError for a drive that is not searchable.
     """
-    cases = [(drive, M_g, reach_of(span), tuple(span[:compared])) for drive, span in spans for M_g in torques]
+    cases = [(drive, M_g, Reach.of(span), tuple(span[:compared])) for drive, span in spans for M_g in torques]
     run = executor.map if executor else map
     slabs = [(drive, M_g, reach, slab) for drive, M_g, reach, _ in cases for slab in range(SLABS)]
     solved, parts = [], run(_slab, slabs)
     known = run(_searched, [(drive, M_g, span) for drive, M_g, _, span in cases])
-    for _ in cases:
-        values, proof = np.full(np.prod(SHAPE), np.nan), EMPTY
+    for _, _, reach, _ in cases:
+        values, proof = np.full((1 + len(reach.others), np.prod(SHAPE)), np.nan), EMPTY
         for _ in range(SLABS):
             places, errors, part = next(parts)
-            values[places] = errors
-            values[len(values) - 1 - places] = errors  # all deviations reversed: half a turn on, the same rotation
+            values[:, places] = errors
+            # half a turn on all deviations of odd order are reversed, and the rotation is the same
+            reversed_ = np.array([1, *(-1 if column in ODD else 1 for column in reach.others)])
+            values[:, values.shape[1] - 1 - places] = errors * reversed_[:, None]
             proof += part
             if progress:
                 progress(part.states)
-        solved.append((values.reshape(SHAPE), proof))
+        solved.append((values.reshape(-1, *SHAPE), proof))
     found = []
     for (_, M_g, reach, span), (error, proof), (exact, part) in zip(cases, solved, known, strict=True):
-        table = ErrorTable(M_g, error, np.repeat(reach, 2), proof + part)
-        found.append(_compared(table, np.array([deviation_scalars(d, *turns()) for d in span]), np.array(exact)))
+        table = ErrorTable(M_g, error[0], error[1:], reach, proof + part)
+        found.append(_compared(table, [deviation_scalars(d, *turns()) for d in span], np.array(exact)))
         if progress:
             progress(part.states)
     return [found[first : first + len(torques)] for first in range(0, len(found), len(torques))]
 
 
-def _compared(table: ErrorTable, scalars: Array, exact: Array) -> ErrorTable:
-    missed = exact - table.F_ior(scalars)
+def _compared(table: ErrorTable, scalars: Sequence[Array], exact: Array) -> ErrorTable:
+    missed = exact - np.array([table.F_ior(each) for each in scalars])
     return replace(table, offset=float(missed.mean()), standard_error=float(missed.std(ddof=1)))
 
 
-_Slab = tuple[Drive, float, tuple[float, float], int]
+_Slab = tuple[Drive, float, Reach, int]
 
 
 def _slab(task: _Slab) -> tuple[NDArray[np.int64], Array, Certificate]:
-    """Places in the flat table, errors [arcsec] there and their proof, of one slab of half a table."""
+    """Places in the flat table, errors [arcsec] and slopes there, and their proof, of one slab of half a table."""
     drive, M_g, reach, slab = task
     order = _there_and_back(SHAPE)
     order = order[order <= np.prod(SHAPE) // 2]
@@ -151,15 +186,22 @@ def _slab(task: _Slab) -> tuple[NDArray[np.int64], Array, Certificate]:
     # the corners of every cell that the two discs touch
     near = [np.hypot(share[:, k], share[:, k + 1]) <= 1 + np.hypot(step[k], step[k + 1]) for k in (0, 2)]
     chosen = np.array_split(np.flatnonzero(near[0] & near[1]), SLABS)[slab]
-    points = share[chosen] * np.repeat(reach, 2)
     case = LoadCase.of(drive, M_g)
+    points = np.zeros((len(chosen), case.system.deviation_map.shape[1]))
+    points[:, reach.axes] = share[chosen] * reach.sizes
 
     def where(k: int) -> str:
-        a, b, e_x, e_y = points[k] * 1e3
+        (a, b), (e_x, e_y) = points[k, list(reach.axes)].reshape(2, 2) * 1e3
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
     answers = case.solve(case.system.gaps(points), where)
-    return order[chosen], answers.rotation_arcsec, answers.certificate
+    errors, proof = [answers.rotation_arcsec], answers.certificate
+    for column, size in zip(reach.others, reach.steps, strict=True):
+        moved = size * np.eye(points.shape[1])[column]
+        forth, back = (case.solve(case.system.gaps(points + way * moved), where) for way in (1, -1))
+        errors.append((forth.rotation_arcsec - back.rotation_arcsec) / (2 * size))
+        proof += forth.certificate + back.certificate
+    return order[chosen], np.array(errors), proof
 
 
 def _there_and_back(shape: Sequence[int]) -> NDArray[np.int64]:

@@ -30,6 +30,7 @@ FREEDOMS = (
     "cam y",
 )
 RIGID, FLEX, ROTATION, RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
+ORDERS = (2, 3, 4)  # of the teeth's deviations beyond the first
 TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: theta_x1 = theta + pi/2
 
 
@@ -39,7 +40,7 @@ class ContactSystem:
 
     D [mm/N], shape (M, M); G, shape (M, 9), its rotation column in mm; C [N/mm], shape (9,), 0 where a
     freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations;
-    deviation_map, shape (M, 4), the gaps' change by a unit of each deviation
+    deviation_map, shape (M, 12), the gaps' change by a unit of each deviation
     scalar (deviations.py); c_t [mm/N], the compliance of a tooth pair, which sets the scale of forces.
     """
 
@@ -80,8 +81,11 @@ class ContactSystem:
         return -self.G[: self.n_flanks, ROTATION]
 
     def gaps(self, scalars: Array) -> Array:
-        """Gaps without force delta_p [mm], shape (states, M), from deviation scalars [mm], shape (states, 4)."""
-        return np.asarray(self.delta_p + scalars @ self.deviation_map.T)
+        """Gaps without force delta_p [mm], shape (states, M), from deviation scalars [mm], shape (states, scalars).
+
+        There may be fewer scalars than columns of the map: what is left out is 0.
+        """
+        return np.asarray(self.delta_p + scalars @ self.deviation_map[:, : np.shape(scalars)[-1]].T)
 
     def load(self, torque: float) -> Array:
         """Load b of a torque [N*mm] on the flexspline, counter-clockwise positive, shape (9,)."""
@@ -169,9 +173,7 @@ def _symmetric(D: Array, local: Array) -> Array:
 
 
 def _motion(geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
-    s_cos, sin = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)
-    along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
-    normal = s_cos[:, None] * along + sin[:, None] * _radial(flanks.theta)
+    s_cos, normal = flanks.side * np.cos(flanks.alpha), _normal(flanks)
     n1, n2 = len(flanks.theta), len(bore)
     G = np.zeros((n1 + n2 + len(balls), len(FREEDOMS)))
     flank, node, ball = G[:n1], G[n1 : n1 + n2], G[n1 + n2 :]
@@ -181,6 +183,13 @@ def _motion(geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Ar
     node[:, FLEX], node[:, RING] = _radial(bore), -_radial(bore)
     ball[:, RING], ball[:, CAM] = _radial(balls), -_radial(balls)
     return G
+
+
+def _normal(flanks: Flanks) -> Array:
+    """Normals at the contacts, outward from the flexspline's teeth, shape (flanks, 2), x along the major axis."""
+    along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
+    s_cos, sin = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)
+    return np.asarray(s_cos[:, None] * along + sin[:, None] * _radial(flanks.theta))
 
 
 def _supports(drive: Drive) -> Array:
@@ -201,9 +210,11 @@ def _gaps(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array, balls: 
 def _deviation_map(flanks: Flanks, bore: Array, balls: Array) -> Array:
     s_cos, x1 = flanks.side * np.cos(flanks.alpha), flanks.theta + TO_X1
     n1, n2 = len(flanks.theta), len(bore)
-    change = np.zeros((n1 + n2 + len(balls), 4))
-    change[:n1, 0], change[:n1, 1] = -s_cos * np.sin(x1), -s_cos * np.cos(x1)
-    change[n1 + n2 :, 2:] = -_radial(balls + TO_X1)
+    change = np.zeros((n1 + n2 + len(balls), 6 + 2 * len(ORDERS)))
+    for column, order in zip((0, 6, 8, 10), (1, *ORDERS), strict=True):
+        change[:n1, column : column + 2] = -s_cos[:, None] * np.stack([np.sin(order * x1), np.cos(order * x1)], axis=1)
+    change[n1 + n2 :, 2:4] = -_radial(balls + TO_X1)
+    change[:n1, 4:6] = _normal(flanks) @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # x1 points along -y, y1 along x
     return change
 
 

@@ -1,82 +1,149 @@
-"""Deviations of the parts as seen in the cam frame: four scalars, or one value per tooth.
+"""Deviations of the parts as seen in the cam frame: up to twelve scalars, or one value per tooth.
 
-Angles count counter-clockwise, seen from the cam side; deviations act along +theta at the contact.
-Teeth: dev_g - dev_b = a sin(theta_x1) + b cos(theta_x1). Cam centre: (e_x, e_y) along x1, y1.
+Angles count counter-clockwise, seen from the cam side; deviations of teeth act along +theta at the contact.
+Teeth: dev_g - dev_b = a sin(theta_x1) + b cos(theta_x1), and the same of order 2, 3 and 4. Cam centre: (e_x, e_y)
+along x1, y1. The tooth ring of the rigid wheel off its centre, less that of the flexspline: (s_x, s_y), which moves
+teeth along the radius as well. In the order a, b, e_x, e_y, s_x, s_y, a_2, b_2, a_3, b_3, a_4, b_4.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import ContactSystem
+from hdassist.model.contacts import ORDERS, ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
 
 MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
+Value = Callable[[str], Array | float]
+
 
 def tooth_phases(drive: Drive) -> tuple[float, float]:
-    """Phases xi_g, xi_b [rad] of the tooth deviations, converted from marks where the preset gives marks."""
+    """Phases xi_g, xi_b [rad] of the teeth's first harmonics, converted from marks where the preset gives marks.
+
+    Of a run-out, the phase of its tangential part.
+    """
     turn = MARK_TO_PHASE[drive.mounting.mark_kind]
     return float(np.radians(drive.phases.xi_g + turn)), float(np.radians(drive.phases.xi_b + turn))
 
 
+@dataclass(frozen=True)
+class Deviation:
+    """A deviation of a part as a size [um] and a direction [deg], by their paths in the preset.
+
+    column: of the first of its two scalars; part: what it turns with, flexspline g, rigid wheel b or cam h; order:
+    waves around the part; factor: of the size, in the scalars; mark: added to the direction [deg].
+    """
+
+    size: str
+    direction: str
+    column: int
+    part: Literal["g", "b", "h"]
+    order: int = 1
+    factor: float = 1.0
+    mark: float = 0.0
+
+
+def deviations_of(mark_kind: str) -> tuple[Deviation, ...]:
+    """Deviations that a drive can have, by what its phases xi_g and xi_b are."""
+    column, sign, mark = (SHIFT, -1, 0.0) if mark_kind == "runout" else (TEETH, 1, MARK_TO_PHASE[mark_kind])
+    return (
+        Deviation("tolerances.F_i1", "phases.xi_g", column, "g", factor=sign / 2, mark=mark),
+        Deviation("tolerances.F_i2", "phases.xi_b", column, "b", factor=-sign / 2, mark=mark),
+        *_OTHERS,
+    )
+
+
+TEETH, CAM, SHIFT = 0, 2, 4  # first columns; those of the orders follow
+ODD = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of what is reversed half a turn on
+_COLUMN = {order: 6 + 2 * place for place, order in enumerate(ORDERS)}
+_OTHERS = (
+    Deviation("tolerances.e_hh", "phases.phi_hh", CAM, "h"),
+    Deviation("tolerances.e_hg", "phases.phi_hg", CAM, "g"),
+    Deviation("tolerances.e_hb", "phases.phi_hb", CAM, "b"),
+    Deviation("tolerances.e_b", "phases.phi_eb", SHIFT, "b"),
+    *(Deviation(f"harmonics.a_g{n}", f"harmonics.xi_g{n}", _COLUMN[n], "g", n) for n in ORDERS),
+    *(Deviation(f"harmonics.a_b{n}", f"harmonics.xi_b{n}", _COLUMN[n], "b", n, factor=-1.0) for n in ORDERS),
+    Deviation("harmonics.a_s2", "harmonics.xi_s2", _COLUMN[2], "b", 2, factor=-1.0),
+)
+
+
+def carried(drive: Drive) -> tuple[str, ...]:
+    """Directions that turn with the fixed wheel where it is turned on its seat; what its seat does stands still."""
+    if drive.mounting.fixed == "rigid":
+        return ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{n}" for n in ORDERS))
+    return ("phases.xi_g", *(f"harmonics.xi_g{n}" for n in ORDERS))
+
+
 def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
-    """Scalars (a, b, e_x, e_y) [mm], shape (states, 4), of the preset's first harmonics.
+    """Scalars [mm], shape (states, scalars), of the preset's deviations, as many as it needs.
 
     Arguments: alpha_g = phi_g - phi_h and alpha_b = phi_b - phi_h [rad], how each wheel stands in the
     cam frame, shape (states,).
     """
-    sizes, phases = drive.tolerances, drive.phases
-    xi_g, xi_b = tooth_phases(drive)
-    return scalars_of(
-        (sizes.F_i1, xi_g),
-        (sizes.F_i2, xi_b),
-        (sizes.e_hh, np.radians(phases.phi_hh)),
-        (sizes.e_hg, np.radians(phases.phi_hg)),
-        (sizes.e_hb, np.radians(phases.phi_hb)),
-        alpha_g,
-        alpha_b,
-    )
+    return scalars_of(drive.number, drive.mounting.mark_kind, alpha_g, alpha_b)
 
 
-Polar = tuple[Array | float, Array | float]
+def scalars_of(value: Value, mark_kind: str, alpha_g: Array, alpha_b: Array) -> Array:
+    """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, or the first 6, or all 12 of them.
 
-
-def scalars_of(
-    teeth_g: Polar, teeth_b: Polar, offset_h: Polar, offset_g: Polar, offset_b: Polar, alpha_g: Array, alpha_b: Array
-) -> Array:
-    """Scalars (a, b, e_x, e_y) [mm], shape (..., 4), of many drives at once.
-
-    Arguments: F'_i1, F'_i2 [um] with their phases xi_g, xi_b; e_hh, e_hg, e_hb [um] with their directions; alpha_g,
-    alpha_b, how each wheel stands in the cam frame; all angles [rad], all shapes broadcast.
+    Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are;
+    alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes broadcast.
     """
-    turned_g, turned_b = np.exp(1j * alpha_g), np.exp(1j * alpha_b)
-    g, b, h, cam_g, cam_b = (
-        np.asarray(size) * np.exp(1j * np.asarray(angle)) * 1e-3
-        for size, angle in (teeth_g, teeth_b, offset_h, offset_g, offset_b)
-    )
-    teeth = (g * turned_g - b * turned_b) / 2
-    cam = h + cam_g * turned_g + cam_b * turned_b
-    return np.stack([teeth.real, -teeth.imag, cam.real, cam.imag], axis=-1)
+    turned = {"g": alpha_g, "b": alpha_b, "h": np.zeros_like(alpha_g)}
+    sums: dict[int, Array] = {}
+    for each in deviations_of(mark_kind):
+        size = np.asarray(value(each.size)) * each.factor * 1e-3
+        if size.any() or each.column in (TEETH, CAM):
+            angle = each.order * (np.radians(value(each.direction) + each.mark) + turned[each.part])
+            wave = size * np.exp(1j * angle)
+            # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y
+            pair = np.stack([wave.real, wave.imag if each.column in (CAM, SHIFT) else -wave.imag], axis=-1)
+            sums[each.column] = sums.get(each.column, 0) + pair
+    last = max(sums)
+    columns = range(0, (4 if last <= CAM else 6 if last == SHIFT else 6 + 2 * len(ORDERS)), 2)
+    nothing = np.zeros_like(next(iter(sums.values())))
+    return np.concatenate(np.broadcast_arrays(*(sums.get(column, nothing) for column in columns)), axis=-1)
+
+
+def displaced(scalars: Array, offset: complex, alpha: Array) -> Array:
+    """Scalars [mm], shape (..., scalars), of drives with one wheel off its centre by a further offset.
+
+    Arguments: scalars; offset [mm], along x + i y where the wheel has not turned; alpha [rad], how it stands in the
+    cam frame, shape (...). Which wheel it is makes no difference to how far the error moves.
+    """
+    more = max(SHIFT + 2 - scalars.shape[-1], 0)
+    result = np.pad(scalars, [(0, 0)] * (scalars.ndim - 1) + [(0, more)])
+    turned = offset * np.exp(1j * alpha)
+    result[..., SHIFT] += turned.real
+    result[..., SHIFT + 1] += turned.imag
+    return result
 
 
 @dataclass(frozen=True)
 class ToothDeviations:
-    """Measured deviations of the teeth along +theta [um], in place of the preset's first harmonics.
+    """Measured deviations of the teeth along +theta [um], in place of the preset's harmonics.
 
     g: one value per flexspline tooth, shape (z_g,); b: per space of the rigid wheel, shape (z_b,); None keeps
-    the first harmonic of that wheel. Tooth and space 0 stand on the major axis when phi_h = phi_g = 0, and
+    the harmonics of that wheel. Tooth and space 0 stand on the major axis when phi_h = phi_g = 0, and
     numbers grow along +theta.
     """
 
     g: Array | None = None
     b: Array | None = None
+
+
+_IN_TEETH = {  # what measured teeth hold already
+    wheel: (f"tolerances.F_i{k}", *(f"harmonics.a_{wheel}{n}" for n in ORDERS)) for k, wheel in enumerate("gb", 1)
+}
 
 
 def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> Array:
@@ -87,8 +154,10 @@ def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviat
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
         return system.gaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
-    measured = {"F_i1": teeth.g, "F_i2": teeth.b}
-    rest = drive.with_values({f"tolerances.{name}": 0.0 for name, values in measured.items() if values is not None})
+    measured = {"g": teeth.g, "b": teeth.b}
+    rest = drive.with_values(
+        {size: 0.0 for wheel, values in measured.items() if values is not None for size in _IN_TEETH[wheel]}
+    )
     result = gaps(rest, system, states)
     flanks = system.flanks
     seen = np.zeros((len(states), system.n_flanks))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.model.deviations import tooth_phases
+from hdassist.model.deviations import carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
@@ -196,9 +196,7 @@ def seat_positions(drive: Drive, free_step: float = FREE_STEP) -> list[float]:
 
 def rotated(drive: Drive, rotation_deg: float) -> Drive:
     """The drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
-    name = "xi_b" if drive.mounting.fixed == "rigid" else "xi_g"
-    turned = {name: getattr(drive.phases, name) + rotation_deg}
-    return drive.model_copy(update={"phases": drive.phases.model_copy(update=turned)})
+    return drive.with_values({path: drive.number(path) + rotation_deg for path in carried(drive)})
 
 
 def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None) -> float:

@@ -177,7 +177,7 @@ def draw(drive: Drive, samples: int, seed: int) -> list[Drive]:
     drawn = []
     for row in deviations:
         values = {
-            path: max(float(drive.value(path)) + drive.uncertainty[path] / 2 * float(z), least_of(field_table()[path]))
+            path: max(drive.number(path) + drive.uncertainty[path] / 2 * float(z), least_of(field_table()[path]))
             for path, z in zip(paths, row, strict=True)
         }
         drawn.append(drive.with_values(values))

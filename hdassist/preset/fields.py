@@ -96,6 +96,9 @@ class Tolerances(Section):
     e_hb: float = field("cam offset that stands still with the rigid wheel", "um", 0.0, 80.0, ge=0, le=1000)
     e_hh: float = field("cam offset that turns with the cam", "um", 0.0, 30.0, ge=0, le=1000)
     e_hg: float = field("cam offset that goes with the flexspline", "um", 0.0, ge=0, le=1000)
+    e_b: float = field(
+        "offset of the rigid wheel's pitch circle from its pilot (half its run-out)", "um", 0.0, ge=0, le=1000
+    )
 
 
 class Phases(Section):
@@ -106,6 +109,34 @@ class Phases(Section):
     phi_hb: float = field("direction of e_hb", "deg", 0.0, ge=-3600, le=3600)
     phi_hh: float = field("direction of e_hh, from the minor axis of the cam", "deg", 0.0, ge=-3600, le=3600)
     phi_hg: float = field("direction of e_hg", "deg", 0.0, ge=-3600, le=3600)
+    phi_eb: float = field("direction of e_b, the mark of its greatest run-out", "deg", 0.0, ge=-3600, le=3600)
+
+
+def _amplitude(order: int, whose: str) -> Any:
+    return field(f"amplitude of order {order} of {whose}", "um", None, ge=0, le=1000)
+
+
+def _phase(size: str) -> Any:
+    return field(f"phase of {size}, as xi_b of the first harmonic", "deg", None, ge=-3600, le=3600)
+
+
+class Harmonics(Section):
+    """Deviations of the teeth of higher order, along the pitch circle; not given means not known, computed as 0."""
+
+    a_g2: float | None = _amplitude(2, "the flexspline's teeth")
+    a_g3: float | None = _amplitude(3, "the flexspline's teeth")
+    a_g4: float | None = _amplitude(4, "the flexspline's teeth")
+    a_b2: float | None = _amplitude(2, "the rigid wheel's teeth (ovality)")
+    a_b3: float | None = _amplitude(3, "the rigid wheel's teeth")
+    a_b4: float | None = _amplitude(4, "the rigid wheel's teeth")
+    a_s2: float | None = _amplitude(2, "the rigid wheel's teeth, pressed on them by its seat")
+    xi_g2: float | None = _phase("a_g2")
+    xi_g3: float | None = _phase("a_g3")
+    xi_g4: float | None = _phase("a_g4")
+    xi_b2: float | None = _phase("a_b2")
+    xi_b3: float | None = _phase("a_b3")
+    xi_b4: float | None = _phase("a_b4")
+    xi_s2: float | None = _phase("a_s2")
 
 
 class Mounting(Section):
@@ -161,7 +192,7 @@ class Numerics(Section):
     window: float = field("flank window on each side of the major axis", "deg", 30.0, ge=5, le=85)
     nominal_curve: Literal["linear", "inextensible"] = field(
         "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
-        default="linear",
+        default="inextensible",
     )
     n_beta: int = field("ball positions per ball pitch with rolling balls", default=48, ge=4, le=1000)
     n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
@@ -200,6 +231,7 @@ class Drive(BaseModel):
     contact: Contact = Contact()
     tolerances: Tolerances = Tolerances()
     phases: Phases = Phases()
+    harmonics: Harmonics = Harmonics()
     uncertainty: dict[str, Annotated[float, Field(ge=0)]] = field(
         "expanded uncertainty (k = 2) of fields, in their unit", default={}
     )
@@ -260,6 +292,10 @@ class Drive(BaseModel):
         """Value of a field, by path ("gears.j_n")."""
         section, name = path.split(".")
         return getattr(getattr(self, section), name)
+
+    def number(self, path: str) -> float:
+        """Value of a field that holds a number, by path; 0 where it is not given and has no default."""
+        return float(self.value(path) or 0.0)
 
     def allows(self, path: str, value: float) -> bool:
         """Whether a value is within the range of a field, by path ("gears.j_n")."""

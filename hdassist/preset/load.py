@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from hdassist.errors import PresetError, UsageError
 from hdassist.preset import overrides as sets
 from hdassist.preset import yamltext
-from hdassist.preset.fields import SCHEMA, Drive, Origin, Source, field_table, sections, spreads
+from hdassist.preset.fields import SCHEMA, Drive, Harmonics, Origin, Source, field_table, sections, spreads
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.rules import conflicts
 from hdassist.preset.yamltext import OVERRIDE, Document, Findings, Path, Unread, in_order, near, shown
@@ -173,6 +173,13 @@ def _valid(drive: Drive | None, data: dict[str, Any], findings: Findings) -> dic
 
 
 def _warn(drive: Drive, findings: Findings) -> None:
+    """Warn of what can be read, and is hardly meant."""
+    _warn_of_limits(drive, findings)
+    _warn_of_amplitudes(drive, findings)
+    _warn_of_curve(drive, findings)
+
+
+def _warn_of_limits(drive: Drive, findings: Findings) -> None:
     """Warn of limits at torques that are not computed; those of a file may be more than the torques of one run."""
     narrowed = findings.where(("operation", "M_g"))[0] == OVERRIDE
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
@@ -183,3 +190,30 @@ def _warn(drive: Drive, findings: Findings) -> None:
             counts = not narrowed or findings.where(path)[0] == OVERRIDE
             if key != "all" and float(key) not in drive.operation.M_g and counts:
                 findings.warn(path, message, f"M_g: {torques}")
+
+
+def _warn_of_amplitudes(drive: Drive, findings: Findings) -> None:
+    """Warn of harmonics that are more than the whole deviation of their wheel."""
+    for name in Harmonics.model_fields:
+        wheel = "F_i1" if name[-2] == "g" else "F_i2"
+        size, whole = drive.number(f"harmonics.{name}"), drive.number(f"tolerances.{wheel}")
+        if name.startswith("a_") and size > whole > 0:
+            message = f"{size:g} um, more than all of {wheel}: {whole:g} um from peak to peak"
+            findings.warn(("harmonics", name), message, "an amplitude in um, half of what it does from peak to peak")
+
+
+def _warn_of_curve(drive: Drive, findings: Findings) -> None:
+    """Warn where values were identified on another nominal shape than the one they are used with, or may have been."""
+    if all(source.kind != "identified" for source in drive.source.values()):
+        return
+    path, here = ("numerics", "nominal_curve"), drive.numerics.nominal_curve
+    if findings.where(path)[0] == OVERRIDE:
+        findings.warn(
+            path, f"{here}: values of this preset were identified on the shape that it names itself, if any",
+            "they fit no other shape; calibrate anew on this one",
+        )  # fmt: skip
+    elif path not in findings.places:
+        findings.warn(
+            ("source",), f"values were identified, but not said on which nominal shape; {here} is used",
+            "linear was used before it was named: write numerics.nominal_curve: linear, or calibrate anew",
+        )  # fmt: skip

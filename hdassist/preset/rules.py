@@ -130,7 +130,10 @@ def teeth_mesh(
     m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, h_f: float, h_1: float,
     alpha: float, j_n: float, W_0: float,
 ) -> Iterator[Conflict]:  # fmt: skip
-    """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other."""
+    """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other.
+
+    On the bending mode of the ring as the shape of the rim: near enough for an overlap of a tenth of a module.
+    """
     flexspline, rigid = _Involute(z_g, m, alpha, x_g), _Involute(z_b, m, alpha, x_b)
     tip_g, tip_b, root_g = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a), _root_g(m, z_g, x_g, h_f)
     r_m = root_g - h_1 / 2
@@ -237,6 +240,31 @@ def torques_usable(M_g: Sequence[float]) -> Iterator[Conflict]:
         yield Conflict("operation.M_g", "the same torque twice", ", ".join(f"{torque:g}" for torque in twice))
 
 
+def harmonics_have_sizes(
+    a_g2: float | None, a_g3: float | None, a_g4: float | None, a_b2: float | None, a_b3: float | None,
+    a_b4: float | None, a_s2: float | None, xi_g2: float | None, xi_g3: float | None, xi_g4: float | None,
+    xi_b2: float | None, xi_b3: float | None, xi_b4: float | None, xi_s2: float | None,
+) -> Iterator[Conflict]:  # fmt: skip
+    """A phase belongs to an amplitude."""
+    sizes = {"g2": a_g2, "g3": a_g3, "g4": a_g4, "b2": a_b2, "b3": a_b3, "b4": a_b4, "s2": a_s2}
+    phases = {"g2": xi_g2, "g3": xi_g3, "g4": xi_g4, "b2": xi_b2, "b3": xi_b3, "b4": xi_b4, "s2": xi_s2}
+    for name, phase in phases.items():
+        if phase is not None and sizes[name] is None:
+            yield Conflict(
+                f"harmonics.xi_{name}", "a phase without an amplitude", f"{phase:g} deg",
+                f"give harmonics.a_{name} in um as well; a phase alone says nothing",
+            )  # fmt: skip
+
+
+def run_out_counts_once(mark_kind: str, F_i2: float, e_b: float) -> Iterator[Conflict]:
+    """A run-out is said by F_i2 with marks of run-out, or by e_b."""
+    if mark_kind == "runout" and F_i2 and e_b:
+        yield Conflict(
+            "tolerances.e_b", "the run-out of the rigid wheel is given twice", f"F_i2 {F_i2:g} um, e_b {e_b:g} um",
+            "with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
+        )  # fmt: skip
+
+
 def holes_exist(allowed: str | Sequence[int], holes: int) -> Iterator[Conflict]:
     """Usable holes are holes of the seat, each named once."""
     if isinstance(allowed, str):
@@ -280,6 +308,8 @@ RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     something_holds,
     supports_hold,
     torques_usable,
+    harmonics_have_sizes,
+    run_out_counts_once,
     holes_exist,
     nodes_resolve_modes,
     window_holds_teeth,

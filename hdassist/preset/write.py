@@ -53,9 +53,9 @@ def _section(section: str, model: type[Section]) -> Iterator[str]:
         value = info.examples[0] if info.examples else info.default
         if value is not None:
             entry = f"{'  ' if info.examples else '#  '}{name}: {_value(value)}"
-            yield f"{entry:<28}# {_about(info)}"
+            yield f"{entry:<27} # {_about(info)}"
         else:
-            yield f"{f'#  {name}:':<28}# {_about(info)}"
+            yield f"{f'#  {name}:':<27} # {_about(info)}"
 
 
 def _about(info: FieldInfo) -> str:
@@ -78,18 +78,26 @@ def _text(text: str) -> str:
 
 
 def with_found_values(
-    text: str, file: str, values: Mapping[str, float], ref: str, alternatives: Sequence[Mapping[str, float]] = ()
+    text: str,
+    file: str,
+    values: Mapping[str, float],
+    ref: str,
+    alternatives: Sequence[Mapping[str, float]] = (),
+    curve: str = "",
 ) -> str:
     """Text of a preset with identified values.
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives; ref, where they
-    come from; alternatives, other sets of such values.
+    come from; alternatives, other sets of such values; curve, the nominal shape that they were identified on, which
+    the text says from now on.
     Raises DataError where the text is not laid out so that it can be changed in place.
     """
     changed = text if text.endswith("\n") else text + "\n"
     for path, value in values.items():
         changed = _with_value(changed, file, path, f"{value:g}" if f"{value:g}" == repr(value) else repr(value))
         changed = _with_source(changed, file, path, f"{{kind: identified, ref: {json.dumps(ref, ensure_ascii=False)}}}")
+    if curve:
+        changed = _with_curve(changed, file, curve)
     changed = _without_block(changed, file, ("alternatives",))
     if alternatives:
         lines = [f"  - {{{', '.join(f'{path}: {value!r}' for path, value in each.items())}}}" for each in alternatives]
@@ -119,6 +127,26 @@ def _with_source(text: str, file: str, path: str, entry: str) -> str:
     following = next((line for line in lines[row + 1 :] if line.strip() and not line.lstrip().startswith("#")), "")
     indent = following[: len(following) - len(following.lstrip())] or "  "
     lines.insert(row + 1, f"{indent}{path}: {entry}")
+    return "\n".join(lines)
+
+
+def _with_curve(text: str, file: str, curve: str) -> str:
+    places = read(text, file).places
+    table = places.get(("numerics",))
+    if ("numerics", "nominal_curve") in places:
+        return text
+    if table is None:
+        return f"{text}\nnumerics:\n  nominal_curve: {curve}\n"
+    lines, row = text.split("\n"), table.value.line - 1
+    line, column = lines[row], table.value.column - 1
+    if line[column : column + 1] == "{":
+        rest = line[column + 1 :]
+        more = "" if rest.lstrip().startswith("}") else ", "
+        lines[row] = f"{line[: column + 1]}nominal_curve: {curve}{more}{rest.lstrip()}"
+    elif any(path[:1] == ("numerics",) and len(path) > 1 for path in places):  # a block begins with its first key
+        lines.insert(row, f"{' ' * column}nominal_curve: {curve}")
+    else:  # a key with nothing behind it
+        lines.insert(table.key.line, f"{' ' * (table.key.column + 1)}nominal_curve: {curve}")
     return "\n".join(lines)
 
 

@@ -29,7 +29,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.trials.trace_evidence import PARTICLES, Evidence, curves_of, log_likelihood
-from hdassist.trials.traced_worlds import Case, drawn_from_traces, evidence_of
+from hdassist.trials.traced_worlds import Case, drawn_from_traces, evidence_of, off_centre
 from hdassist.trials.trial import Rig, Trial
 from hdassist.trials.unknowns import FINE_DIRECTIONS, FINE_SIZES, Unknowns
 
@@ -64,9 +64,9 @@ class OffsetPrior:
     """F'_ior over worlds, sizes and directions of the offset, and how likely each is before any trial.
 
     size_um, shape (sizes,); direction_deg, shape (directions,), evenly over the turn from 0; weight, shape (worlds,
-    sizes, directions), sums to 1; F_ior_arcsec, with the fixed wheel at rotation 0, and tooth_slope, its change by
-    a micrometre more of that wheel's own deviation (half its range) [arcsec/um], shape (torques, worlds, sizes,
-    directions); tooth_um, that deviation, shape (worlds,); model, which set of stiffnesses a world has, 0 for the
+    sizes, directions), sums to 1; F_ior_arcsec, with the fixed wheel at rotation 0, and seat_slope, its standard
+    deviation for each micrometre of that of the wheel's centre along any direction [arcsec/um], shape (torques, worlds,
+    sizes, directions); model, which set of stiffnesses a world has, 0 for the
     preset's, and scale, the drive's F'_ior over the model's, already in F_ior_arcsec, shape (worlds,);
     standard_error_arcsec of F_ior_arcsec, of the tables and of the grid over sizes and directions, shape
     (torques,); traced: trials whose traces were taken in.
@@ -78,8 +78,7 @@ class OffsetPrior:
     direction_deg: Array
     weight: Array
     F_ior_arcsec: Array
-    tooth_slope: Array
-    tooth_um: Array
+    seat_slope: Array
     model: NDArray[np.int64]
     scale: Array
     standard_error_arcsec: Array
@@ -107,13 +106,7 @@ class OffsetPrior:
 
     def seat_error(self, rotation_deg: float, reseat_um: float) -> Array:
         """Standard deviation of F'_ior [arcsec] by the wheel's centre coming to lie reseat_um off, as at."""
-        if not reseat_um:
-            return np.zeros(1)
-        along = _turned(self.tooth_slope, rotation_deg) * reseat_um
-        step = np.radians(360 / len(self.direction_deg))
-        slope = (np.roll(self.F_ior_arcsec, -1, -1) - np.roll(self.F_ior_arcsec, 1, -1)) / (2 * step)
-        aside = np.arctan2(reseat_um, self.tooth_um)[:, None, None] * _turned(slope, rotation_deg)
-        return np.asarray(np.hypot(along, aside))
+        return _turned(self.seat_slope, rotation_deg) * reseat_um if reseat_um else np.zeros(1)
 
 
 def _turned(values: Array, rotation_deg: float) -> Array:
@@ -151,6 +144,7 @@ def tabulated(
     torques: Sequence[float],
     *,
     traced: bool = False,
+    reseat: bool = False,
     seed: int = 0,
     sizes: SampleSizes = FULL,
     executor: Executor | None = None,
@@ -158,8 +152,8 @@ def tabulated(
 ) -> Tables:
     """Tables of a drive over all that trials leave open.
 
-    Arguments: torques [N*m]; traced, whether traces will be taken in; sizes, how much is drawn; executor and progress
-    as in mounting_curve. Raises as offset_prior does.
+    Arguments: torques [N*m]; traced, whether traces will be taken in; reseat, whether the seat's error is wanted;
+    sizes, how much is drawn; executor and progress as in mounting_curve. Raises as offset_prior does.
     """
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
@@ -172,7 +166,7 @@ def tabulated(
     unknowns = Unknowns.of(drive)
     models = [drive, *(drive.with_values(_not_overridden(drive, values)) for values in drive.alternatives)]
     rest = unknowns.drawn(sizes.draws, seed)
-    spans = [_span(model, rest, unknowns, seed, sizes.draws, traced=traced) for model in models]
+    spans = [_span(model, rest, unknowns, seed, sizes.draws, traced=traced, reseat=reseat) for model in models]
     cases = list(zip(models, spans, strict=True))
     found = error_tables(cases, torques, compared=sizes.compared, executor=executor, progress=progress)
     return Tables(unknowns, tuple(torques), tuple(models), tuple(map(tuple, found)), seed, sizes)
@@ -197,13 +191,15 @@ def offset_prior(
     drawn; stiffnesses are the preset's and its alternatives'. Traces of trials are taken in; what else the trials
     measured is for posterior.
 
-    Arguments: torques [N*m]; reseat, whether tooth_slope is wanted (zero without); trials and the rig that they were
+    Arguments: torques [N*m]; reseat, whether seat_slope is wanted (zero without); trials and the rig that they were
     measured on, needed where one of them has a trace; sizes, how much is drawn; executor and progress as in
     mounting_curve. Raises UsageError for a drive with rolling balls, without an offset, or with an uncertainty in a
     field that is no deviation; UntrustedError where an answer cannot be trusted, or nothing explains the traces.
     """
     traced = [trial for trial in trials if trial.trace]
-    found = tabulated(drive, torques, traced=bool(traced), seed=seed, sizes=sizes, executor=executor, progress=progress)
+    found = tabulated(
+        drive, torques, traced=bool(traced), reseat=reseat, seed=seed, sizes=sizes, executor=executor, progress=progress
+    )
     return prior_of(found, reseat=reseat, trials=traced, rig=rig, executor=executor, progress=progress)
 
 
@@ -265,8 +261,7 @@ def prior_of(
         direction_deg=direction,
         weight=weight.reshape(-1, *shape[2:]),
         F_ior_arcsec=_scaled(np.array(F_ior).reshape(shape), scale),
-        tooth_slope=_scaled(np.array(slope).reshape(shape), scale),
-        tooth_um=np.tile([float(world.value(unknowns.names.tooth)) / 2 for _, world in worlds], len(scale)),
+        seat_slope=_scaled(np.array(slope).reshape(shape), scale),
         model=np.tile(model, len(scale)),
         scale=np.repeat(scale, len(worlds)),
         standard_error_arcsec=np.sqrt(found.standard_error_arcsec**2 + np.array(off).reshape(shape[:2]).mean(axis=1)),
@@ -297,7 +292,14 @@ def _not_overridden(drive: Drive, values: dict[str, float]) -> dict[str, float]:
 
 
 def _span(
-    model: Drive, rest: list[dict[str, float]], unknowns: Unknowns, seed: int, draws: int, *, traced: bool
+    model: Drive,
+    rest: list[dict[str, float]],
+    unknowns: Unknowns,
+    seed: int,
+    draws: int,
+    *,
+    traced: bool,
+    reseat: bool,
 ) -> list[Drive]:
     """Drives that a table is compared on, the widest offset of each world among them."""
     names, widest = unknowns.names, unknowns.widest
@@ -307,17 +309,18 @@ def _span(
     drives += [model.with_values({**values, names.size: widest}) for values in rest]
     if traced:
         drives.append(model.with_values({**unknowns.outermost(), names.size: widest}))
-    wider = {names.tooth: 1 + max(float(d.value(names.tooth)) for d in drives) + 2 * TOOTH_STEP}
-    return [*drives, drives[-1].with_values(wider)]
+    if reseat:
+        drives.append(drives[-1].with_values({"tolerances.e_b": model.tolerances.e_b + SEAT_STEP}))
+    return drives
 
 
-TOOTH_STEP = 5.0  # um of the fixed wheel's deviation, over which the slope is taken
+SEAT_STEP = 5.0  # um that the wheel's centre is moved by, to see what its seat's error does
 
 _World = tuple[Drive, Unknowns, ErrorTable, bool, Evidence | None]
 
 
 def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
-    """F'_ior [arcsec] of one world and its slope by the wheel's own deviation, shape (sizes, directions) each.
+    """F'_ior [arcsec] of one world and its slope by the seat's error, shape (sizes, directions) each.
 
     And the mean square of what interpolation over sizes and directions misses; and the log likelihood of the traces,
     shape (scales, sizes, directions), where there are any.
@@ -326,20 +329,23 @@ def _world(task: _World) -> tuple[Array, Array, float, Array | None]:
     values, missed, told = _over_offsets(drive, unknowns, response, evidence)
     if not reseat:
         return values, np.zeros_like(values), missed, told
-    tooth = unknowns.names.tooth
-    more = drive.with_values({tooth: float(drive.value(tooth)) + 2 * TOOTH_STEP})
-    return values, (_over_offsets(more, unknowns, response, None)[0] - values) / TOOTH_STEP, missed, told
+    moved = [_over_offsets(drive, unknowns, response, None, SEAT_STEP * 1j**k)[0] - values for k in range(4)]
+    # both components vary: twice the mean square over four directions, were it linear
+    return values, np.sqrt(2 * np.mean(np.square(moved), axis=0)) / SEAT_STEP, missed, told
 
 
 def _over_offsets(
-    drive: Drive, unknowns: Unknowns, response: ErrorTable, evidence: Evidence | None
+    drive: Drive, unknowns: Unknowns, response: ErrorTable, evidence: Evidence | None, off_um: complex = 0
 ) -> tuple[Array, float, Array | None]:
+    """As _world, without slopes; off_um: the fixed wheel's centre off its place."""
     # the scalars are affine in the offset's two components
     names = unknowns.names
     nothing, x, y = (
         deviation_scalars(drive.with_values({names.size: size, names.direction: phi}), *turns())
         for size, phi in ((0.0, 0.0), (1.0, 0.0), (1.0, 90.0))
     )
+    if off_um:
+        nothing, x, y = (off_centre(drive, each, off_um) for each in (nothing, x, y))
     size = np.linspace(0, unknowns.widest, SIZES)
     phi = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     kinematics = Kinematics.of(drive)

@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp
 
 from hdassist.error.table import TURNS, ErrorTable
-from hdassist.model.deviations import MARK_TO_PHASE, scalars_of
+from hdassist.model.deviations import carried, scalars_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -148,10 +148,10 @@ def squares(
     angle of the moving wheel at phi_h = 0, shape (drives, traces).
     """
     kinematics = Kinematics.of(drive)
-    turned = "phases.xi_b" if drive.mounting.fixed == "rigid" else "phases.xi_g"
+    turned = carried(drive)
     total = np.zeros(len(scale))
     for k, (trace, rotation) in enumerate(zip(evidence.traces, evidence.rotations_deg, strict=True)):
-        there = {**values, turned: _value(drive, values, turned) + rotation}
+        there = {**values, **{path: _value(drive, values, path) + rotation for path in turned}}
         still = np.broadcast_to(-trace.phi_h, (1, len(trace.travel), CELLS))
         moving = starts[:, k, None, None] + (trace.travel / kinematics.u)[:, None] + still
         alpha_g, alpha_b = (moving, still) if kinematics.fixed == "rigid" else (still, moving)
@@ -163,25 +163,14 @@ def squares(
 
 
 def _value(drive: Drive, values: Mapping[str, Array], path: str) -> Array:
-    return np.asarray(values.get(path, float(drive.value(path))))
+    return np.asarray(values[path] if path in values else drive.number(path))
 
 
 def _scalars(drive: Drive, values: Mapping[str, Array], alpha_g: Array, alpha_b: Array) -> Array:
-    def column(path: str, more: float = 0.0) -> Array:
-        return np.asarray(np.reshape(_value(drive, values, path) + more, (-1, 1, 1)))
+    def column(path: str) -> Array:
+        return np.reshape(_value(drive, values, path), (-1, 1, 1))
 
-    def polar(size: str, angle: str, more: float = 0.0) -> tuple[Array, Array]:
-        return column(f"tolerances.{size}"), np.radians(column(f"phases.{angle}", more))
-
-    mark = MARK_TO_PHASE[drive.mounting.mark_kind]
-    return scalars_of(
-        polar("F_i1", "xi_g", mark),
-        polar("F_i2", "xi_b", mark),
-        polar("e_hh", "phi_hh"),
-        polar("e_hg", "phi_hg"),
-        polar("e_hb", "phi_hb"),
-        *np.broadcast_arrays(alpha_g, alpha_b),
-    )
+    return scalars_of(column, drive.mounting.mark_kind, *np.broadcast_arrays(alpha_g, alpha_b))
 
 
 def curves_of(rotation: Array, kinematics: Kinematics) -> Array:

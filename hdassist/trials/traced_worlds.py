@@ -12,7 +12,7 @@ from scipy.stats import chi2, norm
 
 from hdassist.error.table import ErrorTable, turns
 from hdassist.errors import UntrustedError
-from hdassist.model.deviations import deviation_scalars
+from hdassist.model.deviations import deviation_scalars, displaced
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.trials.trace_evidence import Evidence, Particles, squares, tempered
@@ -60,12 +60,15 @@ def _seat(drive: Drive, response: ErrorTable, rig: Rig) -> float:
     if not rig.reseat_um:
         return 0.0
     scalars = deviation_scalars(drive, *turns())
-    off = []
-    for k in (0, 1):
-        moved = scalars.copy()
-        moved[:, k] -= np.copysign(rig.reseat_um * 1e-3, moved[:, k])  # inwards, where the table reaches
-        off.append(np.std(response.rotation(moved) - response.rotation(scalars)))
+    there = response.rotation(scalars)
+    off = [np.std(response.rotation(off_centre(drive, scalars, rig.reseat_um * 1j**k)) - there) for k in (0, 1)]
     return float(np.linalg.norm(off))
+
+
+def off_centre(drive: Drive, scalars: Array, off_um: complex) -> Array:
+    """Scalars [mm] at turns(), shape (..., TURNS**2, scalars), of a drive whose fixed wheel came to lie off [um]."""
+    alpha_g, alpha_b = turns()
+    return displaced(scalars, off_um * 1e-3, alpha_b if drive.mounting.fixed == "rigid" else alpha_g)
 
 
 def drawn_from_traces(

@@ -24,18 +24,17 @@ OUTERMOST = 0.001  # shares beyond are drawn as this one: no table reaches all o
 
 @dataclass(frozen=True)
 class OffsetNames:
-    """Fields of the offset that stands with the fixed wheel, and of that wheel's own deviation."""
+    """Fields of the offset that stands with the fixed wheel."""
 
     size: str
     direction: str
-    tooth: str
 
     @classmethod
     def of(cls, drive: Drive) -> OffsetNames:
         """Those of a drive, by the wheel that is fixed."""
         if drive.mounting.fixed == "rigid":
-            return cls("tolerances.e_hb", "phases.phi_hb", "tolerances.F_i2")
-        return cls("tolerances.e_hg", "phases.phi_hg", "tolerances.F_i1")
+            return cls("tolerances.e_hb", "phases.phi_hb")
+        return cls("tolerances.e_hg", "phases.phi_hg")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +82,7 @@ class Unknowns:
         """Values of the rest by field, shape (draws,), from shares, shape (draws, paths)."""
         drawn = {}
         for path, share in zip(self.paths, shares.T, strict=True):
-            value = float(self.drive.value(path))
+            value = self.drive.number(path)
             if self._open(path):
                 drawn[path] = share * (WIDEST * value if path == "tolerances.e_hh" else 360.0)
             else:

@@ -26,7 +26,7 @@ def test_directions_stay_in_the_turn_of_the_preset(drive):
 
 
 def test_vectors_go_there_and_back(drive):
-    vectors = vectors_of(drive) + np.array([1, 2j, -3, 4 - 1j, 5])
-    assert vectors_of(with_vectors(drive, vectors, range(5))) == pytest.approx(vectors)
+    vectors = vectors_of(drive) + np.array([1, 2j, -3, 4 - 1j, 5, 6j, -7, 8, 9 + 1j])
+    assert vectors_of(with_vectors(drive, vectors, range(len(VECTORS)))) == pytest.approx(vectors)
     kept = with_vectors(drive, vectors, [2])
     assert kept.value(VECTORS[0].size) == drive.value(VECTORS[0].size)

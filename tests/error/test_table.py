@@ -61,8 +61,39 @@ def test_its_points_are_states_solved(small: Drive, table: ErrorTable) -> None:
     system = contact_system(small)
     middle = np.array(table.error.shape) // 2
     for place in (middle + np.array(step) for step in ((0, 0, 0, 0), (3, -1, 2, -4), (-5, 2, 6, 1))):
-        scalars = (place - middle) / middle * table.reach
+        scalars = (place - middle) / middle * table.reach.sizes
         assert table.error[tuple(place)] == pytest.approx(rotation(system, 4e3, scalars), abs=1e-7)
+
+
+def test_harmonics_and_a_run_out_are_slopes_whose_error_is_measured(small: Drive, table: ErrorTable) -> None:
+    def oval(drives: list[Drive], seed: int) -> list[Drive]:
+        rng = np.random.default_rng(seed)
+        names = ("harmonics.a_b2", "harmonics.a_g2", "tolerances.e_b")
+        phases = ("harmonics.xi_b2", "harmonics.xi_g2", "phases.phi_eb")
+        most = (1.0, 1.0, 2.0)
+        return [
+            d.with_values(
+                {n: float(rng.uniform(0, m)) for n, m in zip(names, most, strict=True)}
+                | {n: float(rng.uniform(0, 360)) for n in phases}
+            )
+            for d in drives
+        ]
+
+    span = oval(drawn(small, KNOWN, 1), 3)
+    outermost = {"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0, "harmonics.a_b2": 1.0, "harmonics.a_g2": 1.0}
+    span[-1] = span[-1].with_values(outermost | {"tolerances.e_b": 2.0})
+    wide = error_tables([(small, span)], (4.0,))[0][0]
+    assert wide.reach.others == (4, 5, 6, 7)
+    drives = oval(drawn(small, 30, 2), 4)
+    search = CycleSearch(small, 4.0)
+    exact = np.array([search.extremes(d).F_ior_arcsec for d in drives])
+    missed = [wide.F_ior(deviation_scalars(d, *turns())) for d in drives] - exact
+    plain = [d.with_values({"harmonics.a_b2": 0.0, "harmonics.a_g2": 0.0, "tolerances.e_b": 0.0}) for d in drives]
+    without = [table.F_ior(deviation_scalars(d, *turns())) for d in plain] - exact
+    assert np.abs(missed).max() < 5 * wide.standard_error
+    assert np.sqrt(np.mean(missed**2)) < 1.5 * wide.standard_error < 0.25 * np.std(without)
+    with pytest.raises(UntrustedError, match="beyond"):
+        table.F_ior(deviation_scalars(drives[0], *turns()))
 
 
 def test_all_deviations_reversed_are_half_a_turn(table: ErrorTable) -> None:

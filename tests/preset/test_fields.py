@@ -205,10 +205,39 @@ def test_fixed_wheel_reverses_the_error(reference):
 @pytest.mark.moves("mounting.mark_kind")
 def test_marks_are_no_phases(reference):
     # turning both marks by what their kind means gives the same drive
-    for kind, angle in (("runout", 180.0), ("pitch", -90.0)):
-        marked = changed(reference, mounting__mark_kind=kind, phases__xi_b=260 - angle, phases__xi_g=-angle)
-        assert error(marked) == pytest.approx(error(reference), abs=1e-7)
+    marked = changed(reference, mounting__mark_kind="pitch", phases__xi_b=350.0, phases__xi_g=90.0)
+    assert error(marked) == pytest.approx(error(reference), abs=1e-7)
+    for kind in ("pitch", "runout"):
         assert abs(error(changed(reference, mounting__mark_kind=kind)) - error(reference)) > 1
+
+
+@pytest.mark.moves("tolerances.e_b", "phases.phi_eb")
+def test_a_run_out_is_more_than_its_tangential_part(reference):
+    run_out = {"tolerances__F_i2": 0.0, "tolerances__e_b": 37.5}
+    found = [error(changed(reference, **run_out, phases__phi_eb=mark)) for mark in (80.0, 260.0)]
+    assert abs(found[1] - found[0]) > 4
+    # xi = 260 deg has the tangential part of a mark at 80 deg
+    assert abs(found[0] - error(reference)) > 1
+
+
+HARMONICS = [(wheel, order) for wheel in "gb" for order in (2, 3, 4)] + [("s", 2)]
+
+
+@pytest.mark.moves(
+    "harmonics.a_g2", "harmonics.a_g3", "harmonics.a_g4", "harmonics.a_b2", "harmonics.a_b3", "harmonics.a_b4",
+    "harmonics.a_s2", "harmonics.xi_g2", "harmonics.xi_g3", "harmonics.xi_g4", "harmonics.xi_b2", "harmonics.xi_b3",
+    "harmonics.xi_b4", "harmonics.xi_s2",
+)  # fmt: skip
+@pytest.mark.parametrize(("wheel", "order"), HARMONICS)
+def test_an_even_harmonic_moves_the_error_and_an_odd_one_nearly_cancels(reference, wheel, order):
+    size, phase = f"harmonics__a_{wheel}{order}", f"harmonics__xi_{wheel}{order}"
+    um = 6.0 if order % 2 else 2.0
+    found = [error(changed(reference, **{size: um, phase: at})) - error(reference) for at in (0.0, 180 / order)]
+    if order % 2:
+        assert 0.01 < max(map(abs, found)) < 0.5 * um
+    else:
+        assert max(found) > 1.5 * um
+    assert abs(found[1] - found[0]) > 0.01
 
 
 @pytest.mark.moves("numerics.window")

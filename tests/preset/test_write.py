@@ -38,8 +38,8 @@ def test_it_names_every_field_with_unit_and_meaning() -> None:
 def test_what_is_commented_out_is_valid_too() -> None:
     text = new_preset("x")
     opened = "\n".join(
-        line[1:] if line.startswith(("#  ", "#material", "#contact", "#phases", "#mounting", "#acceptance",
-                                     "#numerics", "#source")) else line
+        line[1:] if line.startswith(("#  ", "#material", "#contact", "#phases", "#harmonics", "#mounting",
+                                     "#acceptance", "#numerics", "#source")) else line
         for line in text.splitlines()
         if "d_ball:" not in line
     )  # fmt: skip
@@ -130,3 +130,20 @@ def test_a_text_that_cannot_be_changed_is_refused(text):
         with_found_values(text, "mine.yaml", FOUND, "rig")
     assert "mine.yaml" in error.value.message
     assert error.value.hint
+
+
+@pytest.mark.parametrize(
+    "numerics",
+    ["numerics: {n_max: 20, n_2: 40, window: 40, n_phase: 4}", "numerics: {}", "numerics:", "",
+     "numerics:  # few\n    # words\n    n_phase: 4  # fast", "numerics: {nominal_curve: linear}"],
+)  # fmt: skip
+def test_the_shape_that_values_were_identified_on_is_said_from_then_on(numerics: str) -> None:
+    small = Path(SMALL).read_text(encoding="utf-8")
+    start = small.index("numerics:")
+    text = small[:start] + numerics + small[small.index("\n", start) :]
+    curve = "linear" if "linear" in numerics else "inextensible"
+    drive = load_text(with_found_values(text, "small", FOUND, "rig", curve="inextensible"), "small")
+    assert drive.numerics == load_text(text, "small").numerics.model_copy(update={"nominal_curve": curve})
+    assert not drive.origin.warnings
+    (warning,) = load_text(with_found_values(text, "small", FOUND, "rig"), "small").origin.warnings or ("linear",)
+    assert "nominal" in warning or curve == "linear"

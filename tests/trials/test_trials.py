@@ -161,17 +161,14 @@ def test_an_uncertain_seat_blurs_what_is_known(prior: OffsetPrior) -> None:
 def test_the_seats_error_is_that_of_a_displaced_wheel(
     prior: OffsetPrior, size: int, direction: int, rel: float
 ) -> None:
-    """Against drives whose wheel is really displaced: its tooth vector gets the displacement."""
+    """Against drives whose wheel is really displaced, its teeth along the radius as well."""
     reseat = 3.0
     drive = hidden(float(prior.size_um[size]), float(prior.direction_deg[direction]))
     search = CycleSearch(drive, M_G)
-    half = drive.tolerances.F_i2 / 2 * np.exp(1j * np.radians(drive.phases.xi_b))
     found = []
-    for angle in np.arange(12) * np.pi / 6:
-        moved = half + np.sqrt(2) * reseat * np.exp(1j * angle)  # so that each component varies by reseat
-        values = {"tolerances.F_i2": 2 * abs(moved), "phases.xi_b": np.degrees(np.angle(moved))}
-        moved_drive = drive.with_values({path: float(v) for path, v in values.items()})
-        found.append(search.extremes(moved_drive, QUICK).F_ior_arcsec)
+    for angle in range(0, 360, 30):
+        off = {"tolerances.e_b": float(np.sqrt(2) * reseat), "phases.phi_eb": float(angle)}  # each component by reseat
+        found.append(search.extremes(drive.with_values(off), QUICK).F_ior_arcsec)
     seen = prior.seat_error(0.0, reseat)[0, prior.scale == 1, size, direction].mean()
     assert seen == pytest.approx(np.std(found), rel=rel)
 
