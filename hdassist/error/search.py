@@ -2,12 +2,13 @@
 
 In state j each wheel stands j of its pitches on in the cam's frame, so the state is the point
 (j mod z_b, j mod z_g) of a torus on which the error is continuous: neighbours there have nearly the same
-deviations, however far apart they lie in the cycle. The torus is covered with square cells. Each has five points,
-and those that may hide an extreme between them are halved until every state in them is solved.
+deviations, however far apart they lie in the cycle. The torus is covered with cells. Each has five points, and
+those that may hide an extreme between them are halved until every state in them is solved.
 
-Nothing proves how much a cell may hide: a bound that holds for any contact set is some arcseconds a pitch, as much as
-a whole cell varies. What is taken instead, HIDES of what a cell varies, is held to every state of 1000 random drives
-by `python -m benchmarks.search_study`.
+How much a cell hides is not proven. Where one zone alone holds the torque the error changes by 3 arcsec from pitch to
+pitch of 37.5 um, and it may do so for a few pitches only: an island above the states around it, which no climb from
+further off comes to. What is taken, HIDES of what a cell and its neighbours vary, is compared with every state of
+1000 random drives by `python -m benchmarks.search_study`.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from hdassist.solve.loadcase import LoadCase
 Indices = NDArray[np.int64]
 
 CELLS = 12  # around each wheel to begin with, at least
-HIDES = 0.2  # of what a cell and those around it vary: how far a state in it may lie beyond its five points
-SMOOTH = 0.25  # of that, what a half of it is taken to vary at least: the share of a smooth top
+HIDES = 0.25  # of what a cell and those around it vary: how far a state in it may lie beyond its five points
+SMOOTH = 0.25  # of what a cell varies, what its parts are taken to vary at least: the share at a smooth top
+EQUAL = 1e-3  # arcsec: a cell that may hide no more than this above the greatest error is left alone
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Extremes:
     certificate: Certificate
 
 
-SEARCHED = 1100  # states that a search solves, about
+SEARCHED = 1500  # states that a search solves, about
 WORTH = 4000  # states of a cycle from which on that pays
 
 
@@ -113,36 +115,57 @@ class Torus:
 
     def solve_around_extremes(self) -> Array:
         """Errors [arcsec], shape (states,), of what was solved to find the extremes; NaN for all other states."""
-        side = 2 ** max(1, int(np.log2(max(self._shape.min() / CELLS, 2))))
-        corners, values, variation = self._cover(side)
-        while side > self._finest:
-            hidden = HIDES * variation
+        side, corners = self._cover()
+        values = self._at_cells(corners, side)
+        variation = self._around(values, side)
+        while side.max() > self._finest:
+            hidden = HIDES * variation - EQUAL
             highest, lowest = values.max(axis=1), values.min(axis=1)
-            kept = (highest + hidden >= highest.max()) | (lowest - hidden <= lowest.min())
-            side //= 2
-            corners = (corners[kept, None] + side * _QUARTERS).reshape(-1, 2)
+            kept = (highest + hidden > highest.max()) | (lowest - hidden < lowest.min())
+            if not kept.any():
+                break
+            halved = side > self._finest
+            side = side // (1 + halved)
+            parts = np.unique(_CORNERS * halved, axis=0)
+            corners = (corners[kept, None] + side * parts).reshape(-1, 2)
             values = self._at_cells(corners, side)
-            variation = np.maximum(np.ptp(values, axis=1), SMOOTH * np.repeat(variation[kept], len(_QUARTERS)))
+            variation = np.maximum(np.ptp(values, axis=1), SMOOTH * np.repeat(variation[kept], len(parts)))
         return self._value
 
-    def _cover(self, side: int) -> tuple[Indices, Array, Array]:
-        """Cells all over the torus, the last ones across its seam: corners (cells, 2), values (cells, 5), variation.
+    def _cover(self) -> tuple[Indices, Indices]:
+        """Cells all over the torus, the last ones across its seam: their sides, shape (2,), and corners (cells, 2).
 
-        The order is there and back, so that neighbours follow each other.
+        They are half as long around the wheel around which the error varies more: islands are as much narrower there.
         """
-        rows, columns = -(-self._shape // side)
-        row, column = np.divmod(np.arange(rows * columns), columns)
-        column = np.where(row % 2, columns - 1 - column, column)
-        corners = side * np.stack([row, column], axis=1)
-        values = self._at_cells(corners, side)
-        board = np.empty((rows, columns, values.shape[1]))
-        board[row, column] = values
-        around = np.concatenate([np.roll(board, step, (0, 1)) for step in product((-1, 0, 1), repeat=2)], axis=2)
-        return corners, values, np.ptp(around, axis=2)[row, column]
+        side = np.repeat(2 ** max(1, int(np.log2(max(self._shape.min() / CELLS, 2)))), 2)
+        board = self._at(self._corners(side)).reshape(self._cells(side))
+        steeper = int(np.argmax([np.abs(np.roll(board, 1, axis) - board).sum() for axis in (0, 1)]))
+        side[steeper] = max(side[steeper] // 2, self._finest)
+        return side, self._corners(side)
 
-    def _at_cells(self, corners: Indices, side: int) -> Array:
-        """Error [arcsec] at the corners and the middle of cells, shape (cells, 5)."""
-        points = corners[:, None] + np.concatenate([side * _QUARTERS, [[side // 2] * 2]])
+    def _cells(self, side: Indices) -> Indices:
+        """How many cells cover the torus along each coordinate, shape (2,)."""
+        return np.asarray(-(-self._shape // side))
+
+    def _corners(self, side: Indices) -> Indices:
+        """First corners of the cells that cover the torus, row by row, shape (cells, 2)."""
+        rows, columns = self._cells(side)
+        return np.asarray(side * list(product(range(rows), range(columns))))
+
+    def _around(self, values: Array, side: Indices) -> Array:
+        """How much the values, shape (cells, points), of each cell and of those around it vary, shape (cells,)."""
+        board = values.reshape(*self._cells(side), -1)
+        around = [np.roll(board, step, (0, 1)) for step in product((-1, 0, 1), repeat=2)]
+        return np.asarray(np.ptp(np.concatenate(around, axis=2), axis=2).ravel())
+
+    def _at_cells(self, corners: Indices, side: Indices) -> Array:
+        """Error [arcsec] at the corners and about the middle of cells, shape (cells, 5)."""
+        middle = side // 2
+        middle[1] += (self._finest - 1) * (middle.sum() % 2)  # to where there is a state
+        return self._at(corners[:, None] + np.concatenate([side * _CORNERS, [middle]]))
+
+    def _at(self, points: Indices) -> Array:
+        """Error [arcsec] at points, shape (..., 2)."""
         j = self._state[tuple(np.moveaxis(points % self._shape, -1, 0))]
         fresh, first = np.unique(j[np.isnan(self._value[j])], return_index=True)
         if len(fresh):
@@ -151,4 +174,4 @@ class Torus:
         return np.asarray(self._value[j])
 
 
-_QUARTERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+_CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
