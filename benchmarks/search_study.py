@@ -86,8 +86,9 @@ def main() -> None:
     reader.add_argument("--n", type=int, default=1000, help="drives of each kind")
     reader.add_argument("--kinds", nargs="*", choices=KINDS, default=KINDS)
     reader.add_argument("--set", nargs="*", default=(), metavar="FIELD=VALUE", help="fields of all drives")
-    reader.add_argument("--file", type=Path, default=Path("search_study.jsonl"))
+    reader.add_argument("--file", type=Path, default=Path("build/search_study.jsonl"))
     options = reader.parse_args()
+    options.file.parent.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
     tasks = [(kind, seed, tuple(options.set)) for kind in options.kinds for seed in range(options.n)]
     known = {row.task: row for row in remembered(options.file)}

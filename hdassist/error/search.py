@@ -8,7 +8,7 @@ those that may hide an extreme between them are halved until every state in them
 How much a cell hides is not proven. Where one zone alone holds the torque the error changes by 3 arcsec from pitch to
 pitch of 37.5 um, and it may do so for a few pitches only: an island above the states around it, which no climb from
 further off comes to. What is taken, HIDES of what a cell and its neighbours vary, is compared with every state of
-1000 random drives by `python -m benchmarks.search_study`.
+random drives by `python -m benchmarks.search_study`.
 """
 
 from __future__ import annotations
