@@ -11,12 +11,12 @@ import numpy as np
 
 from benchmarks.machine import seconds
 from hdassist import Drive, kinematic_error, load_preset, preset_names
-from hdassist.error.search import QUICK, CycleSearch
+from hdassist.error.search import CycleSearch
 from hdassist.errors import UntrustedError
 from hdassist.mounting.positions import rotated
 
 RANDOM = 200  # drives
-FIRST = 2000  # seed: the search was tuned on drives with lower ones
+FIRST = 2000  # seed
 STRIDES = (67, 101)  # states; what a look at some of the states would miss
 OFFSETS = (0.0, 80.0, 120.0)  # um, of the cam offset that stands still
 HOLES = 24  # positions among which the extreme ones are looked for
@@ -69,7 +69,7 @@ def _hard() -> Iterable[Case]:
         search = CycleSearch(drive, M_g)
         for e_hb in OFFSETS:
             turned = [rotated(drive.with_values({"tolerances.e_hb": e_hb}), 360 * k / HOLES) for k in range(HOLES)]
-            values = [search.extremes(there, QUICK).F_ior_arcsec for there in turned]
+            values = [search.extremes(there).F_ior_arcsec for there in turned]
             for place in (np.argmin(values), np.argmax(values)):
                 yield Case("hard cases", turned[place], M_g)
 
@@ -86,7 +86,7 @@ def _random(seed: int) -> Case:
             "random drives", load_preset(name).with_values(values), float(np.exp(rng.uniform(*np.log([low, high]))))
         )
         try:
-            CycleSearch(case.drive, case.M_g).extremes(case.drive, QUICK)
+            CycleSearch(case.drive, case.M_g).extremes(case.drive)
         except UntrustedError:
             continue
         return case

@@ -72,7 +72,7 @@ def simulate(task: tuple[Study, int]) -> tuple[list[float], list[float]]:
     """F'_ior [arcsec] in each hole as the wheel would lie true, and as it came to lie when measured there."""
     import numpy as np
 
-    from hdassist.error.search import QUICK, CycleSearch
+    from hdassist.error.search import CycleSearch
     from hdassist.mounting.positions import rotated
 
     study, seed = task
@@ -81,7 +81,7 @@ def simulate(task: tuple[Study, int]) -> tuple[list[float], list[float]]:
     search = CycleSearch(drive, M_G)
 
     def F_ior(case) -> float:
-        return search.extremes(case, QUICK).F_ior_arcsec
+        return search.extremes(case).F_ior_arcsec
 
     true = [F_ior(rotated(drive, 360 * k / HOLES)) for k in range(HOLES)]
     if not study.reseat:

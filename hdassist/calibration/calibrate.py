@@ -23,7 +23,7 @@ from hdassist.preset.fields import Drive
 POPULATION = 4  # points of the global search's generation for each unknown
 STARTS = 4  # points that least squares starts from by default
 APART = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
-STEP = 0.02  # of the range: step of difference quotients, above the roughness of a quick search
+STEP = 0.02  # of the range: step of difference quotients, above the roughness of a coarse scan
 ROUNDS = 12  # steps of a least-squares run at most
 DIGITS = 4  # of a found value
 INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
@@ -132,7 +132,7 @@ def calibrate(
         )
     sets = [unit.values(run.x) for run in runs]
     answers = evaluations.run(_fit, [(drive.with_values(targets.by_path(v)), targets, v) for v in sets])
-    # a quick search may not have seen what a thorough one does
+    # a coarse scan may not have come to what a fine one does
     fits = [fit for fit in answers if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
@@ -225,16 +225,16 @@ def _jacobian(point: Array, off: _Off) -> Array:
 
 def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
     drive, targets, values = task
-    exact, quick = Quantities(drive, FINE), Quantities(drive, MEDIUM)
+    fine, medium = Quantities(drive, FINE), Quantities(drive, MEDIUM)
     try:
-        rows = [exact.off(target) for target in targets.targets]
+        rows = [fine.off(target) for target in targets.targets]
         off = tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in rows)
         return Fit(
             values=values,
             off=off,
             met=tuple(t.is_met(x) for t, x in zip(targets.targets, off, strict=True)),
-            found=tuple(exact.value(target) for target in targets.targets),
-            best_deg=tuple(quick.scan(M_g).best_deg for M_g in drive.operation.M_g),
+            found=tuple(fine.value(target) for target in targets.targets),
+            best_deg=tuple(medium.scan(M_g).best_deg for M_g in drive.operation.M_g),
         )
     except HdassistError:
         return None

@@ -42,7 +42,7 @@ class _Line(BaseModel):
 class Owner(_Line):
     """What a state file belongs to: a preset and targets (SHA-256), and how closely quantities were computed."""
 
-    stated_schema: Literal["hdassist.calibration-state/1"] = Field(alias="schema")
+    stated_schema: Literal["hdassist.calibration-state/2"] = Field(alias="schema")
     preset: str
     overrides: tuple[str, ...]
     targets: str
@@ -72,7 +72,7 @@ class Evaluations:
         self._known: dict[tuple[Level, Values], tuple[float, ...]] = {}
         if file is not None:
             owner = Owner(
-                schema="hdassist.calibration-state/1",
+                schema="hdassist.calibration-state/2",
                 preset=drive.origin.sha256,
                 overrides=drive.origin.overrides,
                 targets=targets.sha256,

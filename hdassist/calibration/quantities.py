@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from hdassist.calibration.targets import Target
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import QUICK, THOROUGH, CycleSearch, Effort, searchable
+from hdassist.error.search import CycleSearch, searchable
 from hdassist.error.self_error import self_error
 from hdassist.error.stiffness import Twist
 from hdassist.error.trace import trace
@@ -26,22 +26,21 @@ from hdassist.solve.answers import ARCSEC
 class Accuracy:
     """How closely quantities are computed.
 
-    effort of each search for F'_ior; phases: mounting positions tried around the turn; refine: how closely
-    [deg] the extremes over the phase are then looked for, 0: a parabola through the positions tried; n_phase:
-    tooth and ball phases of the self error, at most; margin: by how many tolerances a range that should hold
-    something is held narrower, because a coarse look sees less than there is.
+    phases: mounting positions tried around the turn; refine: how closely [deg] the extremes over the phase are
+    then looked for, 0: a parabola through the positions tried; n_phase: tooth and ball phases of the self error,
+    at most; margin: by how many tolerances a range that should hold something is held narrower, because a coarse
+    look sees less than there is.
     """
 
-    effort: Effort
     phases: int
     refine: float
     n_phase: int
     margin: float
 
 
-ROUGH = Accuracy(QUICK, phases=8, refine=0.0, n_phase=5, margin=0.5)
-MEDIUM = Accuracy(QUICK, phases=8, refine=6.0, n_phase=12, margin=0.5)
-FINE = Accuracy(THOROUGH, phases=18, refine=1.0, n_phase=200, margin=0.0)
+ROUGH = Accuracy(phases=8, refine=0.0, n_phase=5, margin=0.5)
+MEDIUM = Accuracy(phases=8, refine=6.0, n_phase=12, margin=0.5)
+FINE = Accuracy(phases=18, refine=1.0, n_phase=200, margin=0.0)
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ class Quantities:
             there = rotated(self._drive, key[1] - phase_deg(self._drive))
             if searchable(self._drive):
                 search = self._searches.setdefault(M_g, CycleSearch(self._drive, M_g))
-                self._F_ior[key] = search.extremes(there, self._accuracy.effort).F_ior_arcsec
+                self._F_ior[key] = search.extremes(there).F_ior_arcsec
             else:
                 self._F_ior[key] = kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
         return self._F_ior[key]

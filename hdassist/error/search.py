@@ -2,10 +2,13 @@
 
 In state j each wheel stands j of its pitches on in the cam's frame, so the state is the point
 (j mod z_b, j mod z_g) of a torus on which the error is continuous: neighbours there have nearly the same
-deviations, however far apart they lie in the cycle. A coarse grid over the torus, climbs from its best points
-and a close look around the best tops find what solving every state finds (compared in the tests, and on
-random drives in benchmarks/). The error has ridges, where contacts change: they run along a wheel's own direction
-more often than not, and a climb is stuck on them; the close look follows them.
+deviations, however far apart they lie in the cycle. The torus is covered with cells. Each has five points, and
+those that may hide an extreme between them are halved until every state in them is solved.
+
+How much a cell hides is not proven. Where one zone alone holds the torque the error changes by 3 arcsec from pitch to
+pitch of 37.5 um, and it may do so for a few pitches only: an island above the states around it, which no climb from
+further off comes to. What is taken, HIDES of what a cell and its neighbours vary, is compared with every state of
+random drives by `python -m benchmarks.search_study`.
 """
 
 from __future__ import annotations
@@ -29,27 +32,10 @@ from hdassist.solve.loadcase import LoadCase
 
 Indices = NDArray[np.int64]
 
-
-@dataclass(frozen=True)
-class Effort:
-    """How thorough a search is.
-
-    cells: least number of coarse points around each wheel; climbs: coarse points that are climbed from,
-    towards each extreme; looks: tops that are looked around in the end.
-    """
-
-    cells: int
-    climbs: int
-    looks: int
-
-
-# Tuned on 450 random drives (benchmarks/search.py, seeds below 2000), of which it missed 0.002 arcsec at most.
-THOROUGH = Effort(cells=12, climbs=30, looks=3)
-# For searching among many drives: of the same it missed 4 % at most, and more than a hundredth of the error of four.
-QUICK = Effort(cells=12, climbs=6, looks=0)
-NEAR = 7  # pitches: how far a close look goes to every side
-ALONG = 16  # pitches: how far it goes along each wheel, where the error has ridges that a climb is stuck on
-LEVEL = 0.01  # of the coarse grid's range: a top this much lower than another one is looked around as well
+CELLS = 12  # around each wheel to begin with, at least
+HIDES = 0.25  # of what a cell and those around it vary: how far a state in it may lie beyond its five points
+SMOOTH = 0.25  # of what a cell varies, what its parts are taken to vary at least: the share at a smooth top
+EQUAL = 1e-3  # arcsec: a cell that may hide no more than this above the greatest error is left alone
 
 
 @dataclass(frozen=True)
@@ -62,8 +48,7 @@ class Extremes:
     certificate: Certificate
 
 
-SEARCHED = 750  # states that a thorough search solves, about
-QUICK_STATES = 270  # states that a quick one solves, about
+SEARCHED = 1500  # states that a search solves, about
 WORTH = 4000  # states of a cycle from which on that pays
 
 
@@ -93,7 +78,7 @@ class CycleSearch:
         self._kinematics = Kinematics.of(drive)
         self._states = pitch_locked_states(self._kinematics)
 
-    def extremes(self, drive: Drive, effort: Effort = THOROUGH) -> Extremes:
+    def extremes(self, drive: Drive) -> Extremes:
         """Extremes of a drive that differs from the first at most in its deviations and their phases.
 
         Raises UntrustedError where an answer cannot be trusted.
@@ -107,14 +92,16 @@ class CycleSearch:
             proofs.append(answers.certificate)
             return self._kinematics.error_sign * answers.rotation_arcsec
 
-        torus = _Torus(self._kinematics, error)
-        grid = torus.grid(effort.cells)
-        (greatest, at_max), (least, at_min) = (torus.top(grid, effort, sign) for sign in (1, -1))
-        return Extremes(greatest + least, at_max, at_min, sum(proofs, EMPTY))
+        found = Torus(self._kinematics, error).solve_around_extremes()
+        at_max, at_min = int(np.nanargmax(found)), int(np.nanargmin(found))
+        return Extremes(float(found[at_max] - found[at_min]), at_max, at_min, sum(proofs, EMPTY))
 
 
-class _Torus:
-    """The states by their coordinates (k, l) = (j mod z_b, j mod z_g), each solved once, when asked for."""
+class Torus:
+    """The states by their coordinates (k, l) = (j mod z_b, j mod z_g), each solved once, when asked for.
+
+    Arguments: solve, which gives the errors of states j.
+    """
 
     def __init__(self, kinematics: Kinematics, solve: Callable[[Indices], Array]) -> None:
         self._shape = np.array([kinematics.z_b, kinematics.z_g])
@@ -123,12 +110,62 @@ class _Torus:
         self._state = np.full(self._shape, -1, dtype=np.int64)
         self._state[tuple(j % z for z in self._shape)] = j
         # both numbers of teeth even: k and l of every state are both even or both odd
-        self._sparse = self._state[0, 1] < 0
+        self._finest = 2 if self._state[0, 1] < 0 else 1
         self._value = np.full(kinematics.cycle_states, np.nan)
-        self.step = 0
 
-    def at(self, points: Indices) -> Array:
-        """Error at points, shape (..., 2)."""
+    def solve_around_extremes(self) -> Array:
+        """Errors [arcsec], shape (states,), of what was solved to find the extremes; NaN for all other states."""
+        side, corners = self._cover()
+        values = self._at_cells(corners, side)
+        variation = self._around(values, side)
+        while side.max() > self._finest:
+            hidden = HIDES * variation - EQUAL
+            highest, lowest = values.max(axis=1), values.min(axis=1)
+            kept = (highest + hidden > highest.max()) | (lowest - hidden < lowest.min())
+            if not kept.any():
+                break
+            halved = side > self._finest
+            side = side // (1 + halved)
+            parts = np.unique(_CORNERS * halved, axis=0)
+            corners = (corners[kept, None] + side * parts).reshape(-1, 2)
+            values = self._at_cells(corners, side)
+            variation = np.maximum(np.ptp(values, axis=1), SMOOTH * np.repeat(variation[kept], len(parts)))
+        return self._value
+
+    def _cover(self) -> tuple[Indices, Indices]:
+        """Cells all over the torus, the last ones across its seam: their sides, shape (2,), and corners (cells, 2).
+
+        They are half as long around the wheel around which the error varies more: islands are as much narrower there.
+        """
+        side = np.repeat(2 ** max(1, int(np.log2(max(self._shape.min() / CELLS, 2)))), 2)
+        board = self._at(self._corners(side)).reshape(self._cells(side))
+        steeper = int(np.argmax([np.abs(np.roll(board, 1, axis) - board).sum() for axis in (0, 1)]))
+        side[steeper] = max(side[steeper] // 2, self._finest)
+        return side, self._corners(side)
+
+    def _cells(self, side: Indices) -> Indices:
+        """How many cells cover the torus along each coordinate, shape (2,)."""
+        return np.asarray(-(-self._shape // side))
+
+    def _corners(self, side: Indices) -> Indices:
+        """First corners of the cells that cover the torus, row by row, shape (cells, 2)."""
+        rows, columns = self._cells(side)
+        return np.asarray(side * list(product(range(rows), range(columns))))
+
+    def _around(self, values: Array, side: Indices) -> Array:
+        """How much the values, shape (cells, points), of each cell and of those around it vary, shape (cells,)."""
+        board = values.reshape(*self._cells(side), -1)
+        around = [np.roll(board, step, (0, 1)) for step in product((-1, 0, 1), repeat=2)]
+        return np.asarray(np.ptp(np.concatenate(around, axis=2), axis=2).ravel())
+
+    def _at_cells(self, corners: Indices, side: Indices) -> Array:
+        """Error [arcsec] at the corners and about the middle of cells, shape (cells, 5)."""
+        middle = side // 2
+        middle[1] += (self._finest - 1) * (middle.sum() % 2)  # to where there is a state
+        return self._at(corners[:, None] + np.concatenate([side * _CORNERS, [middle]]))
+
+    def _at(self, points: Indices) -> Array:
+        """Error [arcsec] at points, shape (..., 2)."""
         j = self._state[tuple(np.moveaxis(points % self._shape, -1, 0))]
         fresh, first = np.unique(j[np.isnan(self._value[j])], return_index=True)
         if len(fresh):
@@ -136,65 +173,5 @@ class _Torus:
             self._value[fresh] = self._solve(fresh)
         return np.asarray(self._value[j])
 
-    def around(self) -> Indices:
-        """Steps of a close look, shape (steps, 2): NEAR on all sides, and ALONG each wheel's own direction."""
-        near = set(product(range(-NEAR, NEAR + 1), repeat=2))
-        along = set(product(range(-ALONG, ALONG + 1), (-1, 0, 1)))
-        steps = sorted(near | along | {(l, k) for k, l in along} - {(0, 0)})
-        return np.array([s for s in steps if not (self._sparse and sum(s) % 2)], dtype=np.int64)
 
-    def grid(self, cells: int) -> Indices:
-        """Points of a coarse grid, every other one left out as on a board, shape (points, 2).
-
-        The step is even and a power of two. The order is there and back, so that neighbours follow each other.
-        """
-        self.step = 2 ** max(1, int(np.log2(max(self._shape.min() / cells, 2))))
-        rows, columns = -(-self._shape // self.step)
-        lines = [np.arange(row % 2, columns, 2)[:: -1 if row % 2 else 1] for row in range(rows)]
-        points = np.concatenate([np.stack([np.full_like(line, row), line], axis=1) for row, line in enumerate(lines)])
-        return np.asarray(points * self.step)
-
-    def top(self, grid: Indices, effort: Effort, sign: int) -> tuple[float, int]:
-        """Greatest value of sign * error that climbs from the grid find, and its state."""
-        values = sign * self.at(grid)
-        promising = np.flatnonzero(values + self._rise(grid, values) >= values.max())
-        promising = promising[np.argsort(-values[promising], kind="stable")][: effort.climbs]
-        tops = np.unique(self._climb(grid[promising], self.step // 2, sign) % self._shape, axis=0)
-        height = sign * self.at(tops)
-        tops = tops[np.argsort(-height, kind="stable")]
-        if effort.looks:
-            level = np.count_nonzero(height >= height.max() - LEVEL * np.ptp(values))
-            tops = self._look(tops[: min(level, effort.looks)], self.around(), sign)
-        height = sign * self.at(tops)
-        best = int(np.argmax(height))
-        return float(height[best]), int(self._state[tuple(tops[best] % self._shape)])
-
-    def _rise(self, grid: Indices, values: Array) -> Array:
-        """Half the way up to a neighbour, for each point: as much as may hide between two of them."""
-        place = tuple((grid // self.step).T)
-        board = np.full(np.max(place, axis=1) + 1, np.nan)
-        board[place] = values
-        ways = [np.abs(np.roll(board, step, (0, 1)) - board) for step in _DIAGONALS]
-        return np.asarray(np.fmax.reduce(ways)[place] / 2)  # a field left out is not a number and does not count
-
-    def _climb(self, points: Indices, step: int, sign: int) -> Indices:
-        """Climb from points, shape (points, 2), all of them at once: a call for many states is worth its overhead."""
-        while step:
-            points = self._look(points, step * _DIAGONALS, sign)
-            step //= 2
-        return points
-
-    def _look(self, points: Indices, steps: Indices, sign: int) -> Indices:
-        """Go from each point to the best of those around it as long as there is a better one."""
-        points, moving = points.copy(), np.arange(len(points))
-        while len(moving):
-            here = points[moving]
-            values = sign * self.at(here[:, None] + steps)
-            best = values.argmax(axis=1)
-            better = values[np.arange(len(here)), best] > sign * self.at(here)
-            moving = moving[better]
-            points[moving] += steps[best[better]]
-        return points
-
-
-_DIAGONALS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1), (2, 0), (-2, 0), (0, 2), (0, -2)])
+_CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])

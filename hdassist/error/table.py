@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from hdassist.error.search import QUICK, QUICK_STATES, CycleSearch
+from hdassist.error.search import SEARCHED, CycleSearch
 from hdassist.errors import UntrustedError
 from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of
 from hdassist.model.geometry import Array
@@ -29,7 +29,7 @@ SHAPE = (25, 9, 25, 25)  # points over a, b, e_x, e_y; a, about along the motion
 SLABS = 8  # tasks that a table is solved in
 TURNS = 40  # positions of each wheel that stand for the cycle
 KNOWN = 40  # drives that a table is compared on
-STATES = 56_700 + KNOWN * QUICK_STATES  # that a table takes, about
+STATES = 56_700 + KNOWN * SEARCHED  # that a table takes, about
 
 DEVIATIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
 
@@ -217,5 +217,5 @@ def _there_and_back(shape: Sequence[int]) -> NDArray[np.int64]:
 def _searched(task: tuple[Drive, float, Sequence[Drive]]) -> tuple[list[float], Certificate]:
     drive, M_g, span = task
     search = CycleSearch(drive, M_g)
-    found = [search.extremes(other, QUICK) for other in span]
+    found = [search.extremes(other) for other in span]
     return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import QUICK, SEARCHED, THOROUGH, WORTH, CycleSearch, Effort, searchable, worth_searching
+from hdassist.error.search import SEARCHED, WORTH, CycleSearch, searchable, worth_searching
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
@@ -131,7 +131,7 @@ def alternatives(
         values = {p: v for p, v in given.items() if not is_overridden(p, drive.origin.overrides)}
         job = _Job(drive.with_values(values), tuple(torques), rotations, executor=executor, progress=progress)
         if searchable(drive):
-            job.search(QUICK)  # which hole is asked, not how good it is
+            job.search()
         else:
             job.solve(product(range(len(torques)), range(count)))
         found.append(Alternative(values, job.curve().recommended))
@@ -163,12 +163,12 @@ class _Job:
         self.values = np.full((len(self.torques), len(self.rotations)), np.nan)
         self.solved = np.zeros(self.values.shape, dtype=bool)
 
-    def search(self, effort: Effort = THOROUGH) -> None:
+    def search(self) -> None:
         """Search the extremes at every position."""
         order = _coarse_first(len(self.rotations))
         groups = [order[first : first + GROUP] for first in range(0, len(order), GROUP)]
         places = [(t, group) for group in groups for t in range(len(self.torques))]
-        tasks = [(self.drive, self.torques[t], self.rotations[group], effort) for t, group in places]
+        tasks = [(self.drive, self.torques[t], self.rotations[group]) for t, group in places]
         for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
             self.values[t, group] = values
             self._take(proof)
@@ -260,10 +260,10 @@ def _coarse_first(count: int) -> list[int]:
     return [n for n in mirrored if n < count]
 
 
-def _searched(task: tuple[Drive, float, Array, Effort]) -> tuple[list[float], Certificate]:
-    drive, M_g, rotations, effort = task
+def _searched(task: tuple[Drive, float, Array]) -> tuple[list[float], Certificate]:
+    drive, M_g, rotations = task
     search = CycleSearch(drive, M_g)
-    found = [search.extremes(rotated(drive, rotation), effort) for rotation in rotations]
+    found = [search.extremes(rotated(drive, rotation)) for rotation in rotations]
     return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.error.search import QUICK, QUICK_STATES, CycleSearch, searchable
+from hdassist.error.search import SEARCHED, CycleSearch, searchable
 from hdassist.error.table import DEVIATIONS, STATES, ErrorTable, error_tables, turns
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
@@ -158,14 +158,14 @@ def robust(
 def interpolates(drive: Drive, samples: int, positions: int) -> bool:
     """Whether samples differ in deviations alone and are so many that a table of the error pays."""
     deviations = all(path.startswith(DEVIATIONS) for path in drive.uncertainty)
-    return deviations and samples * positions * QUICK_STATES > STATES
+    return deviations and samples * positions * SEARCHED > STATES
 
 
 def sample_states(drive: Drive, samples: int, positions: int) -> int:
     """Number of states that the samples take at one torque, about, for a progress bar."""
     if not drive.uncertainty or not samples:
         return 0
-    searched = samples * positions * QUICK_STATES
+    searched = samples * positions * SEARCHED
     return STATES if interpolates(drive, samples, positions) else searched
 
 
@@ -190,7 +190,7 @@ def _sampled(task: tuple[Drive, Sequence[float], Sequence[float]]) -> tuple[list
     proofs: list[Certificate] = []
     for M_g in torques:
         search = CycleSearch(drive, M_g)
-        found = [search.extremes(rotated(drive, rotation), QUICK) for rotation in rotations]
+        found = [search.extremes(rotated(drive, rotation)) for rotation in rotations]
         rows.append([f.F_ior_arcsec for f in found])
         proofs += [f.certificate for f in found]
     return rows, sum(proofs, EMPTY)

@@ -13,7 +13,6 @@ from hdassist.calibration.evaluations import Evaluations
 from hdassist.calibration.quantities import FINE, MEDIUM, ROUGH, Quantities
 from hdassist.calibration.targets import read_targets
 from hdassist.design.trace_page import figures
-from hdassist.error.search import QUICK
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError
@@ -136,7 +135,7 @@ def test_a_state_of_something_else_is_refused(cheap, tmp_path):
 FOREIGN = {
     "a preset": Path(SMALL).read_bytes(),
     "no end of line": b"name: drive",
-    "two lines, the last without an end": b'{"schema": "hdassist.calibration-state/1"}\nnot mine',
+    "two lines, the last without an end": b'{"schema": "hdassist.calibration-state/2"}\nnot mine',
     "nothing": b"",
     "no text": b"\xff\xfe\x00\n\x00",
     "numbers": b"1\n2\n3",
@@ -219,7 +218,7 @@ def test_quantities_are_those_of_the_commands(reference):
 
 
 def test_extremes_over_the_phase_are_those_of_the_curve():
-    drive, accuracy = drive_of(), replace(FINE, effort=QUICK, phases=12)
+    drive, accuracy = drive_of(), replace(FINE, phases=12)
     values = [Quantities(drive, accuracy).F_ior(4.0, phase) for phase in range(0, 360, 12)]
     fine = Quantities(drive, accuracy).scan(4.0)
     assert fine.least <= min(values) + 1e-6

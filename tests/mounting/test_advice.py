@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.search import QUICK, CycleSearch
+from hdassist.error.search import CycleSearch
 from hdassist.errors import UsageError
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.curve import mounting_curve
@@ -211,6 +211,6 @@ def test_a_run_out_mark_ends_near_the_direction_of_the_cam_offset():
     drive = load_preset("vzp160", ["mounting.mark_kind=runout", "phases.xi_b=75", "phases.phi_hb=40"])
     search = CycleSearch(drive, 800.0)
     turns = np.arange(12) * 30.0
-    best = turns[int(np.argmin([search.extremes(rotated(drive, t), QUICK).F_ior_arcsec for t in turns]))]
+    best = turns[int(np.argmin([search.extremes(rotated(drive, t)).F_ior_arcsec for t in turns]))]
     away = (75 + best - 40 + 180) % 360 - 180
     assert abs(away) <= 45

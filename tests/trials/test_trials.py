@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.search import QUICK, CycleSearch
+from hdassist.error.search import CycleSearch
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import Drive
@@ -54,7 +54,7 @@ def measured(size: float, direction: float) -> tuple[float, ...]:
     """F'_ior [arcsec] in each hole, by search."""
     drive = hidden(size, direction)
     search = CycleSearch(drive, M_G)
-    return tuple(search.extremes(rotated(drive, r), QUICK).F_ior_arcsec for r in POSITIONS)
+    return tuple(search.extremes(rotated(drive, r)).F_ior_arcsec for r in POSITIONS)
 
 
 def trials(values: tuple[float, ...], rotations=THIRDS, off=(0.0, 0.0, 0.0)) -> list[Trial]:
@@ -130,7 +130,7 @@ def test_turning_the_wheel_is_turning_the_offset_back(prior: OffsetPrior) -> Non
         size = 30  # place among the sizes
         direction = 40  # place among the directions, 200 deg
         drive = hidden(float(prior.size_um[size]), float(prior.direction_deg[direction]))
-        exact = CycleSearch(drive, M_G).extremes(rotated(drive, rotation), QUICK).F_ior_arcsec
+        exact = CycleSearch(drive, M_G).extremes(rotated(drive, rotation)).F_ior_arcsec
         found = prior.at(rotation)[0, node[0], size, direction] / prior.scale[node[0]]
         assert found == pytest.approx(exact, abs=4 * prior.standard_error_arcsec[0] + 0.5)
 
@@ -140,7 +140,7 @@ def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     drive = drive.model_copy(update={"uncertainty": KNOWN})
     truth = drive.with_values({"tolerances.e_hg": 45.0, "phases.phi_hg": 130.0})
     search = CycleSearch(truth, M_G)
-    tried = [Trial(r, search.extremes(rotated(truth, r), QUICK).F_ior_arcsec) for r in THIRDS]
+    tried = [Trial(r, search.extremes(rotated(truth, r)).F_ior_arcsec) for r in THIRDS]
     known = posterior(offset_prior(drive, (M_G,), sizes=FEW), tried, RIG, POSITIONS)
     (one,) = known.directions()
     assert abs(one.direction_deg - 130) < max(3 * one.spread_deg, 5)
@@ -168,7 +168,7 @@ def test_the_seats_error_is_that_of_a_displaced_wheel(
     found = []
     for angle in range(0, 360, 30):
         off = {"tolerances.e_b": float(np.sqrt(2) * reseat), "phases.phi_eb": float(angle)}  # each component by reseat
-        found.append(search.extremes(drive.with_values(off), QUICK).F_ior_arcsec)
+        found.append(search.extremes(drive.with_values(off)).F_ior_arcsec)
     seen = prior.seat_error(0.0, reseat)[0, prior.scale == 1, size, direction].mean()
     assert seen == pytest.approx(np.std(found), rel=rel)
 
@@ -235,7 +235,7 @@ def test_stiffness_sets_are_weighed() -> None:
     drive = drive.model_copy(update={"alternatives": (soft,)})
     truth = hidden(50.0, 20.0).with_values(soft)
     search = CycleSearch(truth, M_G)
-    tried = [Trial(r, search.extremes(rotated(truth, r), QUICK).F_ior_arcsec) for r in POSITIONS[::2]]
+    tried = [Trial(r, search.extremes(rotated(truth, r)).F_ior_arcsec) for r in POSITIONS[::2]]
     assert posterior(offset_prior(drive, (M_G,), sizes=FEW), tried, RIG, POSITIONS).model_share[1] > 0.9
 
 
@@ -279,10 +279,10 @@ def test_an_outcome_counts_at_all_torques_that_decide(both: OffsetPrior) -> None
     """A hole that is worse at the trials' torque may be the better one over all."""
     light = hidden(26.0, 300.0)
     search = CycleSearch(light, 1.0)
-    tried = [Trial(r, search.extremes(rotated(light, r), QUICK).F_ior_arcsec) for r in THIRDS]
+    tried = [Trial(r, search.extremes(rotated(light, r)).F_ior_arcsec) for r in THIRDS]
     known = posterior(both, tried, Rig(1.0, 1.0), POSITIONS)
     best = POSITIONS[known.best]
-    value = search.extremes(rotated(light, best), QUICK).F_ior_arcsec
+    value = search.extremes(rotated(light, best)).F_ior_arcsec
     assert verify(known, Trial(best, value)).keep
 
 
