@@ -37,7 +37,11 @@ class ClosedRecord:
 
 @dataclass(frozen=True)
 class CheckRecord(ClosedRecord):
-    """A decision on a limit; limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain."""
+    """A decision on a limit.
+
+    limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain; rise: by how much the value
+    may be greater in another cycle; unstated: sources of its uncertainty that nobody has stated.
+    """
 
     code: str
     M_g_Nm: float | None
@@ -53,6 +57,8 @@ class CheckRecord(ClosedRecord):
     unit: str
     verdict: Verdict
     reason: str | None
+    rise: float = 0.0
+    unstated: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, decision: Decision) -> CheckRecord:
@@ -62,7 +68,7 @@ class CheckRecord(ClosedRecord):
         return cls(
             limit.check.code, limit.M_g, limit.order, basis, extent, number, decision.expanded, decision.guard,
             limit.bound, "greatest" if limit.check.upper else "least", decision.margin, limit.check.unit,
-            decision.verdict, decision.reason or None,
+            decision.verdict, decision.reason or None, *((value.rise, value.unstated) if value else ()),
         )  # fmt: skip
 
     @property
@@ -75,7 +81,7 @@ class CheckRecord(ClosedRecord):
         value = None
         if self.value is not None and self.basis is not None and self.extent is not None:
             uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
-            value = Value(self.value, uncertainty, self.basis, self.extent)
+            value = Value(self.value, uncertainty, self.basis, self.extent, self.rise, self.unstated)
         return CheckRecord.of(decide(self.held_against, value, rule, margin))
 
 

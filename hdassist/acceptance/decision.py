@@ -1,8 +1,9 @@
 """A value held against its limit: the limits of a drive, the decision, and the rule that it follows.
 
 Measured values, guard rule (JCGM 106, ISO 14253-1): accepted within the limit by GUARD standard uncertainties or
-more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between. Simple rule: accepted
-up to the limit. Predicted values have no standard uncertainty: a declared margin, a share of the value, stands in
+more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between; what lines off the
+orders may add in another cycle has to find room too, and what nobody has stated of the uncertainty leaves it open.
+Simple rule: accepted up to the limit. Predicted values have no standard uncertainty: a declared margin, a share of the value, stands in
 its place under both rules, and what comes out is no decision on conformity.
 """
 
@@ -51,13 +52,16 @@ class Value:
     """What is known of a value.
 
     number, in the unit of its check; uncertainty, the standard one, 0 where it is predicted; basis, how it is known;
-    extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole.
+    extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole; rise,
+    by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated.
     """
 
     number: float
     uncertainty: float
     basis: Basis
     extent: Extent = "whole"
+    rise: float = 0.0
+    unstated: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -98,10 +102,16 @@ def decide(limit: Limit, value: Value | None, rule: Rule, margin: float) -> Deci
         return Decision(limit, value, guard, Verdict.FAIL, "")
     if value.extent == "at least":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only")
-    if room >= guard:
-        return Decision(limit, value, guard, Verdict.PASS, "")
-    band = "margin of the prediction" if predicted else "guard band"
-    return Decision(limit, value, guard, Verdict.INCONCLUSIVE, f"within the {band}")
+    strict = rule == "guard" and not predicted
+    if room - (value.rise if strict else 0.0) < guard:
+        band = "margin of the prediction" if predicted else "guard band"
+        lines = f", with {value.rise:.3g} that lines may add in another cycle" if strict and value.rise else ""
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, f"within the {band}{lines}")
+    if strict and value.unstated:
+        names, options = ", ".join(value.unstated), ",".join(f"{name}=U" for name in value.unstated)
+        words = f"nothing stated of {names}: --budget {options}, U in arcsec, 0 where a source adds nothing"
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, words)
+    return Decision(limit, value, guard, Verdict.PASS, "")
 
 
 def _room(limit: Limit, value: Value) -> float:
