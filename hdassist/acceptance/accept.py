@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from hdassist.acceptance.checks import BUDGET, COVERAGE, LINES, NOT_TESTED, RATED, RECORD, UNCERTAINTY
-from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, needed_for
+from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
@@ -98,8 +98,8 @@ def accept(
             continue
         else:
             values = [limit.predicted(predictions)]
-        rule, margin = drive.acceptance.rule, drive.acceptance.margin / 100
-        decisions.append(_decisive([decide(limit, value, rule, margin) for value in values]))
+        margin = margin_of(drive).percent / 100
+        decisions.append(_decisive([decide(limit, value, drive.acceptance.rule, margin) for value in values]))
     return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
 
 

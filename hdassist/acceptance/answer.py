@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from hdassist.acceptance.accept import AcceptanceResult, Note
 from hdassist.acceptance.checks import Extent, check_of
-from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
+from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, MarginOrigin, Rule, Value, decide, margin_of
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request, Seed
 from hdassist.errors import DataError, HdassistError
@@ -100,11 +100,12 @@ class TraceRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class RuleRecord(ClosedRecord):
-    """By what was decided: rule of measured values with its guard band, margin of predicted ones."""
+    """By what was decided: rule of measured values with its guard band, margin of predicted ones and its origin."""
 
     measured: Rule
     guard_standard_uncertainties: float
     prediction_margin_percent: float
+    prediction_margin_origin: MarginOrigin = "given"
 
 
 @dataclass(frozen=True)
@@ -234,7 +235,7 @@ _ACCEPTED, _UNANSWERED = TypeAdapter(Accepted), TypeAdapter(Unanswered)
 def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Accepted:
     """The answer that an acceptance is."""
     drive, acceptance, predictions = result.drive, result.drive.acceptance, result.predictions
-    guard = GUARD if acceptance.rule == "guard" else 0.0
+    guard, margin = GUARD if acceptance.rule == "guard" else 0.0, margin_of(drive)
     return Accepted(
         schema=SCHEMA,
         version=__version__,
@@ -253,7 +254,7 @@ def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place
             )
             for M_g, m in result.measurements.items()
         ),
-        rule=RuleRecord(acceptance.rule, guard, acceptance.margin),
+        rule=RuleRecord(acceptance.rule, guard, margin.percent, margin.origin),
         certificate=_certificate(predictions) if predictions else None,
         solver="engine" if predictions else None,
         seed=request.seed,

@@ -172,8 +172,8 @@ BUDGET = Remark(
     "uncertainty not stated",
     "Whether every source of uncertainty that a record cannot tell has been stated.",
     "Encoder, coupling, reseating or temperature may be as large as the error that is decided on.",
-    "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing; the guard rule passes nothing "
-    "without.",
+    "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing; the guard rule "
+    "passes nothing without.",
 )
 LINES = Remark(
     "LINES",

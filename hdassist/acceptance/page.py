@@ -11,7 +11,7 @@ from rich.text import Text
 
 from hdassist.acceptance.accept import AcceptanceResult
 from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
-from hdassist.acceptance.decision import GUARD, Limit
+from hdassist.acceptance.decision import GUARD, Limit, margin_of
 from hdassist.terminal.answers import csv_text
 from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
@@ -51,7 +51,7 @@ def _titles(result: AcceptanceResult) -> dict[str, str]:
     return {
         "measured": f"measured: {RULES[acceptance.rule]}",
         "stated": f"measured otherwise: {RULES[acceptance.rule]}",
-        "predicted": f"predicted: margin {acceptance.margin:g} %; no decision on conformity to a standard",
+        "predicted": f"predicted: {margin_of(result.drive).words}; no decision on conformity",
     }
 
 
