@@ -125,7 +125,8 @@ def test_people_see_each_check_with_how_it_is_known(rig):
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert done.stdout.isascii()
     for words in ("small: FAIL", "measured: guard bands of 1.65 u", "predicted: margin 50 %", "<= 400",
-                  "clearances not calibrated", "F'_ior at 4 N*m", "remark BUDGET", "certificate: ", "explain ORDER LOST_MOTION"):  # fmt: skip
+                  "clearances not calibrated", "F'_ior at 4 N*m", "remark BUDGET", "certificate: ",
+                  "explain F_IOR ORDER LOST_MOTION"):  # fmt: skip
         assert words in done.stdout
 
 
