@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.acceptance.checks import BUDGET, COVERAGE, NOT_TESTED, RATED, RECORD, UNCERTAINTY
-from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, needed_for
+from hdassist.acceptance.checks import BUDGET, COVERAGE, LINES, NOT_TESTED, RATED, RECORD, UNCERTAINTY
+from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
@@ -98,8 +98,8 @@ def accept(
             continue
         else:
             values = [limit.predicted(predictions)]
-        rule, margin = drive.acceptance.rule, drive.acceptance.margin / 100
-        decisions.append(_decisive([decide(limit, value, rule, margin) for value in values]))
+        margin = margin_of(drive).percent / 100
+        decisions.append(_decisive([decide(limit, value, drive.acceptance.rule, margin) for value in values]))
     return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
 
 
@@ -137,13 +137,19 @@ def _require_order(drive: Drive, order: float) -> None:
 
 def _measured(limit: Limit, measurement: Measurement) -> list[Value]:
     """What the directions of a trace say of a limit, the greatest first."""
-    found = [value for d in measurement.directions if (value := _of_direction(limit, d)) is not None]
+    found = [value for d in measurement.directions if (value := value_of(limit, d)) is not None]
     return sorted(found, key=lambda value: -value.number)
 
 
-def _of_direction(limit: Limit, found: SweepResult) -> Value | None:
+def value_of(limit: Limit, found: SweepResult) -> Value | None:
+    """What one direction of a trace says of a limit; None where it does not tell it."""
     value = limit.check.measured(found, limit.order or 0.0) if limit.check.measured else None
-    return value and Value(*value, "measured", limit.check.of_part if found.is_bound else "whole")
+    if value is None:
+        return None
+    number, uncertainty, rise = value
+    unstated = tuple(source.name for source in found.sources if source.arcsec is None)
+    extent = limit.check.of_part if found.is_bound else "whole"
+    return Value(number, uncertainty, "measured", extent, rise, unstated)
 
 
 def _decisive(found: Sequence[Decision]) -> Decision:
@@ -167,6 +173,11 @@ def _of_traces(result: AcceptanceResult) -> Iterator[Note]:
         missing = [source.name for source in measurement.directions[0].sources if source.arcsec is None]
         if missing:
             yield Note(BUDGET.code, f"{where}: nothing stated of {', '.join(missing)}")
+        lines = dict.fromkeys(f"{line.per_cam_rev:.3f}" for d in measurement.directions for line in d.lines)
+        if lines:
+            rise = max(d.rise_arcsec for d in measurement.directions)
+            more = f"; F'_ior may be {rise:.3g} arcsec greater in another cycle" if rise else ""
+            yield Note(LINES.code, f"{where}: {', '.join(lines)} per cam turn{more}")
         yield from (Note(RECORD.code, f"{where}: {text}") for text in measurement.warnings)
 
 

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from hdassist.acceptance.accept import AcceptanceResult, Note
 from hdassist.acceptance.checks import Extent, check_of
-from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, Rule, Value, decide
+from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, MarginOrigin, Rule, Value, decide, margin_of
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request, Seed
 from hdassist.errors import DataError, HdassistError
@@ -37,7 +37,11 @@ class ClosedRecord:
 
 @dataclass(frozen=True)
 class CheckRecord(ClosedRecord):
-    """A decision on a limit; limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain."""
+    """A decision on a limit.
+
+    limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain; rise: by how much the value
+    may be greater in another cycle; unstated: sources of its uncertainty that nobody has stated.
+    """
 
     code: str
     M_g_Nm: float | None
@@ -53,6 +57,8 @@ class CheckRecord(ClosedRecord):
     unit: str
     verdict: Verdict
     reason: str | None
+    rise: float = 0.0
+    unstated: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, decision: Decision) -> CheckRecord:
@@ -62,7 +68,7 @@ class CheckRecord(ClosedRecord):
         return cls(
             limit.check.code, limit.M_g, limit.order, basis, extent, number, decision.expanded, decision.guard,
             limit.bound, "greatest" if limit.check.upper else "least", decision.margin, limit.check.unit,
-            decision.verdict, decision.reason or None,
+            decision.verdict, decision.reason or None, *((value.rise, value.unstated) if value else ()),
         )  # fmt: skip
 
     @property
@@ -75,7 +81,7 @@ class CheckRecord(ClosedRecord):
         value = None
         if self.value is not None and self.basis is not None and self.extent is not None:
             uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
-            value = Value(self.value, uncertainty, self.basis, self.extent)
+            value = Value(self.value, uncertainty, self.basis, self.extent, self.rise, self.unstated)
         return CheckRecord.of(decide(self.held_against, value, rule, margin))
 
 
@@ -94,11 +100,12 @@ class TraceRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class RuleRecord(ClosedRecord):
-    """By what was decided: rule of measured values with its guard band, margin of predicted ones."""
+    """By what was decided: rule of measured values with its guard band, margin of predicted ones and its origin."""
 
     measured: Rule
     guard_standard_uncertainties: float
     prediction_margin_percent: float
+    prediction_margin_origin: MarginOrigin = "given"
 
 
 @dataclass(frozen=True)
@@ -228,7 +235,7 @@ _ACCEPTED, _UNANSWERED = TypeAdapter(Accepted), TypeAdapter(Unanswered)
 def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Accepted:
     """The answer that an acceptance is."""
     drive, acceptance, predictions = result.drive, result.drive.acceptance, result.predictions
-    guard = GUARD if acceptance.rule == "guard" else 0.0
+    guard, margin = GUARD if acceptance.rule == "guard" else 0.0, margin_of(drive)
     return Accepted(
         schema=SCHEMA,
         version=__version__,
@@ -247,7 +254,7 @@ def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place
             )
             for M_g, m in result.measurements.items()
         ),
-        rule=RuleRecord(acceptance.rule, guard, acceptance.margin),
+        rule=RuleRecord(acceptance.rule, guard, margin.percent, margin.origin),
         certificate=_certificate(predictions) if predictions else None,
         solver="engine" if predictions else None,
         seed=request.seed,

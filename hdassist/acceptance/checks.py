@@ -39,16 +39,16 @@ class Check(Explained):
 
     field: of the preset's section acceptance, which has the limit; its kind says what the limit is for. needs: what of
     the drive has to be predicted for the value. predicted: the value by predictions, torque [N*m] and order per cam
-    turn (0 where the limit is for none). measured: the value with its standard uncertainty by one direction of a
-    trace and the order, None where that does not tell it; no function where no trace tells it. of_part: what such a
-    value says where the record visited a part of the cycle. upper: whether the limit is the greatest value allowed,
-    not the least.
+    turn (0 where the limit is for none). measured: the value, its standard uncertainty, and by how much lines off the
+    orders may make it greater in another cycle, by one direction of a trace and the order, None where that does not
+    tell it; no function where no trace tells it. of_part: what such a value says where the record visited a part of the
+    cycle. upper: whether the limit is the greatest value allowed, not the least.
     """
 
     field: str
     needs: tuple[Need, ...]
     predicted: Callable[[Predictions, float, float], float]
-    measured: Callable[[SweepResult, float], tuple[float, float] | None] | None = None
+    measured: Callable[[SweepResult, float], tuple[float, float, float] | None] | None = None
     of_part: Extent = "at least"
     upper: bool = True
 
@@ -68,10 +68,10 @@ class Remark(Explained):
     """Something that a verdict should not be read without."""
 
 
-def _amplitude(found: SweepResult, order: float) -> tuple[float, float] | None:
+def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] | None:
     near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.bins.span]
     best = min(near, key=lambda o: abs(o.per_cam_rev - order), default=None)
-    return (best.amplitude_arcsec, best.uncertainty_arcsec) if best else None
+    return (best.amplitude_arcsec, best.uncertainty_arcsec, 0.0) if best else None
 
 
 def _weaker_side(segment: int, of: Predictions, *_: float) -> float:
@@ -91,7 +91,7 @@ F_IOR = Check(
     "F_ior",
     ("cycle", "self error"),
     lambda of, M_g, _: of.errors[M_g].F_ior_arcsec + of.self_errors[M_g].range_arcsec,
-    lambda found, _: (found.range.value, found.uncertainty_arcsec),
+    lambda found, _: (found.range.value, found.uncertainty_arcsec, found.rise_arcsec),
 )
 TURN_RANGE = Check(
     "TURN_RANGE",
@@ -102,7 +102,7 @@ TURN_RANGE = Check(
     "turn_range",
     ("cycle",),
     lambda of, M_g, _: of.turn_range(M_g),
-    lambda found, _: (found.revolution.value, found.revolution_uncertainty_arcsec),
+    lambda of, _: (of.revolution.value, of.revolution_uncertainty_arcsec, of.revolution_rise_arcsec),
 )
 ORDER = Check(
     "ORDER",
@@ -172,7 +172,16 @@ BUDGET = Remark(
     "uncertainty not stated",
     "Whether every source of uncertainty that a record cannot tell has been stated.",
     "Encoder, coupling, reseating or temperature may be as large as the error that is decided on.",
-    "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing.",
+    "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing; the guard rule "
+    "passes nothing without.",
+)
+LINES = Remark(
+    "LINES",
+    "lines off the orders",
+    "Whether the record has lines that are none of the declared orders: a ball pass, a cage, the rig.",
+    "They are in the value as the record has them; in another cycle they stand otherwise to the drive's own error and "
+    "may make it greater, for which the guard rule keeps room.",
+    "Find what turns at that order and mend it; --orders takes it in where it belongs to the cam or the teeth.",
 )
 RECORD = Remark(
     "RECORD",
@@ -195,7 +204,7 @@ NOT_TESTED = Remark(
     "The verdict says nothing of limits that were left out.",
     "Measure them too, or leave out --measured-only: then the model predicts them.",
 )
-REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, RECORD, RATED, NOT_TESTED)
+REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
 
 

@@ -110,7 +110,7 @@ def command(
     serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number in the report.")] = "",
     rule: Annotated[Literal["guard", "simple"] | None, typer.Option(help="Decision rule for measured values.")] = None,
     margin: Annotated[
-        float | None, typer.Option(metavar="PERCENT", help="Margin of predicted values, to either side.")
+        float | None, typer.Option(metavar="PERCENT", help="Margin of predicted values; 10 calibrated, else 50.")
     ] = None,
     measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False,
     fail_on: Annotated[
@@ -134,15 +134,16 @@ def command(
     \b
     Examples:
       hdassist accept my-drive.yaml
-      hdassist accept my-drive.yaml --measured 80:run.csv --measured-only --budget encoder=0.3
+      hdassist accept my-drive.yaml --measured 80:run.csv --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0
       hdassist accept vzp160 --limit F_ior@80=30 --limit order_2=5 --limit lost_motion=60
       hdassist accept my-drive.yaml --value lost_motion=41±3 --json
       hdassist accept lot.csv --preset my-drive.yaml --measured-only --jsonl lot.jsonl --resume --junit lot.xml
       hdassist accept --replay result.json
 
     A limit is decided by what was measured, with its uncertainty and a decision rule, or else by the model's
-    prediction with a declared margin. hdassist explain CODE tells what a check means. A lot has a row for each drive,
-    with the columns serial, preset, measured or measured@80 (files), NAME[@TORQUE] (values like 28.1±1.2),
+    prediction with a margin, wide where the drive is not calibrated. A trace passes only where --budget states encoder,
+    coupling, reseating and temperature, 0 allowed. hdassist explain CODE tells what a check means. A lot has a row for
+    each drive, with the columns serial, preset, measured or measured@80 (files), NAME[@TORQUE] (values like 28.1±1.2),
     limit NAME[@TORQUE], section.key (overrides); or it is a folder of presets with traces beside them
     (17-042.yaml, 17-042@80.csv). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6 INCONCLUSIVE, 4 bad preset,
     file or no limit, 5 no trustworthy answer; of several drives the worst, in the order 1, 5, 4, 3, 6, 0.

@@ -18,7 +18,7 @@ from hdassist.visible import visible
 
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
-NUMBERS = ("value", "expanded_uncertainty", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
+NUMBERS = ("value", "expanded_uncertainty", "rise", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
 
 
 def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str:

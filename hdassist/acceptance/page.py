@@ -11,7 +11,7 @@ from rich.text import Text
 
 from hdassist.acceptance.accept import AcceptanceResult
 from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
-from hdassist.acceptance.decision import GUARD, Limit
+from hdassist.acceptance.decision import GUARD, Limit, margin_of
 from hdassist.terminal.answers import csv_text
 from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
@@ -51,7 +51,7 @@ def _titles(result: AcceptanceResult) -> dict[str, str]:
     return {
         "measured": f"measured: {RULES[acceptance.rule]}",
         "stated": f"measured otherwise: {RULES[acceptance.rule]}",
-        "predicted": f"predicted: margin {acceptance.margin:g} %; no decision on conformity to a standard",
+        "predicted": f"predicted: {margin_of(result.drive).words}; no decision on conformity",
     }
 
 
@@ -122,6 +122,10 @@ def _notes(result: AcceptanceResult) -> list[str]:
     return lines
 
 
+def _cells(check: CheckRecord) -> list[object]:
+    return [" ".join(cell) if isinstance(cell, tuple) else cell for cell in astuple(check)]
+
+
 def csv(answers: Iterable[Answer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
     keys = [field.name for field in fields(CheckRecord)]
@@ -129,7 +133,7 @@ def csv(answers: Iterable[Answer]) -> str:
     for answer in answers:
         start, end = [answer.serial, answer.preset.name], list(provenance(answer).values())
         if isinstance(answer, Accepted):
-            rows += [[*start, *astuple(check), answer.exit_code, None, *end] for check in answer.checks]
+            rows += [[*start, *_cells(check), answer.exit_code, None, *end] for check in answer.checks]
         else:
             rows.append([*start, *[None] * len(keys), answer.exit_code, answer.error.message, *end])
     return csv_text(["serial", "preset", *keys, "exit_code", "error", *PROVENANCE], rows)

@@ -16,7 +16,7 @@ from hdassist.readers.trace import MAX_BYTES
 from hdassist.textfile import read_bytes
 
 RELATIVE = 1e-6  # of a value or its limit: how far numbers may lie apart that agree
-NUMBERS = ("value", "expanded_uncertainty", "guard", "limit")
+NUMBERS = ("value", "expanded_uncertainty", "rise", "guard", "limit")
 WORDS = ("unit", "basis", "extent", "verdict")
 
 

@@ -21,7 +21,7 @@ class Bins:
     """Averages, shape (bins,), by sweep and along the angle.
 
     turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; travel: of the cam
-    since the first row, turns.
+    since the first row, turns; per_turn: bins in a turn of the cam.
     """
 
     turns: Array
@@ -30,6 +30,7 @@ class Bins:
     weight: Array
     sweep: NDArray[np.int64]
     travel: Array
+    per_turn: float
 
     def __len__(self) -> int:
         return len(self.turns)
@@ -52,15 +53,15 @@ def travel_of(trace: MeasuredTrace) -> Array:
 
 def bins_of(trace: MeasuredTrace, sweeps: Sequence[Sweep], highest: float) -> Bins:
     """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
-    travel = travel_of(trace)
+    travel, per_turn = travel_of(trace), PER_PERIOD * highest
     parts = []
     for number, sweep in enumerate(sweeps):
         rows = slice(sweep.start, sweep.stop)
         turns = trace.cam_deg[rows] / 360
-        _, place = np.unique(np.floor(turns * PER_PERIOD * highest), return_inverse=True)
+        _, place = np.unique(np.floor(turns * per_turn), return_inverse=True)
         count = np.bincount(place).astype(float)
         means = [np.bincount(place, values) / count for values in (turns, trace.error_arcsec[rows], travel[rows])]
         parts.append((means[0], means[1], count, np.full(len(count), number), means[2]))
     turns, error, count, index, path = (np.concatenate(column) for column in zip(*parts, strict=True))
     weight = np.minimum(count, HEAVIEST * np.median(count))
-    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path)
+    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path, per_turn)

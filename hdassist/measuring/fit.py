@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdassist.errors import UntrustedError
-from hdassist.measuring.bins import PER_PERIOD, Bins
+from hdassist.measuring.bins import Bins
 from hdassist.model.geometry import Array
 
 CHUNK = 8192  # rows of the design that stand in memory at once
@@ -27,6 +27,7 @@ FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the
 FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
 FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
+NEIGHBOURS = 10.0  # bins: readings closer than that show what goes on from one to the next
 
 
 def order_columns(turns: Array, orders: Array) -> Array:
@@ -85,8 +86,14 @@ class Design:
 
     def residual(self, solution: Array) -> Array:
         """What a solution leaves of the bins' error, shape (bins,)."""
-        fitted = np.concatenate([self._rows(rows) @ solution for rows in self._parts])
-        return np.asarray(self.bins.error - fitted)
+        return np.asarray(self.bins.error - self._at_bins(solution))
+
+    def rest(self, curves: Array) -> Array:
+        """What the unknowns cannot fit of curves at the bins, shape (bins, curves)."""
+        return np.asarray(curves - self._at_bins(self.project(lambda rows: curves[rows])))
+
+    def _at_bins(self, solution: Array) -> Array:
+        return np.concatenate([self._rows(rows) @ solution for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
         """Unknowns that fit other curves best, shape (columns, curves), from their values at a slice of the bins."""
@@ -108,7 +115,8 @@ class TraceFit:
     """Coefficients of a trace.
 
     design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
-    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; level: shape (sweeps,);
+    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; lines: those of the orders
+    that were found in the residuals, rising; level: shape (sweeps,);
     drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (bins,). correlated: bins that err together;
     unmodelled: size of what is no noise of reading [arcsec].
     """
@@ -116,6 +124,7 @@ class TraceFit:
     design: Design
     coefficients: Array
     factor: Array
+    lines: Array
     level: Array
     drift: Array
     residual: Array
@@ -167,24 +176,26 @@ class TraceFit:
         return self.design.drift_at(self.drift, travel)
 
 
-def fit_orders(bins: Bins, orders: Array, degree: int = 0) -> TraceFit:
-    """Fit the orders, a level of each sweep, and a drift of a degree (0: none) to the bins of a trace.
+def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None = None) -> TraceFit:
+    """Fit the orders, lines beside them, a level of each sweep, and a drift of a degree (0: none) to a trace's bins.
 
     Raises UntrustedError: too few bins, or angles at which the orders cannot be told apart.
     """
+    lines = np.sort(lines) if lines is not None else np.array([])
+    orders = np.sort(np.concatenate([orders, lines]))
     design = Design(bins, orders, degree)
     solution = design.solution()
     residual, columns = design.residual(solution), design.columns
     variance = float((bins.weight * residual**2).sum()) / (len(bins) - columns)
-    correlated, unmodelled = _memory(residual, variance, columns, float(orders[-1]), bins)
+    correlated, unmodelled = _memory(residual, variance, columns, bins)
     coefficients, level, drift = design.split(solution)
     floor = noise_floor(bins, residual, orders, variance)
     wide = np.full(len(coefficients), correlated) if floor is None else np.tile(floor, 2)
     factor = design.root[: len(coefficients)] * np.sqrt(variance * wide)[:, None]
-    return TraceFit(design, coefficients, factor, level, drift, residual, correlated, unmodelled)
+    return TraceFit(design, coefficients, factor, lines, level, drift, residual, correlated, unmodelled)
 
 
-def _memory(residual: Array, variance: float, columns: int, highest: float, bins: Bins) -> tuple[float, float]:
+def _memory(residual: Array, variance: float, columns: int, bins: Bins) -> tuple[float, float]:
     """How many bins err together, and the size of what goes on from bin to bin [arcsec]."""
     size = len(residual)
     if not variance:
@@ -195,12 +206,36 @@ def _memory(residual: Array, variance: float, columns: int, highest: float, bins
     below = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
     last = int(below[0]) if len(below) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
-    near = (np.diff(bins.turns) < 0.25 / highest) & (np.diff(bins.sweep) == 0)
+    near = (np.diff(bins.turns) < NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
     if near.sum() < size / 5:
         return correlated, 0.0
     following = float((residual[1:] * residual[:-1])[near].mean()) + variance * columns / size
     clear = following > 2 * variance / np.sqrt(near.sum())
     return correlated, float(np.sqrt(following)) if clear else 0.0
+
+
+def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array, Array]:
+    """Power of residuals, shape (bins,) [arcsec], over that of independent ones of the same variance at weight 1.
+
+    Returns orders per cam turn, rising, at least twice as dense as the record tells apart, and the power there.
+    """
+    places = np.floor(bins.turns * bins.per_turn).astype(np.int64)
+    sizes = [int(np.ptp(places[bins.sweep == k])) + 1 for k in range(bins.sweeps)]
+    length = 1 << int(np.ceil(np.log2(2 * max(sizes))))
+    power = np.zeros(length // 2 + 1)
+    for index, size in enumerate(sizes):
+        own = bins.sweep == index
+        line = np.zeros(size)
+        line[places[own] - places[own].min()] = (bins.weight * residual)[own]
+        power += np.abs(np.fft.rfft(line, length)) ** 2
+    power /= float((bins.weight**2).sum()) * variance
+    return np.arange(1, len(power)) * bins.per_turn / length, power[1:]
+
+
+def distance(probes: Array, orders: Array) -> Array:
+    """How far probes lie from the nearest of some orders, which rise, shape (probes,)."""
+    after = np.clip(np.searchsorted(orders, probes), 1, max(len(orders) - 1, 1))
+    return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
 def noise_floor(bins: Bins, residual: Array, orders: Array, variance: float) -> Array | None:
@@ -212,21 +247,8 @@ def noise_floor(bins: Bins, residual: Array, orders: Array, variance: float) -> 
     """
     if bins.span < FLOOR_SHORTEST or not variance:
         return None
-    density = PER_PERIOD * float(orders[-1])
-    places = np.floor(bins.turns * density).astype(np.int64)
-    sizes = [int(np.ptp(places[bins.sweep == k])) + 1 for k in range(bins.sweeps)]
-    length = 1 << int(np.ceil(np.log2(2 * max(sizes))))
-    power = np.zeros(length // 2 + 1)
-    for index, size in enumerate(sizes):
-        own = bins.sweep == index
-        line = np.zeros(size)
-        line[places[own] - places[own].min()] = (bins.weight * residual)[own]
-        power += np.abs(np.fft.rfft(line, length)) ** 2
-    power /= float((bins.weight**2).sum()) * variance
-    probes = np.arange(len(power)) * density / length
-    after = np.clip(np.searchsorted(orders, probes), 1, max(len(orders) - 1, 1))
-    near = np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
-    free = (near >= FLOOR_APART / bins.span) & (probes > 0) & (probes <= orders[-1] + 1)
+    probes, power = residual_power(bins, residual, variance)
+    free = (distance(probes, orders) >= FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
     probes, power = probes[free], power[free]
     if len(probes) < FLOOR_FEWEST:
         return None

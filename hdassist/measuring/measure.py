@@ -12,6 +12,7 @@ from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, TraceFit, fit_orders
+from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import DEFAULT, WHOLE, MeasuredOrder, order_grid, order_table
 from hdassist.measuring.range import Range, ranges_of, visited_angles
 from hdassist.measuring.uncertainty import (
@@ -71,9 +72,24 @@ class SweepResult:
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
-        """F'_ior with its expanded uncertainty, k = 2, to either side."""
+        """F'_ior with its expanded uncertainty, k = 2, to either side, above it what lines may add in another cycle."""
         reach = COVERAGE_FACTOR * self.uncertainty_arcsec
-        return max(0.0, self.range.value - reach), self.range.value + reach
+        return max(0.0, self.range.value - reach), self.range.value + self.rise_arcsec + reach
+
+    @property
+    def rise_arcsec(self) -> float:
+        """By how much lines may make F'_ior greater in another cycle; 0 for a bound, which is of its angles only."""
+        return 0.0 if self.is_bound else self.range.rise
+
+    @property
+    def revolution_rise_arcsec(self) -> float:
+        """The same of the range within one cam turn."""
+        return 0.0 if self.is_bound else self.revolution.rise
+
+    @property
+    def lines(self) -> tuple[MeasuredOrder, ...]:
+        """Lines that are none of the declared orders."""
+        return tuple(order for order in self.orders if order.per_cam_rev in self.fit.lines)
 
     @property
     def is_bound(self) -> bool:
@@ -141,6 +157,8 @@ def measure(
         declared = _declared(trace, sweeps, orders, notes)
         bins = bins_of(trace, sweeps, declared[-1])
         fit = _fit(bins, declared, gearing, DRIFTS[drift], notes)
+        if not together:
+            fit = with_lines(fit, fit.orders, DRIFTS[drift], _finest(trace, sweeps))
         found.append(_sweep_result(sign, trace, sweeps, fit, gearing, drive, stated or {}, seed))
     if not found:
         hint = "F'_ior is looked for over whole turns; is the angle that of the cam, and its unit right?"
@@ -172,18 +190,21 @@ def _declared(
 ) -> Sequence[float]:
     """Declared orders, refused where the steps of the angle do not resolve them; the default ones cut instead."""
     declared = orders or DEFAULT
-    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
-    steps = np.abs(steps[steps != 0])
-    step = float(np.quantile(steps, 0.75))
-    highest = 1 / (STEPS_PER_PERIOD * step)
+    highest = _finest(trace, sweeps)
     if declared[-1] <= highest:
         return declared
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
-        message = f"steps of {360 * step:.3g} deg are too long for order {declared[-1]:g}"
+        message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g} deg are too long for order {declared[-1]:g}"
         raise UntrustedError(f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders")
     notes.append(f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more")
     return kept
+
+
+def _finest(trace: MeasuredTrace, sweeps: Sequence[Sweep]) -> float:
+    """The highest order per cam turn that the steps of the angle resolve."""
+    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
+    return 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
 
 
 def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, degree: int, notes: list[str]) -> TraceFit:
@@ -213,7 +234,8 @@ def _sweep_result(
 ) -> SweepResult:
     """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage."""
     bins = fit.design.bins
-    cycle = gearing.cycle if gearing and bins.span >= WHOLE * gearing.ratio else None
+    again = gearing is not None and bins.span >= WHOLE * gearing.ratio and not len(fit.lines)
+    cycle = gearing.cycle if gearing and again else None
     grid = visited_angles(bins, float(fit.orders[-1]), cycle)
     extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
     scatter = float(np.sqrt(np.mean(bins.rows * fit.residual**2)))

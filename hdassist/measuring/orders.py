@@ -26,6 +26,7 @@ BEATS = 6
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
 WHOLE = 0.97  # of an output turn: a record that has its beats
+LINE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
 OUTPUT = "once per output turn: also encoder graduation and coupling"
 
 
@@ -81,7 +82,8 @@ def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, 
 def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[MeasuredOrder, ...]:
     """Orders of a fit, rising, with the simplest causes of each that lie nearest to it."""
     orders = fit.orders
-    width = float(np.diff(orders).min()) / 2 if len(orders) > 1 else 0.5
+    declared = orders[~np.isin(orders, fit.lines)]
+    width = float(np.diff(declared).min()) / 2 if len(declared) > 1 else 0.5
     causes: list[list[tuple[int, str]]] = [[] for _ in orders]
     for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
         place = int(np.abs(orders - order).argmin())
@@ -92,6 +94,8 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
         words = [text for degree, text in known if degree == min(known)[0]]
         if gearing and abs(order - 1 / gearing.ratio) < min(width, 0.5 / gearing.ratio):
             words.append(OUTPUT)
+        if order in fit.lines:
+            words.append(LINE)
         return "; ".join(words) or (UNKNOWN if drive else "")
 
     cosine, sine = fit.pair(fit.coefficients)

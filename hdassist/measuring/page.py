@@ -65,6 +65,7 @@ def _direction(result: Measurement, found: SweepResult, style: Style, plots: boo
         Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold"),
         Text(f"{raw}, of which noise adds {found.range.bias:.2f}"),
         Text(f"greatest within one turn: {within}"),
+        *([Text(_lines(found))] if found.lines else []),
         Text(_visited(result, found)),
         Text(""),
     ]
@@ -81,6 +82,12 @@ def _value(found: SweepResult) -> str:
     bound = "at least, for the angles visited: " if found.is_bound else ""
     value = f"{found.range.value:.2f} arcsec, u = {found.uncertainty_arcsec:.2f}"
     return f"F'_ior {bound}{value}, 95 % {low:.2f} to {high:.2f}"
+
+
+def _lines(found: SweepResult) -> str:
+    lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
+    rise = f"; in another cycle they may add {found.rise_arcsec:.2f} arcsec" if found.rise_arcsec else ""
+    return f"lines off the orders: {lines}{rise}"
 
 
 def _visited(result: Measurement, found: SweepResult) -> str:
@@ -121,7 +128,9 @@ def summary_line(result: Measurement) -> str:
     """The answer alone: F'_ior with its expanded uncertainty."""
     found = result.directions[0]
     bound = ">= " if found.is_bound else ""
-    return f"{bound}{found.range.value:.2f} +- {COVERAGE_FACTOR * found.uncertainty_arcsec:.2f} arcsec"
+    reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.rise_arcsec
+    spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"+- {reach:.2f}"
+    return f"{bound}{found.range.value:.2f} {spread} arcsec"
 
 
 def to_json(result: Measurement, drive: Drive | None) -> Json:
@@ -155,6 +164,8 @@ def _sweep(found: SweepResult) -> Json:
         "interval_arcsec": list(found.interval_arcsec),
         "revolution_range_arcsec": found.revolution.value,
         "revolution_range_standard_uncertainty_arcsec": found.revolution_uncertainty_arcsec,
+        "rise_in_another_cycle_arcsec": found.rise_arcsec,
+        "revolution_range_rise_arcsec": found.revolution_rise_arcsec,
         "band_limited_range_arcsec": found.range.fitted,
         "noise_bias_arcsec": found.range.bias,
         "raw_range_arcsec": found.raw_range_arcsec,
@@ -174,6 +185,7 @@ def _sweep(found: SweepResult) -> Json:
             "cell_output_deg": c.output_deg,
         },
         "orders": [as_object(ORDER, order) for order in found.orders],
+        "lines": [as_object(ORDER, line) for line in found.lines],
         "budget": [
             {"source": s.name, "standard_uncertainty_arcsec": s.arcsec, "origin": s.origin} for s in found.sources
         ],

@@ -29,11 +29,15 @@ CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be 
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a curve [arcsec]: as fitted, what noise has added to it, and the standard uncertainties of both."""
+    """Range of a curve [arcsec]: as fitted, what noise has added to it, and the standard uncertainties of both.
+
+    rise: by how much lines can make it greater where they stand otherwise to the orders, as in another cycle.
+    """
 
     fitted: float
     bias: float
     spread: float
+    rise: float = 0.0
 
     @property
     def value(self) -> float:
@@ -65,7 +69,10 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
     """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
     best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    curves = np.concatenate([fit.coefficients[:, None], best[:, None], best[:, None] + noise], axis=1)
+    line = np.isin(fit.orders, fit.lines)
+    own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
+    curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
+    lines = 2 * float(fit.amplitude[line].sum())
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     begins = range(int(part[-1]) + 1)
@@ -79,13 +86,17 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
         low[found] = np.minimum(low[found], np.minimum.reduceat(values, first))
     whole = high.max(axis=0) - low.min(axis=0)
     turn = [high[k : k + TURN_PARTS].max(axis=0) - low[k : k + TURN_PARTS].min(axis=0) for k in begins]
-    return _range(whole), _range(np.max(turn, axis=0))
+    return _range(whole, lines), _range(np.max(turn, axis=0), lines)
 
 
-def _range(extents: Array) -> Range:
-    """Range out of those of the fitted curve, of the shrunk one, and of the drawn ones."""
-    fitted, without, drawn = float(extents[0]), float(extents[1]), extents[2:]
-    return Range(fitted, max(0.0, float(drawn.mean()) - without), WIDER * float(drawn.std(ddof=1)))
+def _range(extents: Array, lines: float) -> Range:
+    """Range out of those of the fitted curve, of it without lines, of the shrunk one, and of the drawn ones.
+
+    lines: what they add to the curve's own range where the greatest of each meets that of the curve [arcsec].
+    """
+    (fitted, own, without), drawn = extents[:3].tolist(), extents[3:]
+    bias, spread = max(0.0, float(drawn.mean()) - without), WIDER * float(drawn.std(ddof=1))
+    return Range(fitted, bias, spread, max(0.0, own + lines - fitted) if lines else 0.0)
 
 
 def _shrunk(fit: TraceFit) -> Array:

@@ -29,12 +29,12 @@ class UncertaintySource:
 
 
 def parse_stated(texts: Sequence[str]) -> dict[str, float]:
-    """Stated standard uncertainties [arcsec] by source, from texts like "encoder=0.5".
+    """Stated standard uncertainties [arcsec] by source, from texts like "encoder=0.5" or "encoder=0.5,coupling=0".
 
     Raises UsageError: no such text, an unknown source, or one given twice.
     """
     stated: dict[str, float] = {}
-    for text in texts:
+    for text in (part for given in texts for part in given.split(",")):
         name, _, number = text.partition("=")
         try:
             value = float(number)

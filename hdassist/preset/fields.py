@@ -181,7 +181,14 @@ class Acceptance(Section):
         "decision rule for measured values: guard bands of 1.65 standard uncertainties, or simple acceptance",
         default="guard",
     )
-    margin: float = field("margin of a predicted value, in percent of it, to either side", "%", 10.0, ge=0, le=100)
+    margin: float | None = field(
+        "margin of a predicted value, in percent of it, to either side; left out: 10 for a drive whose stiffnesses or "
+        "clearances were identified, else 50",
+        "%",
+        None,
+        ge=0,
+        le=100,
+    )
 
 
 class Numerics(Section):

@@ -161,7 +161,10 @@ class TraceOptions(OptionGroup):
     drift: Annotated[str, typer.Option(metavar="KIND", help="Drift to take off: none, linear, quadratic.")] = "none"
     budget: Annotated[
         list[str],
-        typer.Option(metavar="NAME=ARCSEC", help="Standard uncertainty by encoder, coupling, ... Repeatable."),
+        typer.Option(
+            metavar="NAME=ARCSEC,...",
+            help="Standard uncertainty by encoder, coupling, reseating, temperature. Repeatable.",
+        ),
     ] = field(default_factory=list)
 
     def form(self) -> TraceForm:

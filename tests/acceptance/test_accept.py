@@ -14,7 +14,7 @@ from scipy.stats import norm
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import answer_of, exit_code, to_json
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER, explained
-from hdassist.acceptance.decision import GUARD, Limit, Value, decide, limits_of, needed_for
+from hdassist.acceptance.decision import GUARD, Limit, Margin, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.page import number, render
@@ -26,6 +26,9 @@ from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import measure
+from hdassist.measuring.uncertainty import STATED
+from hdassist.preset.fields import Source
+from hdassist.preset.library import load_preset
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from tests.rigs import drive_error, recorded, turn_range, whole_range
@@ -197,6 +200,7 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
     assert predictions.turn_range(1.0) <= predictions.errors[1.0].F_ior_arcsec
 
 
+NOTHING = dict.fromkeys(STATED, 0.0)  # every source of the budget stated to be none
 RNG = np.random.default_rng(3)
 CURVE = drive_error(RNG, 30)
 
@@ -240,9 +244,70 @@ def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
     x = np.concatenate([np.arange(30 * 120), np.arange(30 * 120, 20 * 120, -1)]) / 120
     both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
     drive = small("F_ior@4=1000", "turn_range@4=1000", "order_2=1000")
-    found = accept(drive, {4.0: measure(both, drive=drive)}, measured_only=True)
+    found = accept(drive, {4.0: measure(both, drive=drive, stated=NOTHING)}, measured_only=True)
     assert [d.verdict for d in found.decisions] == ["PASS"] * 3
     assert {d.value.extent for d in found.decisions} == {"whole"}
+
+
+def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
+    trace, limits = rig(30), ("F_ior@4=500", "turn_range@4=500", "order_2=500")
+    for missing in STATED:
+        stated_of = {name: 0.0 for name in STATED if name != missing}
+        measured = {4.0: measure(trace, drive=small(), stated=stated_of)}
+        found = accept(small(*limits), measured, measured_only=True)
+        assert [d.verdict for d in found.decisions] == ["INCONCLUSIVE"] * 3
+        assert {d.reason for d in found.decisions} == {
+            f"nothing stated of {missing}: --budget {missing}=U, U in arcsec, 0 where a source adds nothing"
+        }
+        lenient = small(*limits, overrides=("acceptance.rule=simple",))
+        assert accept(lenient, measured, measured_only=True).verdict == "PASS"
+        assert accept(small("F_ior@4=1"), measured, measured_only=True).verdict == "FAIL"  # that much is known
+    assert accept(small(*limits), {4.0: measure(trace, drive=small(), stated=NOTHING)}, measured_only=True).verdict == (
+        "PASS"
+    )
+
+
+def test_what_lines_may_add_in_another_cycle_has_to_find_room():
+    x = np.arange(30 * 120) / 120
+    error = CURVE(x) + 2 * np.cos(2 * np.pi * 12.96 * x) + 0.1 * np.random.default_rng(2).standard_normal(len(x))
+    measured = measure(recorded(x, error), drive=small(), stated=NOTHING)
+    (found,) = measured.directions
+    within = found.range.value + GUARD * found.uncertainty_arcsec
+    verdicts = []
+    for limit in (within + 0.5 * found.rise_arcsec, within + 1.01 * found.rise_arcsec):
+        told = accept(small(f"F_ior@4={limit!r}"), {4.0: measured}, measured_only=True)
+        verdicts.append(told.verdict)
+        assert [note.code for note in told.notes if note.code == "LINES"] == ["LINES"]
+        answer = answer_of(Request(SMALL), told, "fail")
+        assert answer.contradiction == ""
+        (check,) = to_json(answer)["checks"]
+        assert (check["rise"], check["unstated"]) == (found.rise_arcsec, [])
+    assert verdicts == ["INCONCLUSIVE", "PASS"]
+
+
+def test_a_drive_that_is_not_calibrated_has_a_wide_margin(predicted):
+    value = max(v for (code, _), v in values(predicted).items() if code == "F_IOR")
+    by_hand = small("F_ior=1")
+    assert margin_of(by_hand) == Margin(50.0, "assumed")
+    fitted = by_hand.model_copy(update={"source": {"contact.c_t": Source(kind="identified")}})
+    assert margin_of(fitted) == Margin(10.0, "calibrated")
+    guessed = by_hand.model_copy(update={"source": {"contact.c_t": Source(kind="assumed")}})
+    assert margin_of(guessed) == Margin(50.0, "assumed")
+    turned = by_hand.model_copy(update={"source": {"flexspline.k_t": Source(kind="identified")}})
+    assert margin_of(turned) == Margin(50.0, "assumed")  # a rim is neither stiffness of a contact nor clearance
+    assert margin_of(load_preset("vzp160")) == Margin(10.0, "calibrated")
+    assert margin_of(load_preset("vzp160", ["phases.xi_b=20"])).origin == "calibrated"
+    assert margin_of(load_preset("vzp160", ["contact.c_t=3e-5"])) == Margin(50.0, "assumed")
+    assert margin_of(load_preset("vzp160", ["acceptance.margin=7"])) == Margin(7.0, "given")
+    for factor, wide, narrow in ((1.2, "INCONCLUSIVE", "PASS"), (1.6, "PASS", "PASS"), (0.8, "INCONCLUSIVE", "FAIL")):
+        drive = small(f"F_ior={factor * value!r}")
+        known = drive.model_copy(update={"source": fitted.source})
+        told = [accept(one, predictions=predicted[1]) for one in (drive, known)]
+        assert [one.verdict for one in told] == [wide, narrow]
+        rules = [to_json(answer_of(Request(SMALL), one, "fail"))["rule"] for one in told]
+        assert [(r["prediction_margin_percent"], r["prediction_margin_origin"]) for r in rules] == [
+            (50.0, "assumed"), (10.0, "calibrated"),
+        ]  # fmt: skip
 
 
 def test_the_worse_verdict_of_two_directions_counts():

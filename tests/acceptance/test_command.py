@@ -33,13 +33,16 @@ def rig(tmp_path_factory) -> Path:
     return folder
 
 
-def accepted(rig: Path, *args: str):
-    return run("accept", SMALL, "--measured-only", *args, cwd=rig)
+NOTHING = "encoder=0,coupling=0,reseating=0,temperature=0"
+
+
+def accepted(rig: Path, *args: str, budget: str = NOTHING):
+    return run("accept", SMALL, "--measured-only", "--budget", budget, *args, cwd=rig)
 
 
 def test_json_has_all_that_it_takes_to_do_it_again(rig):
     done = accepted(rig, "--measured", "4:run.csv", "--limit", f"F_ior@4={TRUE + 3}", "--json", "--serial", "17",
-                    "--budget", "encoder=0.1")  # fmt: skip
+                    budget=NOTHING.replace("encoder=0", "encoder=0.1"))  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     told = json.loads(done.stdout)
     assert {k: told[k] for k in ("schema", "verdict", "exit_code", "serial", "seed", "certificate", "left_out")} == {
@@ -55,7 +58,11 @@ def test_json_has_all_that_it_takes_to_do_it_again(rig):
     assert found["margin"] == found["limit"] - found["value"]
     (measured,) = told["measured"]
     assert (measured["file"], measured["rows"], len(measured["sha256"])) == ("run.csv", 1800, 64)
-    assert told["rule"] == {"measured": "guard", "guard_standard_uncertainties": 1.65, "prediction_margin_percent": 10}
+    assert told["rule"] == {
+        "measured": "guard", "guard_standard_uncertainties": 1.65, "prediction_margin_percent": 50,
+        "prediction_margin_origin": "assumed",
+    }  # fmt: skip
+    assert (found["rise"], found["unstated"]) == (0, [])
     assert told["request"]["measured"] == ["4:run.csv"]
     assert re.fullmatch(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", told["time"])
 
@@ -98,14 +105,28 @@ def test_what_cannot_be_decided_has_a_code_of_its_own(rig, args, code, words):
     assert words in done.stderr
 
 
+def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
+    args = ("--measured", "4:run.csv", "--limit", f"F_ior@4={TRUE + 3}")
+    done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
+    assert done.returncode == 6
+    words = "nothing stated of coupling, temperature: --budget coupling=U,temperature=U, U in arcsec, 0 where"
+    assert words in re.sub(r"\s+", " ", done.stdout)
+    stated = accepted(rig, *args, "--budget", "coupling=0.1,temperature=0", budget="encoder=0.1,reseating=0")
+    assert stated.returncode == 0
+    found = json.loads(accepted(rig, *args, "--json", budget="coupling=0").stdout)["checks"][0]
+    assert (found["verdict"], found["unstated"]) == ("INCONCLUSIVE", ["encoder", "reseating", "temperature"])
+    assert accepted(rig, *args, "--rule", "simple", budget="coupling=0").returncode == 0
+
+
 def test_people_see_each_check_with_how_it_is_known(rig):
     args = ("--measured", "4:run.csv", "--limit", "F_ior=400", "--limit", "order_2@4=1")
     done = run("accept", SMALL, *args[:4], "--limit", "order_2=1", "--limit", "lost_motion=1", "--ascii", cwd=rig)
     assert done.returncode == 3
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert done.stdout.isascii()
-    for words in ("small: FAIL", "measured: guard bands of 1.65 u", "predicted: margin 10 %", "<= 400",
-                  "F'_ior at 4 N*m", "remark BUDGET", "certificate: ", "explain ORDER LOST_MOTION"):  # fmt: skip
+    for words in ("small: FAIL", "measured: guard bands of 1.65 u", "predicted: margin 50 %", "<= 400",
+                  "clearances not calibrated", "F'_ior at 4 N*m", "remark BUDGET", "certificate: ",
+                  "explain F_IOR ORDER LOST_MOTION"):  # fmt: skip
         assert words in done.stdout
 
 

@@ -33,7 +33,8 @@ serial;F_ior@1;limit F_ior@1;measured@4;limit F_ior@4;phases.xi_b
 17-4;;40;gone.csv;60;
 17-5;28±1;40;;;here
 """
-MEASURED = ("accept", "lot.csv", "--preset", SMALL, "--measured-only")
+STATED = ("--measured-only", "--budget", "encoder=0,coupling=0,reseating=0,temperature=0")
+MEASURED = ("accept", "lot.csv", "--preset", SMALL, *STATED)
 
 
 @pytest.fixture
@@ -167,7 +168,7 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
 
 
 def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
-    one = ("accept", SMALL, "--limit", "F_ior@4=60", "--measured", "4:run.csv", "--measured-only", "--serial", "17-1")
+    one = ("accept", SMALL, "--limit", "F_ior@4=60", "--measured", "4:run.csv", "--serial", "17-1", *STATED)
     assert here(*one, "--json", "-o", "one.json")[0] == 0
     assert here(*MEASURED, "--jsonl", "lot.jsonl", "-q")[0] == 4
     code, out, _ = here("accept", "--replay", "one.json", "--json")
@@ -253,9 +254,7 @@ def test_faults_end_clearly(folder, here, args, code, words):
 
 
 def test_lines_fit_a_terminal_or_are_objects(folder, here):
-    code, sent = on_terminal(
-        "accept", str(folder / "lot.csv"), "--preset", SMALL, "--measured-only", "--no-color", columns=60
-    )
+    code, sent = on_terminal("accept", str(folder / "lot.csv"), "--preset", SMALL, *STATED, "--no-color", columns=60)
     assert code == 4
     assert "\x1b" not in sent
     summary = sent[sent.index("yield") :]

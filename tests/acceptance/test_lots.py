@@ -177,7 +177,8 @@ def plain(answer):
 
 @pytest.fixture(scope="module")
 def lot(tmp_path_factory):
-    return read_lot(table(tmp_path_factory.mktemp("lot"), LOT), Request(SMALL))
+    base = Request(SMALL, overrides=("acceptance.margin=10",))
+    return read_lot(table(tmp_path_factory.mktemp("lot"), LOT), base)
 
 
 @pytest.fixture(scope="module")

@@ -108,7 +108,8 @@ MOVES = [
 LIMITS = [
     path
     for path, info in fields()
-    if path.startswith("acceptance.") and (kind_of(info) in ("limits", "orders") or is_optional(info))
+    if path.startswith("acceptance.") and path != "acceptance.margin"
+    if kind_of(info) in ("limits", "orders") or is_optional(info)
 ]
 
 

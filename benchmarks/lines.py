@@ -1,0 +1,167 @@
+"""Rigs with a line off the orders: `python -m benchmarks.lines [--rigs 200] [--jobs 2]`.
+
+A row for each group of simulated rigs: how often the 95 % interval of `measure` holds the true F'_ior, how often the
+guard rule passes a drive that stands exactly at its limit, and what it costs. The error is a made-up one of orders and
+beats (ratio 30 and 100), or the solved cycle of a drive of the library; the line has 10 to 25 % of its range as
+amplitude, at 6.48, 12.96, 13, 14.02 or anywhere from 0.5 to 20 per turn of the cam that is 0.3 or more from the orders.
+
+True value: the range of the noiseless error over the angles recorded ("recorded"), and the greatest range of any
+cycle, the line's phase standing freely against the orders ("any cycle"): that of the orders and twice the amplitude.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from tests.rigs import drive_error, recorded, slow_noise
+
+SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
+OFF = (6.48, 12.96, 13.0, 14.02)
+APART = 0.3  # of a line from the orders, where it is drawn
+SHARE = (0.10, 0.25)  # of the drive's own range: amplitude of a line
+FINE = 480  # places in a turn at which the true error is looked at
+SOLVED = {"small": (SMALL, 4.0, 30), "vzp160": ("vzp160", 80.0, 100)}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rigs that are alike: curve, cam turns of a cycle, cycles recorded, noise [arcsec], its memory, lines, readings.
+
+    curve: "orders" for a made-up one, else a drive of SOLVED.
+    """
+
+    curve: str
+    cycle: int
+    cycles: float
+    noise: float
+    lines: int = 1
+    memory: float = 0.0
+    per_turn: int = 60
+
+    @property
+    def words(self) -> str:
+        slow = f", memory {self.memory:g}" if self.memory else ""
+        return f"{self.curve} {self.cycle}, {self.cycles:g} cycles, noise {self.noise:g}{slow}, {self.lines} lines"
+
+
+GROUPS = (
+    *(Group("orders", 30, 1, noise, lines) for lines in (0, 1) for noise in (0.3, 1.0, 2.0)),
+    *(Group("orders", 30, cycles, 1.0) for cycles in (0.1, 0.3, 1.5, 2)),
+    *(Group("orders", 30, 0.1, 1.0, 0), Group("orders", 30, 0.3, 1.0, 0), Group("orders", 30, 2, 1.0, 0)),
+    *(Group("orders", 30, 1, 1.0, lines, 0.8) for lines in (0, 1)),
+    Group("orders", 30, 1, 1.0, 2),
+    *(Group("small", 30, 1, noise, lines) for lines in (0, 1) for noise in (0.3, 1.0)),
+    *(Group("orders", 100, 1, 1.0, lines) for lines in (0, 1)),
+    *(Group("vzp160", 100, 1, 1.0, lines) for lines in (0, 1)),
+)
+
+
+@cache
+def solved(name: str) -> Callable[[np.ndarray], np.ndarray]:
+    """The error of a drive over its full cycle, between its states by its own orders."""
+    from hdassist import load_preset
+    from hdassist.error.cycle import kinematic_error
+
+    preset, M_g, turns = SOLVED[name]
+    error = kinematic_error(load_preset(preset), M_g, cross_check=None)
+    x, y = error.states.phi_h / (2 * np.pi), error.error_arcsec
+    sorting = np.argsort(np.mod(x, turns))
+    x, y = np.mod(x, turns)[sorting], y[sorting]
+    return lambda at: np.interp(np.mod(at, turns), x, y, period=turns)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Cam angles [turns] and readings [arcsec] of a rig; true values [arcsec] as recorded and of any cycle."""
+
+    turns: np.ndarray
+    error: np.ndarray
+    recorded: float
+    any_cycle: float
+
+
+def rig(group: Group, seed: int) -> Rig:
+    """One rig of a group."""
+    rng = np.random.default_rng([seed, group.cycle])
+    made_up = group.curve == "orders"
+    own = drive_error(rng, group.cycle, scale=rng.choice([1.5, 5.0])) if made_up else solved(group.curve)
+    turns = np.arange(int(group.cycle * group.cycles * group.per_turn)) / group.per_turn
+    fine = np.arange(int(group.cycle * group.cycles * FINE)) / FINE
+    whole = float(np.ptp(own(np.arange(group.cycle * FINE) / FINE)))
+    error, true, any_cycle = own(turns), own(fine), whole
+    for _ in range(group.lines):
+        order = rng.choice(OFF) if rng.random() < 0.6 else rng.integers(0, 20) + rng.uniform(APART, 1 - APART)
+        size, phase = rng.uniform(*SHARE) * whole, rng.uniform(0, 2 * np.pi)
+        error = error + size * np.cos(2 * np.pi * order * turns + phase)
+        true = true + size * np.cos(2 * np.pi * order * fine + phase)
+        any_cycle += 2 * size
+    noise = rng.standard_normal(len(turns)) if not group.memory else slow_noise(rng, len(turns), 1.0, group.memory)
+    return Rig(turns, error + group.noise * noise, float(np.ptp(true)), any_cycle)
+
+
+def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
+    """What the tool says of a rig: truths, value, interval, verdicts at both truths; None where it refuses."""
+    from hdassist.acceptance.accept import value_of
+    from hdassist.acceptance.checks import F_IOR
+    from hdassist.acceptance.decision import Limit, decide
+    from hdassist.errors import HdassistError
+    from hdassist.measuring.measure import measure
+    from hdassist.measuring.uncertainty import STATED
+
+    group, seed = task
+    made = rig(group, seed)
+    try:
+        (found,) = measure(
+            recorded(made.turns, made.error), ratio=float(group.cycle), stated=dict.fromkeys(STATED, 0.0)
+        ).directions
+    except HdassistError:
+        return None
+    limits = [Limit(F_IOR, true) for true in (made.recorded, made.any_cycle)]
+    verdicts = [decide(limit, value_of(limit, found), "guard", 0.0).verdict for limit in limits]
+    passes = [float(v == "PASS") for v in verdicts]
+    low, high = found.interval_arcsec
+    lines = len(found.lines)
+    return (made.recorded, made.any_cycle, found.range.value, low, high, *passes, float(verdicts[0] == "FAIL"), lines)
+
+
+def row(found: list[tuple[float, ...] | None]) -> dict[str, float]:
+    """Shares of a group in percent, and medians in percent of the true value."""
+    kept = np.array([one for one in found if one is not None])
+    true, every, value, low, high, passes, passes_any, fails, lines = kept.T
+    return {
+        "rigs": len(kept),
+        "held": 100 * float(np.mean((low <= true) & (true <= high))),
+        "any held": 100 * float(np.mean((low <= every) & (every <= high))),
+        "false PASS": 100 * float(passes.mean()),
+        "any PASS": 100 * float(passes_any.mean()),
+        "false FAIL": 100 * float(fails.mean()),
+        "bias": 100 * float(np.median(value / true - 1)),
+        "below": 100 * float(np.median((value - low) / true)),
+        "above": 100 * float(np.median((high - value) / true)),
+        "lines": float(lines.mean()),
+    }
+
+
+def main() -> None:
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--rigs", type=int, default=200, help="of a group")
+    reader.add_argument("--jobs", type=int, default=os.cpu_count())
+    reader.add_argument("--groups", default=",".join(map(str, range(len(GROUPS)))))
+    options = reader.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with ProcessPoolExecutor(options.jobs) as executor:
+        for group in (GROUPS[int(k)] for k in options.groups.split(",")):
+            told = row(list(executor.map(look, [(group, seed) for seed in range(options.rigs)], chunksize=4)))
+            print(f"{group.words:50}", "  ".join(f"{name} {value:.3g}" for name, value in told.items()), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""Lines off the orders: found where they are, in F'_ior with what they may add, and not seen where there are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.lines import Group, look, rig, row
+from hdassist.measuring.measure import SweepResult, measure
+from tests.rigs import drive_error, recorded, slow_noise, whole_range
+
+RATIO, PER_TURN = 30.0, 60
+TURNS = np.arange(RATIO * PER_TURN) / PER_TURN
+CURVE = drive_error(np.random.default_rng(3), RATIO)
+
+
+def found_in(error: np.ndarray, turns: np.ndarray = TURNS) -> SweepResult:
+    (found,) = measure(recorded(turns, error), ratio=RATIO).directions
+    return found
+
+
+def line(order: float, size: float, phase: float = 0.4, turns: np.ndarray = TURNS) -> np.ndarray:
+    return np.asarray(size * np.cos(2 * np.pi * order * turns + phase))
+
+
+NOISE = 0.5 * np.random.default_rng(1).standard_normal(len(TURNS))
+
+
+@pytest.mark.parametrize("order", [0.51, 6.48, 12.96, 13.0, 14.02, 19.3])
+def test_a_line_is_found_where_it_is(order):
+    found = found_in(CURVE(TURNS) + line(order, 3.0) + NOISE)
+    (only,) = found.lines
+    assert only.per_cam_rev == pytest.approx(order, abs=0.002)
+    assert only.amplitude_arcsec == pytest.approx(3.0, abs=4 * only.uncertainty_arcsec)
+    assert only.phase_deg == pytest.approx(np.degrees(0.4), abs=8)
+    assert "none of the orders" in only.cause
+    assert {round(o.per_cam_rev, 9) for o in found_in(CURVE(TURNS) + NOISE).orders} == {
+        round(o.per_cam_rev, 9) for o in found.orders if o is not only
+    }
+
+
+def test_several_lines_are_found_the_strongest_first():
+    error = CURVE(TURNS) + line(6.48, 1.0) + line(14.02, 4.0) + line(17.5, 2.0) + NOISE
+    found = found_in(error)
+    assert [o.per_cam_rev for o in found.lines] == pytest.approx([6.48, 14.02, 17.5], abs=0.005)
+    assert [o.amplitude_arcsec for o in found.lines] == pytest.approx([1, 4, 2], abs=0.15)
+
+
+def test_lines_may_add_twice_their_amplitude_in_another_cycle():
+    # the greatest of a line that stands freely meets that of the curve in some cycle, its least the curve's least
+    found = found_in(CURVE(TURNS) + line(12.96, 3.0) + 0.02 * NOISE)
+    sup = whole_range(CURVE, RATIO) + 2 * 3.0
+    assert found.range.fitted + found.range.rise == pytest.approx(sup, rel=0.01)
+    assert found.rise_arcsec == found.range.rise > 0
+    fine = np.arange(RATIO * 480) / 480
+    others = [np.ptp(CURVE(fine) + line(12.96, 3.0, phase, fine)) for phase in np.linspace(0, 6, 40)]
+    low, high = found.interval_arcsec
+    assert max(others) < high
+    assert high - found.range.value - found.rise_arcsec == pytest.approx(found.range.value - low)
+
+
+def test_a_part_of_the_cycle_speaks_of_its_own_angles():
+    part = TURNS < 12
+    found = found_in((CURVE(TURNS) + line(13.0, 3.0) + 0.1 * NOISE)[part], TURNS[part])
+    assert found.lines
+    assert found.is_bound
+    assert found.rise_arcsec == 0
+
+
+@pytest.mark.parametrize(
+    ("turns", "per_turn", "memory"), [(4, 150, 0.9), (4, 150, 0.0), (10, 100, 0.98), (30, 60, 0.6)]
+)
+def test_noise_has_no_lines(turns, per_turn, memory):
+    # slow noise is stronger at low orders: it must not look like lines there
+    x, alarms = np.arange(turns * per_turn) / per_turn, 0
+    for seed in range(25):
+        noise = slow_noise(np.random.default_rng(seed), len(x), 1.0, memory)
+        (found,) = measure(recorded(x, 10 * np.cos(4 * np.pi * x) + noise), ratio=100).directions
+        alarms += len(found.lines) > 0
+    assert alarms <= 1
+
+
+@pytest.mark.parametrize("noise", [0.3, 2.0])
+def test_full_cycles_with_a_line_are_held_and_not_passed(noise):
+    # the short form of `python -m benchmarks.lines`
+    group = Group("orders", 30, 1, noise)
+    told = row([look((group, seed)) for seed in range(30)])
+    assert told["rigs"] >= 28
+    assert told["held"] >= 95
+    assert told["any held"] >= 95
+    assert told["false PASS"] <= 5
+    assert told["lines"] == pytest.approx(1, abs=0.1)
+
+
+def test_a_line_that_is_left_out_would_make_f_ior_too_small():
+    group, missed = Group("orders", 30, 1, 0.3), 0
+    for seed in range(6):
+        made = rig(group, seed)
+        found = found_in(made.error, made.turns)
+        without = found.fit.coefficients * np.tile(~np.isin(found.fit.orders, found.fit.lines), 2)
+        curve = np.ptp(_curve(found, without))
+        missed += curve < made.recorded - 2 * found.uncertainty_arcsec
+    assert missed == 6
+
+
+def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:
+    from hdassist.measuring.fit import curve_of
+
+    return curve_of(coefficients, found.fit.orders, found.grid_turns)
