@@ -17,6 +17,7 @@ from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request, Seed
 from hdassist.errors import DataError, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import PART, STDIN, opened
@@ -84,7 +85,7 @@ class TraceRecord(ClosedRecord):
     """A trace: torque, file with its SHA-256, and the F'_ior that it shows, a lower bound of part of the cycle."""
 
     M_g_Nm: float
-    file: str
+    file: Line
     sha256: str
     rows: int
     F_ior_arcsec: float
@@ -126,7 +127,7 @@ class CertificateRecord(ClosedRecord):
 class DriveRecord(ClosedRecord):
     """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top."""
 
-    name: str
+    name: Line
     sha256: str
     overrides: tuple[str, ...]
 
@@ -135,7 +136,7 @@ class DriveRecord(ClosedRecord):
 class PresetRecord(ClosedRecord):
     """The preset of a drive that has no answer: as it was asked for."""
 
-    name: str
+    name: Line
     sha256: None = None
 
 
@@ -152,7 +153,7 @@ class Envelope(ClosedRecord):
     """What every answer begins with."""
 
     schema: Literal["hdassist.accept/1"]
-    version: str
+    version: Line
     preset: DriveRecord | PresetRecord
     exit_code: int
     warnings: tuple[str, ...]
@@ -166,7 +167,7 @@ class Accepted(Envelope):
     """
 
     preset: DriveRecord
-    serial: str
+    serial: Line
     verdict: Verdict
     checks: tuple[CheckRecord, ...]
     left_out: tuple[str, ...]
@@ -178,8 +179,8 @@ class Accepted(Envelope):
     seed: Seed
     fail_on: FailOn
     request: Request
-    time: str
-    place: str | None = None
+    time: Line
+    place: Line | None = None
 
     @property
     def status(self) -> str:
@@ -209,11 +210,11 @@ class Unanswered(Envelope):
 
     preset: PresetRecord
     error: ErrorRecord
-    serial: str
+    serial: Line
     seed: Seed
     request: Request | None
-    time: str
-    place: str | None = None
+    time: Line
+    place: Line | None = None
 
     @property
     def status(self) -> str:

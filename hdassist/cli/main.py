@@ -23,7 +23,7 @@ from hdassist.design import check_command as check
 from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
-from hdassist.errors import DataError, HdassistError, UntrustedError
+from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
@@ -82,6 +82,7 @@ def main() -> None:
     _open_streams()
     try:
         with _stops_heard():
+            _require_lines(sys.argv[1:])
             sys.exit(app(standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
@@ -114,6 +115,13 @@ def main() -> None:
         words = f"internal error: {type(error).__name__}: {error}"
         _say(f"{words}\n  hint: this is a bug in hdassist; --debug shows where")
         sys.exit(BUG)
+
+
+def _require_lines(arguments: list[str]) -> None:
+    """Raise UsageError where an argument has a line break: it could forge a line of what is said or written."""
+    for text in arguments:
+        if "\n" in text:
+            raise UsageError(f"a line break in {text[:60]!r}", "names, paths and values are written on one line")
 
 
 def _say(text: str) -> None:

@@ -18,6 +18,8 @@ Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits"
 
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+Line = Annotated[str, Field(pattern=r"^[^\n]*$")]  # of a name: with a line break it could forge a line of a report
+
 
 class Section(BaseModel):
     """A group of preset fields: immutable, closed, and read as each field declares."""

@@ -70,6 +70,8 @@ def _refusals() -> Iterator[None]:
     """Raise DataError where the system refuses what processes need: memory to share, files, threads, themselves."""
     try:
         yield
+    except BrokenProcessPool:  # is a RuntimeError too
+        raise
     except (OSError, RuntimeError) as error:
         words = f"cannot begin the processes that share the work: {getattr(error, 'strerror', None) or error}"
         raise DataError(words, "they need /dev/shm, and room in the limits of ulimit -a") from None

@@ -74,6 +74,7 @@ SURROUNDINGS = (
     *(Surrounding(f"{n} MB of addresses", f'ulimit -v {n}000; exec "$@"') for n in (60, 100, 200, 350, 520, 600)),
     *(Surrounding(f"{n} processes", f'exec prlimit --nproc={n} "$@"', OTHER_USER) for n in (1, 2, 3, 4)),
 )
+LEADS = (0.0, 0.01, 0.1, 0.4, 0.7, 0.9)
 TRIED = ("lot", "calibrate", "check", "mount", "measure", "compare", "new")
 
 
@@ -130,12 +131,15 @@ def _wrong(surrounding: Surrounding, code: int, out: str, err: str, known: Usual
     return [] if code == known.code else [f"exit {code}: {err[-300:]}"]
 
 
-def two_at_once(names: Sequence[str] = ("lot", "calibrate")) -> Tally:
-    """Two runs on one file that grows: one writes it whole, the other is refused, or comes after it."""
+def two_at_once(names: Sequence[str] = ("lot", "calibrate"), leads: Sequence[float] = LEADS) -> Tally:
+    """Two runs on one file that grows: one writes it whole, the other is refused, or comes after it.
+
+    leads: of the usual time, by which one begins before the other.
+    """
     tally = Tally()
     for name in names:
         case, known = CASES[name], usual(CASES[name])
-        for lead in (0.0, 0.01, 0.1, 0.4, 0.7, 0.9):  # of the usual time
+        for lead in leads:
             with folder() as place:
                 mark, ends = secrets.token_hex(8), []
 
