@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -129,8 +130,9 @@ def start(case: Case, place: Path, mark: str, before: Sequence[str] = (), **more
     )  # fmt: skip
 
 
+@cache
 def usual(case: Case) -> Usual:
-    """An unbroken run, and its time."""
+    """An unbroken run, and its time, tried once."""
     with folder() as place:
         begun = time.monotonic()
         process = start(case, place, "usual")

@@ -18,12 +18,6 @@ TRIED = [
     ("1 processes", "lot"), ("3 processes", "lot"),
 ]  # fmt: skip
 GIVES_LITTLE = {one.name: one for one in SURROUNDINGS}
-KNOWN: dict[str, Usual] = {}
-
-
-def known(name: str) -> Usual:
-    """What a case usually does, run once."""
-    return KNOWN[name] if name in KNOWN else KNOWN.setdefault(name, usual(CASES[name]))
 
 
 def test_a_run_that_is_killed_leaves_nothing_half_and_the_next_goes_on():
@@ -43,7 +37,7 @@ def test_where_the_system_gives_little_there_is_an_answer_or_a_refusal(surroundi
     if reason := unavailable(GIVES_LITTLE[surrounding]):
         pytest.skip(reason)
     tally = Tally()
-    run_in(GIVES_LITTLE[surrounding], CASES[name], known(name), tally)
+    run_in(GIVES_LITTLE[surrounding], CASES[name], usual(CASES[name]), tally)
     assert not tally.broken
 
 
