@@ -17,6 +17,7 @@ from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request, Seed
 from hdassist.errors import DataError, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import PART, STDIN, opened
@@ -90,7 +91,7 @@ class TraceRecord(ClosedRecord):
     """A trace: torque, file with its SHA-256, and the F'_ior that it shows, a lower bound of part of the cycle."""
 
     M_g_Nm: float
-    file: str
+    file: Line
     sha256: str
     rows: int
     F_ior_arcsec: float
@@ -133,7 +134,7 @@ class CertificateRecord(ClosedRecord):
 class DriveRecord(ClosedRecord):
     """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top."""
 
-    name: str
+    name: Line
     sha256: str
     overrides: tuple[str, ...]
 
@@ -142,7 +143,7 @@ class DriveRecord(ClosedRecord):
 class PresetRecord(ClosedRecord):
     """The preset of a drive that has no answer: as it was asked for."""
 
-    name: str
+    name: Line
     sha256: None = None
 
 
@@ -159,7 +160,7 @@ class Envelope(ClosedRecord):
     """What every answer begins with."""
 
     schema: Literal["hdassist.accept/1"]
-    version: str
+    version: Line
     preset: DriveRecord | PresetRecord
     exit_code: int
     warnings: tuple[str, ...]
@@ -173,7 +174,7 @@ class Accepted(Envelope):
     """
 
     preset: DriveRecord
-    serial: str
+    serial: Line
     verdict: Verdict
     checks: tuple[CheckRecord, ...]
     left_out: tuple[str, ...]
@@ -185,8 +186,8 @@ class Accepted(Envelope):
     seed: Seed
     fail_on: FailOn
     request: Request
-    time: str
-    place: str | None = None
+    time: Line
+    place: Line | None = None
 
     @property
     def status(self) -> str:
@@ -216,11 +217,11 @@ class Unanswered(Envelope):
 
     preset: PresetRecord
     error: ErrorRecord
-    serial: str
+    serial: Line
     seed: Seed
     request: Request | None
-    time: str
-    place: str | None = None
+    time: Line
+    place: Line | None = None
 
     @property
     def status(self) -> str:

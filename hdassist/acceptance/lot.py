@@ -196,6 +196,8 @@ def _of_folder(folder: Path, base: Request) -> Lot:
         files = sorted(item for item in folder.iterdir() if item.is_file() and not item.name.startswith("."))
     except OSError as error:
         raise DataError(f"cannot read {folder}: {error.strerror}") from None
+    if broken := [item.name for item in files if "\n" in item.name]:
+        raise DataError(f"{folder}: a line break in the name of {broken[0]!r}", "names are written on one line")
     presets = [item for item in files if item.suffix in (".yaml", ".yml")]
     if not presets:
         raise DataError(f"{folder}: no preset in the folder", "one NAME.yaml a drive, its trace beside it as NAME.csv")

@@ -91,6 +91,8 @@ def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug
         result = carry_out(row.request, drive, read_measurements(row.request, drive), predictions=predictions)
     except HdassistError as error:
         return failure(row, error)
+    except (MemoryError, OSError):  # what the system refuses is no row's
+        raise
     except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
         if debug:
             raise

@@ -20,6 +20,7 @@ from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.fields import Drive
+from hdassist.preset.kinds import Line
 from hdassist.preset.library import load_preset
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
@@ -102,8 +103,8 @@ class Request:
 
     __pydantic_config__ = RECORD_CONFIG
 
-    preset: str
-    serial: str = ""
+    preset: Line
+    serial: Line = ""
     overrides: tuple[str, ...] = ()
     limits: tuple[Annotated[LimitText, *_BOUND], ...] = ()
     measured: tuple[Annotated[TraceFile, *_TRACE], ...] = ()

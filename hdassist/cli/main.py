@@ -8,6 +8,8 @@ import os
 import signal
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
@@ -21,7 +23,7 @@ from hdassist.design import check_command as check
 from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
-from hdassist.errors import DataError, HdassistError
+from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
@@ -32,6 +34,7 @@ BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
+SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -77,9 +80,10 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
-    _hear_stops()
     try:
-        sys.exit(app(standalone_mode=False))
+        with _stops_heard():
+            _require_lines(sys.argv[1:])
+            sys.exit(app(standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
         error.show(told)
@@ -94,6 +98,9 @@ def main() -> None:
     except KeyboardInterrupt:
         _say("interrupted")
         sys.exit(INTERRUPTED)
+    except MemoryError:
+        _say("error: there is not memory enough for an answer\n  hint: fewer --jobs take less of it")
+        sys.exit(UntrustedError.exit_code)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
             from hdassist.terminal.console import silence
@@ -101,10 +108,20 @@ def main() -> None:
             silence()  # or what is left in the buffer fails once more at the end
             _say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
             sys.exit(DataError.exit_code)
+        if isinstance(error, OSError) and error.errno in SCARCE:
+            _say(f"error: the system refuses: {error.strerror}\n  hint: ulimit -a shows what a process may have")
+            sys.exit(DataError.exit_code)
         _trace_if_asked()
         words = f"internal error: {type(error).__name__}: {error}"
         _say(f"{words}\n  hint: this is a bug in hdassist; --debug shows where")
         sys.exit(BUG)
+
+
+def _require_lines(arguments: list[str]) -> None:
+    """Raise UsageError where an argument has a line break: it could forge a line of what is said or written."""
+    for text in arguments:
+        if "\n" in text:
+            raise UsageError(f"a line break in {text[:60]!r}", "names, paths and values are written on one line")
 
 
 def _say(text: str) -> None:
@@ -113,15 +130,22 @@ def _say(text: str) -> None:
     say(text.rstrip("\n"))
 
 
-def _hear_stops() -> None:
+@contextmanager
+def _stops_heard() -> Iterator[None]:
     """End in order when told to (SIGTERM, or a terminal that goes: SIGHUP): bars off, workers ended, no half file."""
 
     def end(number: int, _: object) -> None:
         sys.exit(128 + number)
 
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has SIGHUP ignored, and means it
-            signal.signal(number, end)
+    # nohup has SIGHUP ignored, and means it
+    heard = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    for number in heard:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _open_streams() -> None:

@@ -16,7 +16,18 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, PrivateAttr, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.kinds import CLOSED, PerOrder, PerTorque, Section, field, in_range, kind_of, range_of, unit_of
+from hdassist.preset.kinds import (
+    CLOSED,
+    Line,
+    PerOrder,
+    PerTorque,
+    Section,
+    field,
+    in_range,
+    kind_of,
+    range_of,
+    unit_of,
+)
 from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
 from hdassist.preset.yamltext import Unread
 
@@ -227,7 +238,7 @@ class Drive(BaseModel):
 
     model_config = CLOSED
 
-    name: str = field("name of the drive", min_length=1, max_length=200)
+    name: Line = field("name of the drive", min_length=1, max_length=200)
     description: str = field("what the drive is, and how its numbers were found", default="")
     gears: Gears
     material: Material = Material()

@@ -7,7 +7,16 @@ from math import inf, isfinite
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)  # fmt: skip
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
@@ -17,6 +26,15 @@ from hdassist.preset.yamltext import NUMBER, Unread
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _one_line(text: str) -> str:
+    if "\n" in text:
+        raise ValueError("must be one line")
+    return text
+
+
+Line = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
 
 
 class Section(BaseModel):

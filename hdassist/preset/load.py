@@ -116,6 +116,8 @@ def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
         findings.add(path, f"must be one of {', '.join(choices)}", near(str(value), choices))
     elif kind == "string_type":
         findings.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
+    elif path == ("name",) and kind == "value_error":
+        findings.add(path, "must be one line", "what is longer stands in description")
     elif kind.startswith("string_too"):
         findings.add(path, "must have 1 to 200 characters")
     elif info is not None:

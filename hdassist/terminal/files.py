@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import shutil
@@ -55,20 +56,34 @@ def put_text(path: str, text: str) -> None:
     target = Path(path)
     try:
         if _is_device(target):
-            target.write_bytes(data)
+            with open(target, "wb", opener=_at_once) as stream:
+                stream.write(data)
         else:
             _replace(_real(target), data)
     except OSError as error:
-        raise _unwritable(path, error.strerror or str(error)) from None
+        raise _unwritable(path, _reason(error)) from None
+
+
+def _reason(error: OSError) -> str:
+    """Why a file cannot be written, in the words of the system but for a pipe without a reader."""
+    return "nobody reads the pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a device or a pipe to write. Raises OSError: nobody reads the pipe, for whom open() would wait."""
+    descriptor = os.open(path, (flags | getattr(os, "O_NONBLOCK", 0)) & ~os.O_CREAT)
+    if hasattr(os, "O_NONBLOCK"):
+        os.set_blocking(descriptor, True)
+    return descriptor
 
 
 def add_line(path: str, line: str) -> None:
     """Add a line to the end of a file at once. Raises DataError: it cannot be."""
     try:
-        with Path(path).open("ab") as stream:
+        with open(path, "ab", opener=_at_once if _is_device(Path(path)) else None) as stream:
             stream.write(line.encode("utf-8", "backslashreplace") + b"\n")
     except OSError as error:
-        raise _unwritable(path, error.strerror or str(error)) from None
+        raise _unwritable(path, _reason(error)) from None
 
 
 @contextmanager

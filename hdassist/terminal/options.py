@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 import typer
 
 from hdassist.errors import UsageError
+from hdassist.terminal.limits import require_memory
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
@@ -207,6 +208,7 @@ def with_groups(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def run(**given: Any) -> None:
+        require_memory()
         made = {name: group(**{f.name: given.pop(f.name) for f in fields(group)}) for name, group in groups.items()}
         command(**given, **made)
 

@@ -9,12 +9,16 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import Executor, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from multiprocessing import connection
 from pathlib import Path
 
+from hdassist.errors import DataError, UntrustedError
+
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
+STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 
 
 @contextmanager
@@ -22,19 +26,55 @@ def workers(jobs: int) -> Iterator[Executor]:
     """An executor of so many processes (0: one for each core).
 
     One job is a process too: the same arithmetic, so the same digits for any number of jobs.
+    Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
     """
-    context = multiprocessing.get_context(_way())
-    if context.get_start_method() == "forkserver":
-        context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
-    pool = ProcessPoolExecutor(max_workers=count(jobs), mp_context=context, initializer=_begin, initargs=(os.getpid(),))
+    with _refusals():
+        context = multiprocessing.get_context(_way())
+        if context.get_start_method() == "forkserver":
+            context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
+        pool = ProcessPoolExecutor(
+            max_workers=count(jobs), mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+        )
     try:
+        with _refusals():
+            _begin_processes(pool)
         yield pool
+    except BrokenProcessPool:
+        words = "a process that shared the work was ended from outside: there is no answer"
+        raise UntrustedError(words, "was memory short? fewer --jobs take less of it") from None
     finally:
         with _deaf():
             if pool._pending_work_items:  # nobody waits for what is under way: a state may take for ever
                 for process in list((pool._processes or {}).values()):
                     process.kill()
-            pool.shutdown(wait=True, cancel_futures=True)
+            with suppress(RuntimeError):  # its thread could not be started
+                pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin_processes(pool: ProcessPoolExecutor) -> None:
+    """Have a first task done. Raises RuntimeError: one of the pool's threads could not start, and it waits for ever."""
+    told, died = threading.excepthook, list[str]()
+    threading.excepthook = lambda end: died.append(str(end.exc_value))
+    try:
+        first = pool.submit(int)
+        while not wait([first], timeout=0.2).done:
+            if died:
+                raise RuntimeError(died[0])
+        first.result()
+    finally:
+        threading.excepthook = told
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Raise DataError where the system refuses what processes need: memory to share, files, threads, themselves."""
+    try:
+        yield
+    except BrokenProcessPool:  # is a RuntimeError too
+        raise
+    except (OSError, RuntimeError) as error:
+        words = f"cannot begin the processes that share the work: {getattr(error, 'strerror', None) or error}"
+        raise DataError(words, "they need /dev/shm, and room in the limits of ulimit -a") from None
 
 
 def _begin(parent: int) -> None:
@@ -42,9 +82,8 @@ def _begin(parent: int) -> None:
 
     parent: its process id. Linux kills the worker, even in the middle of a solver; elsewhere a thread waits for that.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for stop in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(stop, signal.SIG_DFL)
+    for stop in STOPS:
+        signal.signal(stop, signal.SIG_IGN if stop == signal.SIGINT else signal.SIG_DFL)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     else:
@@ -62,15 +101,19 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Do not hear an interrupt: one that comes while a thread is waited for leaves Python 3.11 waiting for ever."""
+    """Hear stops later: one that comes while a thread is waited for leaves Python 3.11 waiting for ever."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    came: list[int] = []
+    heard = {number: signal.signal(number, lambda number, _: came.append(number)) for number in STOPS}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, heard)
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def _way() -> str:

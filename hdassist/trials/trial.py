@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import FREE_STEP, hole_of
 from hdassist.preset.fields import Drive
@@ -31,6 +29,10 @@ class Trial:
     trace: TrialTrace | None = None
 
 
+LEAST_NOISE, MOST_NOISE = 1e-6, 1e6  # arcsec; beyond them squares of it leave the range of numbers
+MOST_RESEAT = 1e3  # um, as any eccentricity of a preset
+
+
 @dataclass(frozen=True)
 class Rig:
     """How trials are measured: at a torque [N*m], with noise of a value [arcsec] and an error of the seat [um].
@@ -44,11 +46,14 @@ class Rig:
 
     def require_sound(self) -> None:
         """Raise UsageError unless the torque turns something and the standard deviations are such."""
-        if not (np.isfinite(self.M_g) and self.M_g):
+        if not (0 < abs(self.M_g) <= 1e7):  # as operation.M_g
             raise UsageError(f"the torque of a trial must not be {self.M_g:g}", "--trial-torque 80")
-        if not (0 < self.noise_arcsec < np.inf):
+        if not (self.noise_arcsec > 0):
             raise UsageError(f"the noise of a trial must be above zero, not {self.noise_arcsec:g}", "--noise 1")
-        if not (0 <= self.reseat_um < np.inf):
+        if not (LEAST_NOISE <= self.noise_arcsec <= MOST_NOISE):
+            words = f"from {LEAST_NOISE:g} to {MOST_NOISE:g} arcsec, not {self.noise_arcsec:g}"
+            raise UsageError(f"the noise of a trial must be {words}", "--noise 1")
+        if not (0 <= self.reseat_um <= MOST_RESEAT):
             raise UsageError(f"the error of the seat must not be {self.reseat_um:g}", "--reseat 10")
 
 

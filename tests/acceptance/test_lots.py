@@ -269,6 +269,7 @@ def test_quantiles_are_those_of_the_statistics_module():
     assert wilson(0, 0) == (0.0, 1.0)
 
 
+LINE = st.text(st.characters(exclude_characters="\n"))
 TEXTS = st.lists(st.text(), max_size=2).map(tuple)
 TORQUES = st.sampled_from(["", "4", "-1.5e2"])
 NAMES = st.builds(LimitName, st.just("F_ior"), torque=TORQUES) | st.builds(
@@ -281,7 +282,7 @@ TRACES = st.lists(
     st.builds(TraceFile, TORQUES, st.text(min_size=1)).filter(lambda t: TraceFile.parse(str(t)) == t), max_size=2
 ).map(tuple)
 REQUESTS = st.builds(
-    Request, st.text(), st.text(), TEXTS, SAID, TRACES, SAID,
+    Request, LINE, LINE, TEXTS, SAID, TRACES, SAID,
     st.builds(Reading, st.none() | st.text(), wrap=st.none() | st.floats(1, 360), budget=TEXTS),
     st.booleans(), st.text(), st.integers(0),
 )  # fmt: skip

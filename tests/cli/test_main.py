@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 
@@ -66,6 +67,28 @@ def test_a_bug_is_exit_code_1_and_says_so():
     assert "ZeroDivisionError: oops" in result.stderr
     assert "Traceback" not in result.stderr
     assert "Traceback" in breaking("ZeroDivisionError('oops')", "--debug").stderr
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "said"),
+    [
+        ("MemoryError()", 5, "error: there is not memory enough"),
+        ("OSError(24, 'Too many open files')", 4, "error: the system refuses: Too many open files"),
+        ("OSError(11, 'Resource temporarily unavailable')", 4, "error: the system refuses: Resource"),
+    ],
+)
+def test_what_the_system_refuses_is_no_bug(fault, code, said):
+    result = breaking(fault)
+    assert result.returncode == code
+    assert result.stderr.startswith(said)
+    assert "Traceback" not in result.stderr
+
+
+def test_a_run_in_a_process_of_others_leaves_their_signals_as_they_were():
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    assert before[1:] == [signal.SIG_DFL] * 2
+    run("presets", "new", "mine")
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
 
 
 def test_debug_shows_where_an_error_came_from():

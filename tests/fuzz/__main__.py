@@ -24,6 +24,23 @@ def drives(args: argparse.Namespace) -> bool:
     return good
 
 
+def faults(args: argparse.Namespace) -> bool:
+    """Kills, signals, surroundings, two runs at once."""
+    from tests.fuzz.faults import kills, report, signals
+    from tests.fuzz.surroundings import surroundings, two_at_once
+
+    parts = {
+        "kills": lambda: kills(args.kills, args.seed),
+        "signals": signals,
+        "surroundings": surroundings,
+        "two runs at once": two_at_once,
+    }
+    good = True
+    for part in args.parts or parts:
+        good &= report(part, parts[part]())
+    return good
+
+
 def main() -> int:
     """Run one study; 1 where a promise is broken."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
@@ -33,6 +50,12 @@ def main() -> int:
     study.add_argument("--seed", type=int, default=0)
     study.add_argument("--parts", nargs="*", choices=("ends", "pairs", "random"), help="all of them unless named")
     study.set_defaults(run=drives)
+    study = studies.add_parser("faults", help="runs that are ended at any moment, or that the system gives little")
+    study.add_argument("--kills", type=int, default=200, help="runs that are killed")
+    study.add_argument("--seed", type=int, default=0)
+    known = ("kills", "signals", "surroundings", "two runs at once")
+    study.add_argument("--parts", nargs="*", choices=known, help="all of them unless named")
+    study.set_defaults(run=faults)
     args = parser.parse_args()
     return 0 if args.run(args) else 1
 

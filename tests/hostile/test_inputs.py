@@ -231,6 +231,23 @@ def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
     assert done.returncode == 2
 
 
+@pytest.mark.parametrize("torque", ["1e308", "-1e308", "1.1e7", "0", "nan", "inf"])
+def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque):
+    done = run("trials", SMALL, "h0:17.3", "--trial-torque", torque)
+    require_refused(done, "the torque of a trial must not be")
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("option", "said"), [("--noise", "the noise of a trial must"), ("--reseat", "the error of the seat must not be")]
+)
+@pytest.mark.parametrize("value", ["1e308", "1.1e6", "-1", "nan", "inf"])
+def test_noise_and_reseat_beyond_what_can_be_measured_are_none(alarm, option, said, value):
+    done = run("trials", SMALL, "h0:17.3", option, value)
+    require_refused(done, said)
+    assert done.returncode == 2
+
+
 @pytest.mark.parametrize("ratio", ["1e308", "-1e308", "1e-320", "0", "nan", "inf"])
 def test_a_ratio_beyond_what_a_drive_has_is_refused(folder, ratio):
     require_refused(run("measure", "run.csv", "--ratio", ratio), "--ratio must be a multiple of 0.5 from 10 to 1000")
@@ -271,6 +288,20 @@ def test_a_target_of_the_wrong_kind_is_a_finding(folder, target):
 def test_an_answer_without_end_is_refused(folder, text, end):
     Path("answer.json").write_text(text + end)
     require_refused(run("accept", "--replay", "answer.json"), "answer.json")
+
+
+FORGED = "1\nPASS"  # a second line where a name stands
+
+
+def test_a_line_break_in_a_name_forges_no_line(folder, answer):
+    require_refused(run("accept", SMALL, "--serial", FORGED), "a line break in '1\\nPASS'")
+    Path("named.yaml").write_text(preset_with(**{"name: small": f"name: {json.dumps(FORGED)}"}))
+    require_refused(run("check", "named.yaml"), "named.yaml:3:7: name: must be one line")
+    Path("answer.json").write_text(json.dumps(answer | {"serial": FORGED}))
+    require_refused(run("accept", "--replay", "answer.json"), "answer.json")
+    Path("lot").mkdir()
+    Path(f"lot/{FORGED}.yaml").write_text(preset_with())
+    require_refused(run("accept", "lot"), "lot: a line break in the name of '1\\nPASS.yaml'")
 
 
 KEYS = ("left_out", "seed", "checks", "preset", "certificate", "rule", "measured", "limits", "reading", "cross_check")

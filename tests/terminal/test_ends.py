@@ -1,5 +1,6 @@
 """Workers end with the process that began them, however that ends; and nobody waits for work that nobody wants."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -66,6 +67,20 @@ def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
         time.sleep(0.05)
     assert all(map(ended, workers))
     assert [item.name for item in tmp_path.iterdir()] == ["targets.yaml"]
+
+
+def test_a_worker_that_is_ended_from_outside_leaves_no_answer_and_is_no_bug(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "check", "vzp160", "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    workers = workers_of(process)
+    os.kill(workers[0], signal.SIGKILL)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 5
+    assert out == b""
+    assert err.startswith(b"error: a process that shared the work was ended from outside")
+    assert all(map(ended, workers))
 
 
 def test_an_interrupt_while_the_command_is_imported_ends_it_at_once():

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import DataError, UsageError
-from hdassist.terminal.files import held, require_writable, write_text
+from hdassist.terminal.files import add_line, held, require_writable, write_text
 
 
 def test_a_file_is_written_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -90,6 +90,20 @@ def test_a_directory_without_permission_is_a_data_error(tmp_path: Path) -> None:
 def test_a_device_is_written_to_and_not_replaced() -> None:
     write_text(os.devnull, "x", force=False)
     assert not Path(os.devnull).is_file()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
+def test_a_pipe_that_nobody_reads_is_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for refused in (lambda: write_text(str(pipe), "x", force=False), lambda: add_line(str(pipe), "x")):
+        with pytest.raises(DataError, match="nobody reads the pipe"):
+            refused()
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_text(str(pipe), "x", force=False)
+    add_line(str(pipe), "y")
+    assert os.read(reader, 9) == b"xy\n"
+    os.close(reader)
 
 
 def test_a_file_is_held_by_one_run_at_a_time(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ import sys
 import pytest
 
 from hdassist.cli.main import THREADS
-from hdassist.terminal.workers import count, workers
+from hdassist.errors import DataError
+from hdassist.terminal.workers import _deaf, count, workers
 from tests.process import CLEAN, SMALL
 
 BEGUN = """
@@ -77,3 +78,22 @@ def test_a_solver_with_threads_of_its_own_may_have_run_before():
 def test_no_number_of_jobs_is_one_for_each_core():
     assert count(3) == 3
     assert 1 <= count(0) <= (os.cpu_count() or 1)
+
+
+def test_a_stop_that_is_not_heard_now_is_heard_later():
+    done = False
+    with pytest.raises(KeyboardInterrupt), _deaf():
+        signal.raise_signal(signal.SIGINT)
+        done = True
+    assert done
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), RuntimeError("can't start new thread")])
+def test_processes_that_cannot_begin_are_a_data_error(monkeypatch, fault):
+    def refuse(*_: object, **__: object) -> None:
+        raise fault
+
+    monkeypatch.setattr("hdassist.terminal.workers.ProcessPoolExecutor", refuse)
+    with pytest.raises(DataError, match=r"cannot begin the processes.*(No space left|new thread)"), workers(1):
+        pass

@@ -1,0 +1,280 @@
+"""Runs that are ended at any moment: nothing lost, no file half written, no process left, and the next run goes on.
+
+A run is judged by what an unbroken run of the same command gave. Its processes carry a mark in their environment, by
+which they are found, whoever began them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import secrets
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.process import CLEAN, COMMAND, SMALL
+
+MARK = "HDASSIST_MARK"
+OLD = "what was there before\n"
+GRACE = 5.0  # s for what was begun to end after its parent
+LONGEST = 300.0  # s of one run, on a machine that has other work
+ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+MOMENTS = (0.02, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 0.98)  # of the usual time
+CHANGES = re.compile(r'\d{4}-\d\d-\d\d(T\d\d:\d\d:\d\d\+00:00)?|"evaluations": \d+')  # from run to run
+
+INPUTS = {
+    "small.yaml": Path(SMALL).read_text(encoding="utf-8").replace("n_phase: 4", "n_phase: 2").replace("[1, 4]", "[4]"),
+    "targets.yaml": (
+        "schema: hdassist.targets/1\nunknowns: {gears.j_n: {low: 0, high: 10}}\n"
+        "targets: [{quantity: F_ior, M_g: 4, phase: 0, value: 33, tolerance: 1}]\n"
+    ),
+    "lot.csv": "serial,preset,limit F_ior@4\n"
+    + "".join(f"{k},small.yaml,{limit}\n" for k, limit in enumerate((60, 10, 30, 40))),
+    "run.csv": "cam_deg,error_arcsec\n"
+    + "".join(f"{k},{15 * math.sin(math.radians(k)) + 3 * math.sin(math.radians(2 * k)):.4f}\n" for k in range(721)),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command; whole: files that it writes at once; grows: a file that it writes line by line."""
+
+    name: str
+    arguments: tuple[str, ...]
+    whole: tuple[str, ...] = ()
+    grows: str = ""
+
+
+def _case(name: str, arguments: str, whole: str = "", grows: str = "") -> Case:
+    return Case(name, tuple(arguments.split()), tuple(whole.split()), grows)
+
+
+CASES = {
+    case.name: case
+    for case in (
+        _case("lot", "accept lot.csv --jsonl a.jsonl --resume --junit a.xml --csv a.csv -o a.json --json --force "
+              "--jobs 2", "a.xml a.csv a.json", "a.jsonl"),
+        _case("accept", "accept small.yaml --limit F_ior@4=60 --jsonl a.jsonl --junit a.xml --csv a.csv -o a.json "
+              "--json --force --jobs 2", "a.xml a.csv a.json a.jsonl"),
+        _case("calibrate", "calibrate small.yaml --targets targets.yaml --state s.jsonl --write found.yaml -o a.json "
+              "--json --force --evaluations 8 --jobs 2", "found.yaml a.json", "s.jsonl"),
+        _case("check", "check small.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
+        _case("mount", "mount small.yaml --set mounting.holes=3 --samples 0 --card card.html --csv a.csv -o a.json "
+              "--json --force --jobs 2", "card.html a.csv a.json"),
+        _case("trials", "trials small.yaml h0:100 h1:95 h2:97 --set mounting.holes=3 --noise 30 --card card.html "
+              "--csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),
+        _case("measure", "measure run.csv --ratio 31 --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("compare", "compare small.yaml run.csv --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("trace", "trace small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("stiffness", "stiffness small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("self-error", "self-error small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("new", "presets new mine -o mine.yaml --force", "mine.yaml"),
+        _case("schema", "presets schema -o schema.json --force", "schema.json"),
+    )
+}  # fmt: skip
+LONG = tuple(name for name in CASES if name not in ("new", "schema"))
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What an unbroken run does: exit code, standard output, files by name, and the time it takes [s]."""
+
+    code: int
+    out: str
+    files: dict[str, str]
+    seconds: float
+
+
+@dataclass
+class Tally:
+    """What came out of a study: runs, promises that were broken, temporary files left by kills, slowest end [s]."""
+
+    runs: int = 0
+    broken: list[str] = field(default_factory=list)
+    parts: int = 0
+    slowest: float = 0.0
+    slowest_of: str = ""
+
+
+@contextmanager
+def folder(old: Sequence[str] = ()) -> Iterator[Path]:
+    """A folder with all inputs; old: files in it that there are already."""
+    with tempfile.TemporaryDirectory(prefix="hdassist-faults-", ignore_cleanup_errors=True) as name:
+        place = Path(name)
+        place.chmod(0o755)
+        for file, text in INPUTS.items():
+            (place / file).write_text(text, encoding="utf-8")
+        for file in old:
+            (place / file).write_text(OLD)
+        yield place
+
+
+def start(case: Case, place: Path, mark: str, before: Sequence[str] = (), **more: Any) -> subprocess.Popen[str]:
+    """Begin a run; before: a command that runs it; more: of subprocess.Popen, env upon a clean one."""
+    env = CLEAN | {MARK: mark} | more.pop("env", {})
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(
+        [*before, *COMMAND, *case.arguments], cwd=place, env={k: v for k, v in env.items() if v is not None},
+        text=True, encoding="utf-8", errors="replace", **(streams | more),
+    )  # fmt: skip
+
+
+@cache
+def usual(case: Case) -> Usual:
+    """An unbroken run, and its time, tried once."""
+    with folder() as place:
+        begun = time.monotonic()
+        process = start(case, place, "usual")
+        out, err = process.communicate(timeout=LONGEST)
+        seconds = time.monotonic() - begun
+        files = texts(place)
+        assert process.returncode in (0, 3, 6), err
+        assert {*case.whole, *([case.grows] if case.grows else [])} == {*files} - {*INPUTS}, err
+        return Usual(process.returncode, plain(out), files, seconds)
+
+
+def texts(place: Path) -> dict[str, str]:
+    """Files of a folder by name, without what differs from run to run."""
+    return {item.name: plain(item.read_text(encoding="utf-8")) for item in place.iterdir() if item.is_file()}
+
+
+def plain(text: str) -> str:
+    """A text without times, and without how much of it was remembered."""
+    return CHANGES.sub("-", text)
+
+
+def left(mark: str) -> list[int]:
+    """Processes of a run that are still at work, after some time to end."""
+    until = time.monotonic() + GRACE
+    while (found := [pid for pid in _processes() if _has(pid, mark)]) and time.monotonic() < until:
+        time.sleep(0.02)
+    return found
+
+
+def _processes() -> list[int]:
+    return [int(name) for name in os.listdir("/proc") if name.isdigit()]  # noqa: PTH208 (Path makes one of each)
+
+
+def _has(pid: int, mark: str) -> bool:
+    try:
+        return f"{MARK}={mark}\0".encode() in Path(f"/proc/{pid}/environ").read_bytes()  # empty of one that has ended
+    except OSError:
+        return False
+
+
+def faults_of_files(case: Case, place: Path, old: Sequence[str], known: Usual, *, ended_in_order: bool) -> list[str]:
+    """What is wrong with the files that a run left: each is absent, as it was, or whole."""
+    said = []
+    found = texts(place)
+    for name, text in found.items():
+        if name in INPUTS:
+            good = text == plain(INPUTS[name])
+        elif name == case.grows:
+            good = known.files[name].startswith(text)
+        elif name in case.whole:
+            good = text == known.files[name] or (name in old and text == OLD)
+        else:
+            good = not ended_in_order and name.endswith((".part", f"{case.grows}.lock"))
+        if not good:
+            said.append(f"{name}: {text[:60]!r} of {len(text)} characters")
+    return said + [f"{name}: lost" for name in (*INPUTS, *old) if name not in found]
+
+
+def goes_on(case: Case, place: Path, known: Usual) -> list[str]:
+    """What is wrong with the same command run again where one was ended."""
+    process = start(case, place, "again")
+    out, err = process.communicate(timeout=LONGEST)
+    files = {name: text for name, text in texts(place).items() if not name.endswith(".part")}
+    if process.returncode != known.code or plain(out) != known.out:
+        return [f"again: exit {process.returncode}: {err.strip()[-300:]}"]
+    return [f"again: {name} differs" for name in {*files, *known.files} if files.get(name) != known.files.get(name)]
+
+
+def kills(count: int, seed: int, names: Sequence[str] = tuple(CASES)) -> Tally:
+    """SIGKILL at a random moment of each command in turn; half of them late, where files are written.
+
+    Arguments: count, of kills; seed, of the moments; names, of cases.
+    """
+    tally = Tally()
+    known = {name: usual(CASES[name]) for name in names}
+    for k in range(count):
+        rng = np.random.default_rng([seed, k])
+        case = CASES[names[k % len(names)]]
+        moment = rng.uniform(0, 1) if rng.random() < 0.5 else rng.uniform(0.8, 1.02)
+        old = case.whole if k // len(names) % 2 else ()
+        with folder(old) as place:
+            mark = secrets.token_hex(8)
+            process = start(case, place, mark)
+            time.sleep(moment * known[case.name].seconds)
+            process.kill()
+            process.communicate()
+            said = [f"process {pid} left" for pid in left(mark)]
+            said += faults_of_files(case, place, old, known[case.name], ended_in_order=False)
+            after = texts(place)
+            tally.parts += sum(name.endswith(".part") for name in after)
+            if after != {name: plain(text) for name, text in INPUTS.items()} | dict.fromkeys(old, OLD):
+                said += goes_on(case, place, known[case.name])
+            record(tally, said, f"{case.name} killed at {moment:.2f} of its time")
+    return tally
+
+
+def signals(names: Sequence[str] = LONG, moments: Sequence[float] = MOMENTS) -> Tally:
+    """SIGINT, SIGTERM and SIGHUP at several moments of long commands: what is said, left, and how soon it ends."""
+    tally = Tally()
+    for name in names:
+        known = usual(CASES[name])
+        print(
+            f"  {name}: {known.seconds:.1f} s if nobody ends it; slowest end so far {tally.slowest:.1f} s", flush=True
+        )
+        for number, code in ENDS.items():
+            for moment in moments:
+                _interrupt(CASES[name], known, number, code, moment, tally)
+    return tally
+
+
+def _interrupt(case: Case, known: Usual, number: signal.Signals, code: int, moment: float, tally: Tally) -> None:
+    with folder() as place:
+        mark = secrets.token_hex(8)
+        process = start(case, place, mark)
+        time.sleep(moment * known.seconds)
+        sent = time.monotonic()
+        process.send_signal(number)
+        out, err = process.communicate(timeout=LONGEST)
+        seconds = time.monotonic() - sent
+        said = [f"process {pid} left" for pid in left(mark)]
+        early = process.returncode == -number  # before the command, or after it
+        done = process.returncode == known.code and plain(out) == known.out
+        said += [] if done or process.returncode in (code, -number) else [f"exit {process.returncode}"]
+        said += [err[-300:]] if "Traceback" in err or "internal error" in err or "Exception" in err else []
+        said += faults_of_files(case, place, (), known, ended_in_order=not early)
+        where = f"{case.name}, {number.name} at {moment:.2f} of its time"
+        if seconds > tally.slowest and not done:
+            tally.slowest, tally.slowest_of = seconds, where
+        record(tally, said, where)
+
+
+def record(tally: Tally, said: Sequence[str], where: str) -> None:
+    """Count a run; said, what was wrong with it; where, of which run it is said."""
+    tally.runs += 1
+    if said:
+        tally.broken.append(f"{where}: {'; '.join(said)}")
+        print(f"  {tally.broken[-1]}", flush=True)
+
+
+def report(name: str, tally: Tally) -> bool:
+    """Print what came out; whether every promise was kept."""
+    ends = f", slowest end {tally.slowest:.1f} s ({tally.slowest_of})" if tally.slowest_of else ""
+    parts = f", {tally.parts} temporary files left" if tally.parts else ""
+    print(f"{name}: {tally.runs} runs, {len(tally.broken)} of them broke a promise{parts}{ends}", flush=True)
+    return not tally.broken

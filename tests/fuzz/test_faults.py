@@ -1,0 +1,60 @@
+"""Short forms of `python -m tests.fuzz faults`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.faults import CASES, OLD, Tally, Usual, faults_of_files, folder, kills, signals, usual
+from tests.fuzz.surroundings import SURROUNDINGS, run_in, two_at_once, unavailable
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs /proc")
+
+TRIED = [
+    ("disk full", "new"), ("folder read-only", "new"), ("folder of another user", "new"), ("no environment", "new"),
+    ("LC_ALL=C without UTF-8", "new"), ("all streams closed", "new"), ("shared memory full", "lot"),
+    ("shared memory read-only", "lot"), ("12 open files", "lot"), ("350 MB of addresses", "lot"),
+    ("1 processes", "lot"), ("3 processes", "lot"),
+]  # fmt: skip
+GIVES_LITTLE = {one.name: one for one in SURROUNDINGS}
+
+
+def test_a_run_that_is_killed_leaves_nothing_half_and_the_next_goes_on():
+    tally = kills(4, 0, ("new", "lot"))
+    assert tally.runs == 4
+    assert not tally.broken
+
+
+def test_a_run_that_is_told_to_stop_leaves_nothing():
+    tally = signals(("lot",), (0.6,))
+    assert tally.runs == 3
+    assert not tally.broken
+
+
+@pytest.mark.parametrize(("surrounding", "name"), TRIED)
+def test_where_the_system_gives_little_there_is_an_answer_or_a_refusal(surrounding: str, name: str):
+    if reason := unavailable(GIVES_LITTLE[surrounding]):
+        pytest.skip(reason)
+    tally = Tally()
+    run_in(GIVES_LITTLE[surrounding], CASES[name], usual(CASES[name]), tally)
+    assert not tally.broken
+
+
+def test_two_runs_at_once_keep_one_file_whole():
+    tally = two_at_once(("lot",), (0.1,))
+    assert tally.runs == 1
+    assert not tally.broken
+
+
+def test_a_file_that_is_half_written_lost_or_foreign_is_seen():
+    case, whole = CASES["lot"], Usual(0, "", {"a.csv": "whole", "a.xml": "whole", "a.jsonl": "one\ntwo\n"}, 1.0)
+    with folder(old=("a.csv",)) as place:
+        (place / "a.xml").write_text("wh")
+        (place / "a.jsonl").write_text("one\nx")
+        (place / "lot.csv").write_text("")
+        (place / "a.jsonl.lock").touch()
+        (place / "run.csv").unlink()
+        said = faults_of_files(case, place, ("a.csv",), whole, ended_in_order=True)
+        assert sorted(text.split(":")[0] for text in said) == ["a.jsonl", "a.jsonl.lock", "a.xml", "lot.csv", "run.csv"]
+        assert (place / "a.csv").read_text() == OLD
