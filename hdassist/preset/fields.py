@@ -86,7 +86,7 @@ class Contact(Section):
     c_t: float = field("compliance of a tooth pair along its normal", "mm/N", 2.0e-5, ge=1e-8, le=1e-2)
     k_face: float = field(
         "stiffness of a tooth pair per width of its face, in place of c_t where flanks are coned (numerics.stations)",
-        "N/(um*mm)", 8.4, ge=0.01, le=1000,
+        "N/um/mm", 8.4, ge=0.01, le=1000,
     )  # fmt: skip
     c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
     c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
