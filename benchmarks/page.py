@@ -39,6 +39,9 @@ def page(measured: dict[str, Any]) -> str:
         "## Growth with the number of teeth\n",
         "`vzp160` with other teeth on the same pitch circle (module × teeth constant); set-up included.\n",
         _growth(measured["growth"]),
+        "## Coned flanks\n",
+        "`vzp160` with `numerics.stations` along the face of each flank, over the full cycle; set-up included.\n",
+        _coned(measured["coned"]),
         CHOSEN,
     ]  # fmt: skip
     return "\n".join(parts)
@@ -111,3 +114,14 @@ def _growth(drives: list[dict[str, Any]]) -> str:
         times = (f"{here[M_g]['us']:.1f}" for M_g in torques)
         lines.append((f"{z_g}/{z_g + 2}", str(first["states"]), str(first["candidates"]), *times))
     return _table(("teeth", "states", "candidates", *(f"µs a state, {M_g:g} N·m" for M_g in torques)), lines)
+
+
+def _coned(drives: list[dict[str, Any]]) -> str:
+    torques = sorted({drive["M_g"] for drive in drives})
+    us = {(drive["stations"], drive["M_g"]): drive["us"] for drive in drives}
+    candidates = {drive["stations"]: drive["candidates"] for drive in drives}
+    lines = [
+        (str(n), str(count), *(f"{us[n, M_g]:.1f} ({us[n, M_g] / us[1, M_g]:.2f} ×)" for M_g in torques))
+        for n, count in candidates.items()
+    ]
+    return _table(("stations", "candidates", *(f"µs a state, {M_g:g} N·m" for M_g in torques)), lines)

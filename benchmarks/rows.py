@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 STATE_US, FASTER_THAN_CVXPY, FASTER_THAN_DAQP = 25.0, 1000.0, 4.0
+CONED = 3.0  # times: what a default may cost over the one before
 CYCLE_S, SEARCH_S, SEARCH_ARCSEC, MEMORY_MB = 0.6, 0.1, 0.01, 300.0
 
 
@@ -60,6 +61,7 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
     for run in measured["processes"]:
         yield Row("memory", f"memory of `{run['command']}`", MEMORY_MB, run["all_processes_MB"], "MB")
     yield from _growth(measured["growth"])
+    yield from _coned(measured["coned"])
 
 
 def _at(torque: dict[str, Any]) -> str:
@@ -87,3 +89,11 @@ def _growth(drives: list[dict[str, Any]]) -> Iterator[Row]:
         first, last = min(us), max(us)
         words = f"time a state, {last}/{last + 2} against {first}/{first + 2} teeth, {M_g:g} N·m"
         yield Row("growth", words, last / first, us[last] / us[first], "times")
+
+
+def _coned(drives: list[dict[str, Any]]) -> Iterator[Row]:
+    for M_g in sorted({drive["M_g"] for drive in drives}):
+        us = {drive["stations"]: drive["us"] for drive in drives if drive["M_g"] == M_g}
+        last = max(us)
+        words = f"time a state, {last} stations along coned flanks against whole flanks, {M_g:g} N·m"
+        yield Row("coned", words, CONED, us[last] / us[1], "times")

@@ -36,6 +36,8 @@ REASONS = {
     "--help": "typer is most of it, and the interpreter.",
     "--version": "typer is most of it, and the interpreter.",
     "memory": "each worker holds its own share of numpy, scipy and cvxpy. Next: compile before the workers start.",
+    "coned": "five times the flanks are candidates, and most of what a state costs goes with all of them. Next: leave "
+    "out stations that bounds prove never to touch.",
     "growth": "a pivot costs the square of the candidates that change sides anywhere. Next: pivot on those near alone.",
 }
 

@@ -1,8 +1,9 @@
 """The contact system of a drive: compliance D, geometry of motion G, supports C, gaps without force.
 
-Candidates stand in the order flanks, bore nodes, balls. A force opens its own gap:
-delta = delta_p + D F + G a. Freedoms a: rigid wheel x, y; flexspline x, y, rotation; outer ring x, y;
-cam x, y. Equilibrium is the transpose, as virtual work demands: G' F - C a + b = 0. Units mm, N, rad.
+Candidates stand in the order flanks, bore nodes, balls; a flank has one for each station along its face, the stations
+one after the other. A force opens its own gap: delta = delta_p + D F + G a. Freedoms a: rigid wheel x, y; flexspline x,
+y, rotation; outer ring x, y; cam x, y. Equilibrium is the transpose, as virtual work demands: G' F - C a + b = 0.
+Units mm, N, rad.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.model.face import Face
 from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates
 from hdassist.model.nominal import nominal_shape
 from hdassist.model.rings import flexspline_ring, outer_ring
@@ -41,7 +43,7 @@ class ContactSystem:
     D [mm/N], shape (M, M); G, shape (M, 9), its rotation column in mm; C [N/mm], shape (9,), 0 where a
     freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations;
     deviation_map, shape (M, 12), the gaps' change by a unit of each deviation
-    scalar (deviations.py); c_t [mm/N], the compliance of a tooth pair, which sets the scale of forces.
+    scalar (deviations.py); face, the stations along each flank, which are rows of flanks of their own.
     """
 
     geometry: Geometry
@@ -53,12 +55,18 @@ class ContactSystem:
     C: Array
     delta_p: Array
     deviation_map: Array
-    c_t: float
+    face: Face
 
     @property
     def n_flanks(self) -> int:
         """Number of flank candidates, which come first."""
         return len(self.flanks.theta)
+
+    def on_flanks(self, forces: Array) -> Array:
+        """Force on each flank [N], all its stations together, shape (states, flanks), of forces, shape (states, M)."""
+        stations = len(self.face.fall)
+        rows = forces[:, : self.n_flanks]
+        return np.asarray(rows.reshape(len(rows), self.n_flanks // stations, stations).sum(axis=2))
 
     @property
     def balls(self) -> slice:
@@ -107,6 +115,7 @@ class ContactSystems:
 
     def __init__(self, drive: Drive) -> None:
         self._drive, self._geometry = drive, Geometry.of(drive)
+        self._face = Face.of(drive)
         self._bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
         self._flexspline: dict[float, tuple[Flanks, Array]] = {}
         self._ring: dict[float, tuple[Array, Array]] = {}
@@ -119,7 +128,8 @@ class ContactSystems:
         drive, geometry, bore = self._drive, self._geometry, self._bore
         if tau not in self._flexspline:
             flanks = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
-            self._flexspline[tau] = flanks, _flexspline_compliance(drive, geometry, flanks, bore)
+            flanks = flanks.repeated(len(self._face.fall))
+            self._flexspline[tau] = flanks, _flexspline_compliance(drive, geometry, flanks, self._face, bore)
         if beta not in self._ring:
             balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
             self._ring[beta] = balls, _ring_compliance(drive, geometry, bore, balls)
@@ -132,9 +142,9 @@ class ContactSystems:
             D=_compliance(flexspline, ring, len(bore)),
             G=_motion(geometry, flanks, bore, balls),
             C=_supports(drive),
-            delta_p=_gaps(drive, geometry, flanks, bore, balls),
+            delta_p=_gaps(drive, geometry, flanks, self._face, bore, balls),
             deviation_map=_deviation_map(flanks, bore, balls),
-            c_t=drive.contact.c_t,
+            face=self._face,
         )
 
 
@@ -147,7 +157,7 @@ def _compliance(flexspline: Array, ring: Array, bore: int) -> Array:
     return D
 
 
-def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
+def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, face: Face, bore: Array) -> Array:
     """Compliance of the flexspline, of tooth pairs and of bore nodes, between flanks and bore."""
     flexspline = flexspline_ring(drive, geometry)
     push = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)  # outward normal of the tooth
@@ -155,7 +165,7 @@ def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bor
     at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
     # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
     loads = np.vstack([-at_flank, flexspline.radial(bore)])
-    local = np.repeat([drive.contact.c_t, drive.contact.c_bore], [len(flanks.theta), len(bore)])
+    local = np.concatenate([_along(face.compliance, flanks), np.full(len(bore), drive.contact.c_bore)])
     return _symmetric((loads * flexspline.compliance) @ loads.T, local)
 
 
@@ -165,6 +175,11 @@ def _ring_compliance(drive: Drive, geometry: Geometry, bore: Array, balls: Array
     loads = np.vstack([-ring.radial(bore), ring.radial(balls)])
     local = np.repeat([0.0, drive.contact.c_ball], [len(bore), len(balls)])
     return _symmetric((loads * ring.compliance) @ loads.T, local)
+
+
+def _along(face: Array, flanks: Flanks) -> Array:
+    """What holds at each station, for every row of the flanks."""
+    return np.tile(face, len(flanks.theta) // len(face))
 
 
 def _symmetric(D: Array, local: Array) -> Array:
@@ -198,11 +213,12 @@ def _supports(drive: Drive) -> Array:
     return C
 
 
-def _gaps(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
+def _gaps(drive: Drive, geometry: Geometry, flanks: Flanks, face: Face, bore: Array, balls: Array) -> Array:
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
     # the nominal gap was drawn on the nominal shape, which is a displacement of the elastic rim
     shape = flanks.side * np.cos(flanks.alpha) * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
-    at_flanks = flanks.gap + geometry.j_n + shape
+    # it was drawn at the open edge; beyond it the rim stands back by what the wave has fallen
+    at_flanks = flanks.gap + geometry.j_n + shape * (1 + _along(face.fall, flanks))
     at_balls = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
     return np.concatenate([at_flanks, np.zeros(len(bore)), at_balls])
 

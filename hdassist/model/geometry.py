@@ -5,7 +5,7 @@ Lengths in mm, angles in rad. Angles theta are measured from the major axis of t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -105,6 +105,10 @@ class Flanks:
     alpha: Array  # pressure angle of the contact normal [rad]
     h_c: Array  # height of the contact above the mid-line [mm]
     edge: NDArray[np.bool_]  # outermost tooth of its zone's window
+
+    def repeated(self, times: int) -> Flanks:
+        """Each entry so many times, one after the other."""
+        return Flanks(**{part.name: getattr(self, part.name).repeat(times) for part in fields(self)})
 
 
 def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:

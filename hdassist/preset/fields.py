@@ -95,6 +95,10 @@ class Contact(Section):
     """Local compliance of the contacts."""
 
     c_t: float = field("compliance of a tooth pair along its normal", "mm/N", 2.0e-5, ge=1e-8, le=1e-2)
+    k_face: float = field(
+        "stiffness of a tooth pair per width of its face, in place of c_t where flanks are coned (numerics.stations)",
+        "N/um/mm", 8.4, ge=0.01, le=1000,
+    )  # fmt: skip
     c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
     c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
 
@@ -212,6 +216,10 @@ class Numerics(Section):
         "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
         default="inextensible",
     )
+    stations: int = field(
+        "stations along the face of each flank: 1, flanks bear as a whole (contact.c_t); more, coned flanks",
+        default=1, ge=1, le=16,
+    )  # fmt: skip
     n_beta: int = field("ball positions per ball pitch with rolling balls", default=48, ge=4, le=1000)
     n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
 

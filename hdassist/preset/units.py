@@ -38,6 +38,9 @@ _TABLE: dict[str, dict[str, Decimal | int | str]] = {
     "a compliance": {
         "mm/N": 1, "um/N": "1e-3", "nm/N": "1e-6", "mm/kN": "1e-3", "um/kN": "1e-6", "m/N": 1000,
     },
+    "a stiffness by width": {
+        "N/um/mm": 1, "N/mm/um": 1, "N/(um*mm)": 1, "N/(mm*um)": 1,
+    },
     "a torsional stiffness": {
         f"{torque}/{angle}": size / share
         for torque, size in (("N*m", Decimal(1)), ("Nm", Decimal(1)), ("kN*m", Decimal(1000)), ("kNm", Decimal(1000)))

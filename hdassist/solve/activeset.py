@@ -23,7 +23,7 @@ ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 FEW = 4  # states for which a model is not worth its set-up
-STEPS = 12  # of solve_near, after which it is given up
+STEPS = 25  # of solve_near, after which it is given up; with coned flanks 12 gave up half of the states
 LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
 
 

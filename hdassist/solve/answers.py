@@ -110,9 +110,9 @@ def solve_states(
         proof = residuals(system, delta_p[part], torque, forces, free)
         _require_proof(proof, place, first)
         rotation[part] = free[:, system.free_rotation]
-        flank = forces[:, : system.n_flanks]
+        flank = system.on_flanks(forces)
         _require_linear(system, torque, rotation[part], flank, place, first)
-        tangential = flank * system.lever
+        tangential = forces[:, : system.n_flanks] * system.lever
         moment[part] = np.stack([tangential[:, system.flanks.zone == z].sum(axis=1) for z in (0, 1)], axis=1)
         force[part] = flank.max(axis=1)
         worst = {f.name: float(getattr(proof, f.name).max()) for f in fields(Residuals)}
@@ -150,7 +150,7 @@ def _require_linear(
             f"({quarter_pitch * ARCSEC:.0f} arcsec)",
             "the torque is too great for this drive",
         )
-    at_edge = flank[:, system.flanks.edge].max(axis=1, initial=0.0)
+    at_edge = flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0)
     k = int(np.argmax(at_edge))
     if at_edge[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
         raise UntrustedError(

@@ -27,8 +27,8 @@ MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 class Units:
     """Units of the scaled programme, chosen so that its numbers are of order one.
 
-    gap [mm]; force [N], which closes a gap unit on a tooth; load, shape (free,): length that scales each
-    equilibrium row (1 for a force, r_m in mm for the moment).
+    gap [mm]; force [N], which closes a gap unit on the stiffest station of a tooth; load, shape (free,): length that
+    scales each equilibrium row (1 for a force, r_m in mm for the moment).
     """
 
     gap: float
@@ -95,5 +95,7 @@ def formulate(system: ContactSystem) -> Formulation:
     G_s, G_f = system.G[:, supported], system.G[:, free]
     H = system.D + (G_s / system.C[supported]) @ G_s.T
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
-    units = Units(gap=MICROMETRE, force=MICROMETRE / system.c_t, load=load_units)
+    # the softest instead makes Clarabel give up coned flanks at light torques
+    stiffest = float(system.face.compliance.min())
+    units = Units(gap=MICROMETRE, force=MICROMETRE / stiffest, load=load_units)
     return Formulation(system, units, P=H * (units.force / units.gap), A=(G_f / load_units).T)

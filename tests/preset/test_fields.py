@@ -169,6 +169,26 @@ def test_the_nominal_curve_moves_the_teeth(reference):
     assert 0.5 < abs(twist(other) - twist(reference)) < 6
 
 
+@pytest.mark.moves("numerics.stations")
+def test_coned_flanks_bear_beside_the_edge(reference):
+    # a pair that bears on a few millimetres yields more at first, and hardly more once the width has grown
+    coned = changed(reference, numerics__stations=4)
+    assert light(coned) - light(reference) > 9
+    assert heavy(coned) - light(coned) - (heavy(reference) - light(reference)) < 7
+    assert contact_system(coned).n_flanks == 4 * contact_system(reference).n_flanks
+
+
+@pytest.mark.moves("contact.k_face")
+def test_a_stiffer_face_twists_less_where_flanks_are_coned(reference):
+    coned = changed(reference, numerics__stations=4)
+    soft, stiff = (changed(coned, contact__k_face=k) for k in (6.8, 10.0))
+    assert light(soft) - light(stiff) > 2.8
+    assert heavy(soft) - heavy(stiff) > 4
+    # it takes the place of c_t, and the other way round
+    assert heavy(changed(coned, contact__c_t=4e-5)) == heavy(coned)
+    assert heavy(changed(reference, contact__k_face=6.8)) == heavy(reference)
+
+
 @pytest.mark.moves("bearing.ball_motion")
 def test_rolling_balls_add_error(reference):
     assert error(changed(reference, bearing__ball_motion="rolling")) - error(reference) > 0.09

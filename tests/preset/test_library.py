@@ -64,6 +64,17 @@ def test_identified_values_of_vzp160_are_the_unknowns_of_its_targets_and_within_
             assert unknown.low <= value <= unknown.high, path
 
 
+def test_targets_of_coned_flanks_are_those_of_whole_ones_with_the_face_in_place_of_the_pair() -> None:
+    coned = load_preset("vzp160", ["numerics.stations=4", "contact.k_face=8.4"])
+    one, other = (
+        read_targets((ROOT / f"docs/{name}.targets.yaml").read_bytes(), name, coned)
+        for name in ("vzp160", "vzp160-coned")
+    )
+    assert other.targets == one.targets
+    paths = {unknown.path for unknown in one.unknowns}
+    assert {unknown.path for unknown in other.unknowns} == paths - {"contact.c_t"} | {"contact.k_face"}
+
+
 def test_a_path_is_read_and_named_as_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "my.yaml").write_bytes(read_preset("vzp160")[0])
     monkeypatch.chdir(tmp_path)

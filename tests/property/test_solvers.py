@@ -54,10 +54,26 @@ def test_engine_agrees_with_two_other_solvers(reference, fields, tau, beta, scal
         assert others == pytest.approx(forces[0], abs=2e-3 * forces.max())
 
 
-@settings(max_examples=12)
+@settings(max_examples=3)
+@given(DRIVES, st.floats(5, 15), STATES, TORQUES)
+def test_engine_agrees_with_two_other_solvers_on_coned_flanks(reference, fields, k_face, scalars, torque):
+    drive = changed(reference, **fields, numerics__stations=4, contact__k_face=k_face)
+    system = contact_system(drive)
+    formulation = formulate(system)
+    delta_p = system.delta_p + system.deviation_map[:, :4] @ scalars
+    forces, free, _ = Engine(formulation, torque).solve(delta_p[None])
+    assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
+    for solver in ("CLARABEL", "OSQP"):
+        others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
+        assert same[system.free_rotation] * ARCSEC == pytest.approx(free[0, system.free_rotation] * ARCSEC, abs=0.005)
+        assert others == pytest.approx(forces[0], abs=2e-3 * forces.max())
+
+
+@pytest.mark.parametrize("stations", [1, 3])
+@settings(max_examples=6)
 @given(DRIVES, st.floats(0, 1), st.floats(0, 1), st.integers(0, 2**32 - 1), TORQUES)
-def test_many_states_at_once_are_what_each_is_alone(reference, fields, tau, beta, seed, torque):
-    system = contact_system(changed(reference, **fields), tau, beta)
+def test_many_states_at_once_are_what_each_is_alone(reference, stations, fields, tau, beta, seed, torque):
+    system = contact_system(changed(reference, **fields, numerics__stations=stations), tau, beta)
     formulation = formulate(system)
     scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY, 4))
     delta_p = system.delta_p + scalars @ system.deviation_map[:, :4].T

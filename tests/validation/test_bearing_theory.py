@@ -9,6 +9,7 @@ from scipy.special import ellipe, ellipkm1
 
 from hdassist import load_preset
 from hdassist.model.contacts import FREEDOMS, ROTATION, contact_system
+from hdassist.model.face import Face
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
@@ -63,7 +64,7 @@ def stribeck() -> tuple[float, float]:
     G[:, ROTATION] = -np.cos(2 * np.pi * np.arange(balls) / balls)
     C = np.where(np.arange(len(FREEDOMS)) == ROTATION, 0.0, 1.0)
     bearing = replace(
-        system, D=c * np.eye(balls), G=G, C=C, delta_p=np.zeros(balls), c_t=c,
+        system, D=c * np.eye(balls), G=G, C=C, delta_p=np.zeros(balls), face=Face(np.zeros(1), np.array([c])),
         flanks=replace(system.flanks, theta=np.zeros(0)),
     )  # fmt: skip
     forces, free, _ = Engine(formulate(bearing), load).solve(bearing.delta_p[None])

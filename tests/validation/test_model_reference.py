@@ -12,6 +12,7 @@ import pytest
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch
 from hdassist.error.self_error import self_error
+from hdassist.error.stiffness import stiffness
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Geometry
@@ -110,6 +111,17 @@ def test_torsional_stiffness(reference):
     assert total == pytest.approx(0.76e6, rel=0.01)
     # catalogue: sizes 58 and 65, between which the drive lies
     assert 0.61e6 <= total <= 0.98e6
+
+
+@pytest.mark.parametrize(
+    ("k_face", "j_n", "expected"),
+    [(10, 7, (63, 78, 87)), (6.8, 7, (59, 76, 86)), (10, 10, (55, 78, 87)), (6.8, 10, (52, 76, 86))],
+)
+def test_stiffness_with_coned_flanks(reference, k_face, j_n, expected):
+    fields = {"contact__k_face": k_face, "gears__j_n": j_n, "numerics__nominal_curve": "linear"}
+    curve = stiffness(changed(reference, numerics__stations=8, **fields), cross_check=None, points=1)
+    # noted to 3 %, with the slope on the axis for every flank: that of each is another 1 to 2 %
+    assert [segment.stiffness / 1e4 for segment in curve.positive] == pytest.approx(expected, rel=0.04)
 
 
 @pytest.mark.parametrize(
