@@ -27,6 +27,9 @@ def drives(args: argparse.Namespace) -> bool:
 
 def inputs(args: argparse.Namespace) -> bool:
     """Presets, targets, traces, pitch tables, lots, options, answers and states, changed at random."""
+    if args.guided:
+        more = ["--n", str(args.n), "--seed", str(args.seed), *(["--kinds", *args.kinds] if args.kinds else [])]
+        os.execv(sys.executable, [sys.executable, "-m", "tests.fuzz.guided", *more])  # which imports under a watch
     from tests.fuzz.inputs import made, outcomes, report, save
 
     if args.save is not None:
@@ -54,6 +57,7 @@ def main() -> int:
     study.add_argument(
         "--save", type=int, metavar="K", help="run this one only, and keep its files in a folder input-K"
     )
+    study.add_argument("--guided", action="store_true", help="readers alone, guided by coverage (needs .[fuzz])")
     study.set_defaults(run=inputs)
     args = parser.parse_args()
     return 0 if args.run(args) else 1

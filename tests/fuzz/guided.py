@@ -1,7 +1,8 @@
-"""Readers of the tool under a fuzzer that is guided by what code an input reaches: `python -m tests.fuzz inputs --guided`.
+"""Readers of the tool under a fuzzer that is guided by the code that an input reaches.
 
-It needs the extra `fuzz` (atheris). An input is a byte that chooses the reader, and what is read. A reader may refuse
-it with one of our errors; anything else ends the run with a traceback, and the input is kept as crash-....
+`python -m tests.fuzz inputs --guided`. It needs the extra `fuzz` (atheris). An input is a byte that chooses
+the reader, and what is read. A reader may refuse it with one of our errors; anything else ends the run with a
+traceback, and the input is kept as crash-....
 """
 
 from __future__ import annotations
@@ -84,7 +85,8 @@ READERS: dict[str, Callable[[bytes], object]] = {
 }
 SEEDS: dict[str, tuple[str, ...]] = {
     "preset": presets(), "targets": (TARGETS,), "trace": tuple(text for text, _ in TRACES),
-    "pitch": tuple(text for text, _ in PITCH), "lot": LOTS, "options": OPTIONS, "replay": answers(), "state": (state(),),
+    "pitch": tuple(text for text, _ in PITCH), "lot": LOTS, "options": OPTIONS, "replay": answers(),
+    "state": (state(),),
 }  # fmt: skip
 CHANGES: dict[str, Callable[[str, mutate.Rng], bytes]] = {
     "preset": mutate.yaml_text, "targets": mutate.yaml_text, "trace": mutate.table_text, "pitch": mutate.table_text,

@@ -236,9 +236,8 @@ def report(found: Iterator[Outcome], seed: int, kinds: Sequence[str] = ()) -> bo
         codes = sorted((code, n) for (of, code), n in count.items() if of == kind)
         print(f"{kind}: {', '.join(f'exit {code}: {n}' for code, n in codes)}")
     told()
-    print(
-        f"slowest: {slowest.seconds:.1f} s ({slowest.k}, {slowest.kind}); most memory: {most.megabytes:.0f} MB ({most.k}, {most.kind})"
-    )
+    print(f"slowest: {slowest.seconds:.1f} s ({slowest.k}, {slowest.kind})")
+    print(f"most memory: {most.megabytes:.0f} MB ({most.k}, {most.kind})")
     return good
 
 

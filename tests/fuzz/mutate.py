@@ -19,17 +19,21 @@ Rng = np.random.Generator
 NUMBERS = (
     "0", "-0", "-1", "1", "7", "1e308", "-1e308", "1e309", "1e-320", "nan", "inf", "-inf", ".nan", ".inf", "1" * 400,
     "1e" + "9" * 50, "0x10", "1_000", "12:30", "1,5", "1.5.2", "1 000", "٣", "１", "½", "--1", "5%", "1±2", "1±nan",
-    "±", "1 +- 1e309", "75 um", "1.2 m", "260±10 deg", "3 arcsec", "1e-5 mm/N", "1e9 GPa", "1 kN*m", "-0.0", "1e3", "9" * 19,
+    "±", "1 +- 1e309", "75 um", "1.2 m", "260±10 deg", "3 arcsec", "1e-5 mm/N", "1e9 GPa", "1 kN*m", "-0.0", "1e3",
+    "9" * 19,
 )  # fmt: skip
 WORDS = (
     "", " ", "-", "~", "null", "true", "no", "none", "unknown", "all", "fit", "*a", "&a x", "!!int", "!!python/name:os",
     "<<", "# x", "=1+1", "@x", "\x1b[31m", "\u202e", "\0", "\t", "\r", "'", '"', "`", "{", "}", "[", "]", "[[[[", ":",
-    "a:b", "a: b: c", "? x", "| x", "> x", "%x", "---", "...", "x" * 300, "x" * 5000, "é", "日本", "😀", "\u2028", "../..",
+    "a:b", "a: b: c", "? x", "| x", "> x", "%x", "---", "...", "x" * 300, "x" * 5000, "é", "日本", "😀", "\u2028",
+    "../..",
     ".", "/", "/dev/zero", "/dev/null", "C:\\x", "%s%n", "{0}", "$(ls)", "{{x}}", "<b>", "]]>", "F_ior@1", "order_2",
-    "lost_motion", "gears.z_g", "gears", "schema", "name", "run.csv", "drive.yaml", "lot.csv", "__class__", "\\N{x}", "\\ud800",
+    "lost_motion", "gears.z_g", "gears", "schema", "name", "run.csv", "drive.yaml", "lot.csv", "__class__", "\\N{x}",
+    "\\ud800",
 )  # fmt: skip
 VALUES: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1, 2, 10**30, 10**400, -(10**400), 1e308, 5e-324, float("nan"), float("inf"), [], {}, [[]],
+    None, True, False, 0, -1, 1, 2, 10**30, 10**400, -(10**400), 1e308, 5e-324, float("nan"), float("inf"), [], {},
+    [[]],
     [{}], {"a": 1}, {"": None}, [1, 2, 3], [None], ["x"] * 50, {"a": {"a": {"a": {}}}},
 )  # fmt: skip
 SEPARATORS = (";", ",", "\t", " ")

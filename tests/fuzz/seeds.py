@@ -18,7 +18,7 @@ from hdassist.cli.main import app
 from hdassist.preset.load import load_text
 from hdassist.preset.write import new_preset
 from tests.fuzz import mutate
-from tests.fuzz.drives import toothed, preset
+from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick
 from tests.process import ROOT, SMALL, run
 
@@ -72,8 +72,10 @@ PITCH: tuple[tuple[str, Args], ...] = (
 LOT = "serial;preset;measured@1;limit F_ior@1\nA1;drive.yaml;run.csv;60\nA2;drive.yaml;run.csv;\n"
 LOTS = (
     LOT,
-    "# lot 3\nserial,measured,limit order_2,lost_motion,limit lost_motion,note\nB1,1:run.csv,5,3±1,9,x\nB2,run.csv,4,,,\n",
-    "preset\tserial\tmeasured\tgears.j_n\tlimit turn_range\ndrive.yaml\t1\trun.csv\t5,5\t40\nvzp160\t2\t1:run.csv\t\t40\n",
+    "# lot 3\nserial,measured,limit order_2,lost_motion,limit lost_motion,note\n"
+    "B1,1:run.csv,5,3±1,9,x\nB2,run.csv,4,,,\n",
+    "preset\tserial\tmeasured\tgears.j_n\tlimit turn_range\n"
+    "drive.yaml\t1\trun.csv\t5,5\t40\nvzp160\t2\t1:run.csv\t\t40\n",
 )
 TARGETS = """\
 schema: hdassist.targets/1
@@ -100,7 +102,8 @@ def presets() -> Args:
     more += (
         "mounting: {fixed: rigid, holes: 12, allowed: [0, 3]}\nuncertainty: {phases.xi_b: 10}\n"
         "acceptance: {F_ior: {1: 60, all: 70}, order_amplitude: {2: 5}, rule: guard, margin: 10}\n"
-        "alternatives: [{gears.j_n: 5}]\nsource: {gears.m: {kind: given, ref: page 6}, gears.j_n: {kind: assumed, ref: x}}\n"
+        "alternatives: [{gears.j_n: 5}]\n"
+        "source: {gears.m: {kind: given, ref: page 6}, gears.j_n: {kind: assumed, ref: x}}\n"
     )
     return *texts, more, new_preset("fresh"), DRIVE
 
@@ -252,9 +255,12 @@ MEANT: dict[str, Args] = {
     "--measured": ("1:run.csv", "run.csv"), "--value": ("lost_motion@1=3±1", "F_ior@1=20±2 arcsec"),
     "--limit": ("F_ior@1=60", "order_2=5", "lost_motion=9"), "--budget": ("encoder=0.3",), "--orders": ("1-12", "2"),
     "--csv": ("-", "new.csv", "mine.txt"), "--output": ("new.txt", "mine.txt"), "-o": ("new.txt", "-"),
-    "--card": ("card.html", "card.txt", "-"), "--pitch-b": ("pitch.csv",), "--pitch-g": ("pitch.csv",), "--step": ("5", "30"),
-    "--verify": ("h5:16.2", "h0:run.csv"), "--jsonl": ("new.jsonl", "mine.txt"), "--junit": ("new.xml",), "--lang": ("ru",),
-    "--replay": ("lot.csv",), "--write": ("new.yaml",), "--state": ("new.jsonl", "mine.txt"), "--preset": ("drive.yaml",),
+    "--card": ("card.html", "card.txt", "-"), "--pitch-b": ("pitch.csv",), "--pitch-g": ("pitch.csv",),
+    "--step": ("5", "30"),
+    "--verify": ("h5:16.2", "h0:run.csv"), "--jsonl": ("new.jsonl", "mine.txt"), "--junit": ("new.xml",),
+    "--lang": ("ru",),
+    "--replay": ("lot.csv",), "--write": ("new.yaml",), "--state": ("new.jsonl", "mine.txt"),
+    "--preset": ("drive.yaml",),
 }  # fmt: skip
 
 
