@@ -12,6 +12,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import atheris
@@ -39,7 +40,8 @@ from tests.fuzz.seeds import DRIVE, LOTS, PITCH, TARGETS, TRACES, answers, prese
 
 KEPT = Path(tempfile.mkdtemp())
 THE_DRIVE = load_text(DRIVE, "drive.yaml")
-WANTED = read_targets(TARGETS.split("  - {quantity: trace")[0].encode(), "targets.yaml", THE_DRIVE)
+(KEPT / "run.csv").write_text(TRACES[0][0])
+WANTED = read_targets(TARGETS.encode(), str(KEPT / "targets.yaml"), THE_DRIVE)
 OPTIONS = (
     "F_ior@1=60",
     "order_2=5±1 arcsec",
@@ -75,7 +77,7 @@ def _options(data: bytes) -> None:
 
 READERS: dict[str, Callable[[bytes], object]] = {
     "preset": lambda data: load_text(data, "given.yaml"),
-    "targets": lambda data: read_targets(data, "targets.yaml", THE_DRIVE),
+    "targets": lambda data: read_targets(data, str(KEPT / "targets.yaml"), THE_DRIVE),
     "trace": lambda data: measure(read_trace(data, TraceForm(), 15.0), ratio=15.0),
     "pitch": lambda data: read_pitch(data, 32),
     "lot": lambda data: read_lot(str(_as_file("lot.csv", data)), Request("drive.yaml")),
@@ -111,12 +113,10 @@ def change(given: bytes, most: int, seed: int) -> bytes:
     """Another input: with its structure kept, half of them, as the fuzzer without guidance does it."""
     rng = np.random.default_rng(seed)
     name = NAMES[given[0] % len(NAMES)] if given else ""
-    if name not in CHANGES or rng.random() < 0.5:
-        return bytes(atheris.Mutate(given, most))
-    try:
-        return (given[:1] + CHANGES[name](given[1:].decode(), rng))[:most]
-    except Exception:  # it is no text of that structure any more
-        return bytes(atheris.Mutate(given, most))
+    if name in CHANGES and rng.random() < 0.5:
+        with suppress(Exception):  # it may be no text of that structure any more
+            return (given[:1] + CHANGES[name](given[1:].decode(), rng))[:most]
+    return given[:1] + bytes(atheris.Mutate(given[1:], most - 1))
 
 
 def main() -> None:
