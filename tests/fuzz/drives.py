@@ -47,7 +47,7 @@ FEW = 4  # fields that a random drive changes beyond all measure
 SHIFTS = ("gears.x_g", "gears.x_b", "cam.W_0")
 STEADY = ("gears.z_g", "gears.z_b", "gears.m", "gears.alpha", "gears.h_a", "gears.h_f", "numerics.n_phase")
 TEETH = 30, 40  # of the flexspline of random drives: their full cycles are short
-TOLD = 500  # drives after which the counts so far are printed
+TOLD = 50  # drives after which the counts so far are printed
 
 
 @dataclass(frozen=True)
