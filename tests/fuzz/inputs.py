@@ -36,9 +36,10 @@ from tests.process import run
 
 MOST_SECONDS = 5.0  # of processor time
 MOST_MEMORY = 500.0  # MB over what the process has before
-PATIENCE = 20 * MOST_SECONDS  # by the clock, on a machine that has other work
+PATIENCE = 100 * MOST_SECONDS  # by the clock, on a machine that has other work
 TOGETHER = 1000  # inputs that a process takes, one after the other
 SOLVED = 100  # one input of so many goes all the way
+SEARCHES = ("targets", "state")  # which solve many drives each
 GOOD = (0, 2, 3, 4, 5, 6)
 TOLD = 500  # inputs after which the counts so far are printed
 
@@ -110,7 +111,8 @@ def _work(numbers: Sequence[int], seed: int, kinds: Sequence[str], answer: Conne
         for k in numbers:
             folder = Path(name) / "there" / str(k)
             folder.mkdir(parents=True)
-            answer.send(judged(k, made(k, seed, kinds), folder, solves=k % SOLVED == 0))
+            given = made(k, seed, kinds)
+            answer.send(judged(k, given, folder, solves=k % SOLVED == 0 and given.kind not in SEARCHES))
 
 
 def judged(k: int, given: Input, folder: Path, *, solves: bool) -> Outcome:
@@ -119,7 +121,7 @@ def judged(k: int, given: Input, folder: Path, *, solves: bool) -> Outcome:
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(content)
     before = _files(folder)
-    signal.setitimer(signal.ITIMER_PROF, 2 * MOST_SECONDS)  # ends a process that hangs
+    signal.setitimer(signal.ITIMER_PROF, (20 if solves else 2) * MOST_SECONDS)  # ends a process that hangs
     room, begun = _memory("VmRSS", fresh=True), time.process_time()
     with ExitStack() if solves else unsolved():
         done = run(*given.args, cwd=folder)
@@ -131,7 +133,7 @@ def judged(k: int, given: Input, folder: Path, *, solves: bool) -> Outcome:
         faults.append(f"exit {done.returncode}: {next((x for x in said.split(chr(10)) if 'internal' in x), '')[:300]}")
     if done.returncode in (2, 4, 5) and "error" not in said.lower():
         faults.append(f"exit {done.returncode} without a word")
-    if seconds > MOST_SECONDS:
+    if seconds > MOST_SECONDS and not solves:  # a solution takes what it takes; what it may, the drives tell
         faults.append(f"{seconds:.1f} s")
     if megabytes > MOST_MEMORY:
         faults.append(f"{megabytes:.0f} MB")
