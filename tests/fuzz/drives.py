@@ -261,14 +261,15 @@ def report(found: Iterable[Outcome]) -> bool:
         wall = time.monotonic() - begun
         return f"{drives} drives: {ends}; {spent / max(drives, 1):.2f} s of processor time each, {wall:.0f} s in all"
 
-    for outcome in found:
-        count[outcome.end] += 1
-        spent += outcome.seconds
-        slowest = outcome if slowest is None or outcome.seconds > slowest.seconds else slowest
-        if not outcome.good:
-            print(f"{outcome.end}: {json.dumps(outcome.change)}\n  {outcome.said[-300:]}", flush=True)
-        if count.total() % TOLD == 0:
-            print(told(), flush=True)
+    with suppress(KeyboardInterrupt):  # then with what is known
+        for outcome in found:
+            count[outcome.end] += 1
+            spent += outcome.seconds
+            slowest = outcome if slowest is None or outcome.seconds > slowest.seconds else slowest
+            if not outcome.good:
+                print(f"{outcome.end}: {json.dumps(outcome.change)}\n  {outcome.said[-300:]}", flush=True)
+            if count.total() % TOLD == 0:
+                print(told(), flush=True)
     print(told())
     if slowest:
         print(f"slowest: {slowest.seconds:.1f} s, {json.dumps(slowest.change)}")
