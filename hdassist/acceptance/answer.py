@@ -339,7 +339,7 @@ def read_answers(path: str) -> list[Answer]:
         told = _said(text)
     except ValueError:
         return _answers_of_lines(text, file)
-    if isinstance(told, dict) and isinstance(told.get("results"), list):
+    if isinstance(told, dict) and told.get("schema") == SCHEMA and isinstance(told.get("results"), list):
         return [_answer(one, file, place) for place, one in enumerate(told["results"], 1)]
     return [_answer(told, file, 1)]
 

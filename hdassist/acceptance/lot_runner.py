@@ -17,6 +17,7 @@ from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.replay import preset_sha256
 from hdassist.acceptance.request import FailOn, Request, carry_out, predict_for, read_measurements
 from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.preset.library import read_preset
 
 DriveKey: TypeAlias = tuple[str | None, Request, tuple[str, ...], tuple[LimitName, ...]]
 
@@ -31,7 +32,9 @@ def answer_rows(
     out of order.
     """
     hashes = {name: preset_sha256(name) for name in {row.request.preset for row in rows if not row.fault}}
-    keys = [_drive_key(row, hashes) for row in rows]
+    unread = {name: _unread(name) for name, sha256 in hashes.items() if sha256 is None}
+    faults = [row.fault or unread.get(row.request.preset) for row in rows]
+    keys = [None if fault else _drive_key(row, hashes) for row, fault in zip(rows, faults, strict=True)]
     left = Counter(keys)
     first: dict[DriveKey, Request] = {}
     for row, key in zip(rows, keys, strict=True):
@@ -49,7 +52,7 @@ def answer_rows(
             under_way.append(predicted[key])
         return under_way
 
-    for row, key in zip(rows, keys, strict=True):
+    for row, key, fault in zip(rows, keys, faults, strict=True):
         predictions = None
         if key is not None:
             while (under_way := predict_on()) and not predicted[key].done():
@@ -60,17 +63,26 @@ def answer_rows(
             left[key] -= 1
             if not left[key]:
                 del predicted[key]
-        asked.append(executor.submit(_answer, row, fail_on, predictions, debug) if row.fault is None else _known(row))
+        asked.append(_known(row, fault) if fault else executor.submit(_answer, row, fail_on, predictions, debug))
         while asked and (asked[0].done() or len(asked) > jobs):
             yield asked.popleft().result()
     while asked:
         yield asked.popleft().result()
 
 
+def _unread(preset: str) -> DataError | None:
+    """Why a preset cannot be read: said to each of its rows without a worker, where there may be many."""
+    try:
+        read_preset(preset)
+    except DataError as error:
+        return error
+    return None
+
+
 def _drive_key(row: LotRow, hashes: dict[str, str | None]) -> DriveKey | None:
     """What predictions depend on: all but the serial, the files and the values measured; None where there are none."""
     request = row.request
-    if row.fault or request.measured_only:
+    if request.measured_only:
         return None
     sha256 = hashes[request.preset]
     alike = replace(request, serial="", preset="" if sha256 else request.preset, measured=(), values=())
@@ -102,11 +114,10 @@ def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug
     return answer_of(row.request, result, fail_on, row.place)
 
 
-def _known(row: LotRow) -> Future[Answer]:
-    """The answer of a row that is wrong in itself: nothing is asked."""
-    assert row.fault is not None
+def _known(row: LotRow, fault: HdassistError) -> Future[Answer]:
+    """The answer of a row that is known to be wrong: nothing is asked."""
     found: Future[Answer] = Future()
-    found.set_result(failure(row, row.fault))
+    found.set_result(failure(row, fault))
     return found
 
 

@@ -29,7 +29,7 @@ from hdassist.preset.kinds import (
     unit_of,
 )
 from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
-from hdassist.preset.yamltext import Unread
+from hdassist.preset.yamltext import MAX_FINDINGS, Unread
 
 SCHEMA = "hdassist.preset/1"
 
@@ -299,7 +299,7 @@ class Drive(BaseModel):
     def _read_source(cls, table: Any) -> Any:
         if not isinstance(table, dict):
             return {} if table is None else table
-        return {path: _read_entry(path, entry) for path, entry in table.items()}
+        return {path: _read_entry(path, entry, table) for path, entry in table.items()}
 
     @property
     def origin(self) -> Origin:
@@ -386,7 +386,7 @@ def _read_measures(table: Any, no_measure: Unread | None) -> Any:
         else:
             read[path] = Unread(
                 "names no field" if no_measure else "names no measure of a preset",
-                _near_path(path, measures()),
+                _near_path(path, measures(), table),
                 at_key=True,
             )
     return read
@@ -400,16 +400,18 @@ def _read_alternative(table: Any) -> Any:
     return read
 
 
-def _read_entry(path: str, entry: Any) -> Any:
+def _read_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
     if path not in field_table():
-        return Unread("names no field", _near_path(path, field_table()), at_key=True)
+        return Unread("names no field", _near_path(path, field_table(), table), at_key=True)
     if isinstance(entry, dict | Unread | Source):
         return entry
     return Unread("must be a table of keys", "like {kind: given, ref: page 6}")
 
 
-def _near_path(word: str, paths: Iterable[str]) -> str:
-    """A hint at the field that a word may mean."""
+def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:
+    """A hint at the field that a key of a table may mean; none where there are more keys than are told."""
+    if len(table) > MAX_FINDINGS:
+        return ""
     name = word.split(".")[-1]
     whole = next((path for path in paths if path.split(".")[1] == name), "")
     close = [whole] if whole else difflib.get_close_matches(word[:60], paths, 1, 0.7)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -60,6 +61,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
         raise DataError(f"cannot read {name_or_path}: {reason(error)}") from None
 
 
+@cache  # a lot asks for it with each of its rows
 def _library() -> dict[str, Traversable]:
     """Presets by name: from the package, or from the checkout that the package lies in."""
     places: list[Traversable] = [files("hdassist") / "presets", Path(__file__).parents[2] / "presets"]

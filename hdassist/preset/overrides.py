@@ -27,11 +27,11 @@ def parse(text: str, index: int) -> Override:
     """Read "section.key=VALUE".
 
     Arguments: text; index, its number from 1, which findings bear as their line.
-    Raises UsageError: no "=", an empty key, or a value that is no YAML.
+    Raises UsageError: no "=", a key that is empty or has hidden characters, or a value that is no YAML.
     """
     key, equals, value = text.partition("=")
     path = path_of(key)
-    if not equals or not all(path):
+    if not equals or not all(path) or not key.strip().isprintable():  # YAML has no such keys either
         raise UsageError(
             f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
             f"like {OVERRIDE} tolerances.F_i2=60",

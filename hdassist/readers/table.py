@@ -24,6 +24,7 @@ from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MAX_BYTES = 5_000_000
 SAMPLE = 300  # lines that settle what a file is like
+GREATEST = 1e30  # of a number, to either side: nothing is measured beyond, and what is computed of it is still finite
 MAX_REMARKS = 1000  # that are kept: more of them are no header
 _QUOTED = r'"(?:[^"]|"")*"'
 _LIKE = r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -300,7 +301,7 @@ class _Rows:
             rows = np.loadtxt(lines, delimiter=None if separator == " " else separator, comments=None, ndmin=2)
         except ValueError:
             return None
-        return rows if rows.shape == (len(lines), self.width) and bool(np.isfinite(rows).all()) else None
+        return rows if rows.shape == (len(lines), self.width) and bool((np.abs(rows) <= GREATEST).all()) else None
 
     def _settle_decimal(self, rows: Iterable[Sequence[Cell]]) -> None:
         if not self.decimal:
@@ -324,8 +325,9 @@ class _Rows:
         decimal = self.decimal or "."
         message, hint = fault_of(cell.text, decimal)
         value = float("nan") if message else float(cell.text.replace(decimal, "."))
-        if not message and not isfinite(value):
-            message, hint = "must be a finite number", "is this cell right?"
+        if not message and not abs(value) <= GREATEST:
+            most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
+            message, hint = f"must be a {most}", "is this cell right?"
         if message:
             self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
         return value

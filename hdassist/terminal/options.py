@@ -45,7 +45,8 @@ CrossCheck = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
 Bootstrap = Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")]
-Jobs = Annotated[int, typer.Option(min=0, help="Processes at work (0: one for each core).")]
+MOST_JOBS = 512  # all of them begin at once: more would be a mistake that takes the machine with it
+Jobs = Annotated[int, typer.Option(min=0, max=MOST_JOBS, help="Processes at work (0: one for each core).")]
 
 
 class OptionGroup:

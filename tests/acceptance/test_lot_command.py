@@ -278,3 +278,26 @@ def test_two_runs_do_not_write_the_same_answers(folder):
     assert (folder / "a.jsonl").read_bytes() == before
     assert run(*args, cwd=folder).returncode == 4
     assert len((folder / "a.jsonl").read_text().splitlines()) == 5
+
+
+@pytest.mark.parametrize(
+    "text", ['{"results": []}', '{"results": [], "mine": 1}\n', "[]\n", '{"schema": "mine/1"}\n', "mine"]
+)
+def test_a_file_that_is_none_of_ours_is_not_resumed_on(folder, text):
+    (folder / "a.jsonl").write_text(text)
+    done = run(*MEASURED, "--jsonl", "a.jsonl", "--resume", cwd=folder)
+    assert (done.returncode, done.stdout) == (4, "")
+    assert "no answer of hdassist accept" in done.stderr
+    assert (folder / "a.jsonl").read_text() == text
+
+
+def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
+    (folder / "lot.csv").write_text("serial;preset;limit F_ior@1\n1;none;9\n2;none;9\n3;folder;9\n")
+    (folder / "folder").mkdir()
+    done = run("accept", "lot.csv", "--jsonl", "-", cwd=folder)
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [answer["serial"] for answer in answers] == ["1", "2", "3"]
+    assert [answer["error"]["message"].partition(": ")[2] for answer in answers] == (
+        ["no such preset or file: none"] * 2 + ["folder is a directory, not a preset"]
+    )
+    assert all(answer["request"]["limits"] == ["F_ior@1=9"] for answer in answers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from pathlib import Path
 
 from hdassist.cli.main import THREADS
 
@@ -16,11 +17,11 @@ def drives(args: argparse.Namespace) -> bool:
     """Range ends, pairs of them, random drives."""
     from tests.fuzz.drives import at_random, ends, outcomes, pairs, report
 
-    parts = {"ends": ends(), "pairs": pairs(), "random": at_random(args.n, args.seed)}
+    parts = {"ends": ends(), "pairs": pairs(), "random": at_random(args.n, args.seed, args.start)}
     good = True
     for part in args.parts or parts:
         print(f"{part}:", flush=True)
-        good &= report(outcomes(parts[part]))
+        good &= report(outcomes(parts[part], jobs=args.jobs))
     return good
 
 
@@ -41,6 +42,19 @@ def faults(args: argparse.Namespace) -> bool:
     return good
 
 
+def inputs(args: argparse.Namespace) -> bool:
+    """Presets, targets, traces, pitch tables, lots, options, answers and states, changed at random."""
+    if args.guided:
+        more = ["--n", str(args.n), "--seed", str(args.seed), *(["--kinds", *args.kinds] if args.kinds else [])]
+        os.execv(sys.executable, [sys.executable, "-m", "tests.fuzz.guided", *more])  # which imports under a watch
+    from tests.fuzz.inputs import made, outcomes, report, save
+
+    if args.save is not None:
+        save(made(args.save, args.seed, args.kinds), Path(f"input-{args.save}"))
+    numbers = range(args.start, args.n) if args.save is None else [args.save]
+    return report(outcomes(numbers, args.seed, args.kinds), args.seed, args.kinds)
+
+
 def main() -> int:
     """Run one study; 1 where a promise is broken."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
@@ -48,6 +62,8 @@ def main() -> int:
     study = studies.add_parser("drives", help="drives at the ends of their ranges and at random")
     study.add_argument("--n", type=int, default=200, help="random drives")
     study.add_argument("--seed", type=int, default=0)
+    study.add_argument("--start", type=int, default=0, help="go on with this random drive: the first was 0")
+    study.add_argument("--jobs", type=int, default=1, help="drives at a time, in a process each")
     study.add_argument("--parts", nargs="*", choices=("ends", "pairs", "random"), help="all of them unless named")
     study.set_defaults(run=drives)
     study = studies.add_parser("faults", help="runs that are ended at any moment, or that the system gives little")
@@ -56,6 +72,16 @@ def main() -> int:
     known = ("kills", "signals", "surroundings", "two runs at once")
     study.add_argument("--parts", nargs="*", choices=known, help="all of them unless named")
     study.set_defaults(run=faults)
+    study = studies.add_parser("inputs", help="everything that is read, changed at random")
+    study.add_argument("--n", type=int, default=1000, help="inputs")
+    study.add_argument("--start", type=int, default=0, help="go on with this one: the first was 0")
+    study.add_argument("--seed", type=int, default=0)
+    study.add_argument("--kinds", nargs="*", default=(), help="of these kinds: all of them unless named")
+    study.add_argument(
+        "--save", type=int, metavar="K", help="run this one only, and keep its files in a folder input-K"
+    )
+    study.add_argument("--guided", action="store_true", help="readers alone, guided by coverage (needs .[fuzz])")
+    study.set_defaults(run=inputs)
     args = parser.parse_args()
     return 0 if args.run(args) else 1
 

@@ -12,12 +12,16 @@ import multiprocessing
 import os
 import resource
 import signal
-from collections import Counter
+import time
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations, product
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +33,7 @@ from hdassist.preset.yamltext import read
 from hdassist.solve.certificate import TOLERANCE
 from tests.process import SMALL, run
 
-Change = dict[str, object]
+Change = dict[str, Any]
 
 LONGEST = 20.0  # s of processor time for one drive
 PATIENCE = 10  # times as long by the clock, on a machine that has other work
@@ -40,6 +44,10 @@ WORK: dict[str, float] = {"numerics.n_phase": 10, "numerics.n_beta": 8, "numeric
 TINY = (1e-300, 1e-30, 1e-10, 1e-6, 1e-3, 1.0)  # above 0, which often means something of its own
 NEAR = 0.5  # of random drives, so much of them stays near the small drive
 FEW = 4  # fields that a random drive changes beyond all measure
+SHIFTS = ("gears.x_g", "gears.x_b", "cam.W_0")
+STEADY = ("gears.z_g", "gears.z_b", "gears.m", "gears.alpha", "gears.h_a", "gears.h_f", "numerics.n_phase")
+TEETH = 30, 40  # of the flexspline of random drives: their full cycles are short
+TOLD = 50  # drives after which the counts so far are printed
 
 
 @dataclass(frozen=True)
@@ -99,29 +107,44 @@ def pairs() -> Iterator[Change]:
                     yield {one: _as_field(one, a), other: _as_field(other, b)}
 
 
-def at_random(n: int, seed: int) -> Iterator[Change]:
-    """Random drives of 60 and 62 teeth: half of them near the small one, the rest with fields anywhere in range."""
-    base = _small()
-    by_path = {path: pair for path, pair in numbers().items() if path not in ("gears.z_g", "gears.z_b")}
-    for k in range(n):
+def at_random(n: int, seed: int, start: int = 0) -> Iterator[Change]:
+    """Random drives, numbers start to n: half of them near the small one, others with fields anywhere.
+
+    Their teeth fit unless a field that is changed says otherwise: 30 to 40 of them at the small drive's radius.
+    """
+    by_path = numbers()
+    for k in range(start, n):
         rng = np.random.default_rng([seed, k])
-        change: Change = {}
+        base = toothed(int(rng.integers(TEETH[0], TEETH[1] + 1)))
+        change = dict(base)
         if rng.random() < NEAR:
-            for path, (low, high) in by_path.items():
-                section, name = path.split(".")
-                here = float(base.get(section, {}).get(name, field_table()[path].default or 0))
-                change[path] = _as_field(path, min(max(here * rng.uniform(0.8, 1.25), low), high))
-            # teeth fit by some per cent at most, whatever else is changed
-            for path, spread in (("gears.m", 0), ("gears.x_g", 0.03), ("gears.x_b", 0.03), ("cam.W_0", 0.03)):
-                section, name = path.split(".")
-                change[path] = base[section][name] * (1 + spread * rng.uniform(-1, 1))
-            change["gears.alpha"], change["gears.h_f"] = 20.0, 1.35
-        for path in rng.choice(list(by_path), int(rng.integers(0 if change else 1, FEW + 1)), replace=False).tolist():
+            change = {path: _near(path, base, *pair, rng) for path, pair in by_path.items()}
+            change["numerics.n_2"] = max(change["numerics.n_2"], 2 * change["numerics.n_max"])
+        few = int(rng.integers(0 if len(change) > len(base) else 1, FEW + 1))
+        for path in rng.choice(list(by_path), few, replace=False).tolist():
             change[path] = _anywhere(path, *by_path[path], rng)
         if rng.random() < 0.3:
             change |= {"bearing.ball_motion": "rolling", "bearing.d_ball": float(rng.uniform(1, 4)), "bearing.N": 14}
         change["operation.M_g"] = [float(10 ** rng.uniform(-2, 2) * rng.choice([-1, 1]))]
         yield change
+
+
+def toothed(z_g: int) -> Change:
+    """Fields that give the small drive so many teeth on the flexspline, at the same radius, and little work."""
+    m = 30 / z_g
+    x_g = 0.6 + (z_g - 30) / 30 * 0.8
+    return {
+        "gears.z_g": z_g, "gears.z_b": z_g + 2, "gears.m": m, "gears.x_g": x_g, "gears.x_b": x_g + 0.2,
+        "cam.W_0": 1.16 * m, "numerics.n_phase": 2,
+    }  # fmt: skip
+
+
+def _near(path: str, base: Change, low: float, high: float, rng: np.random.Generator) -> float | int:
+    """A value within a fifth of the small drive's; of teeth, which fit by some per cent at most, nearer."""
+    section, name = path.split(".")
+    here = base[path] if path in base else _small().get(section, {}).get(name, field_table()[path].default or 0)
+    spread = 0.03 if path in SHIFTS else 0.0 if path in STEADY else 0.2
+    return _as_field(path, min(max(here * (1 + spread * rng.uniform(-1, 1.25)), low), high))
 
 
 def _anywhere(path: str, low: float, high: float, rng: np.random.Generator) -> float | int:
@@ -143,6 +166,7 @@ def _needed(word: str) -> Change:
     return {"bearing.d_ball": 2.5} if word == "rolling" else {}
 
 
+@cache
 def _small() -> dict[str, Any]:
     """The small drive as plain data."""
     data = read(Path(SMALL).read_text(encoding="utf-8"), SMALL).data
@@ -152,32 +176,49 @@ def _small() -> dict[str, Any]:
 
 def preset(change: Change) -> str:
     """Text of the small drive with some fields changed."""
-    data = _small()
+    data = deepcopy(_small())
     for path, value in change.items():
         section, name = path.split(".")
         data.setdefault(section, {})[name] = value
     return json.dumps(data)
 
 
-def outcomes(changes: Iterable[Change], longest: float = LONGEST) -> Iterator[Outcome]:
-    """What becomes of each drive, in a process each; one that takes longer [s] is ended."""
-    from hdassist.design import check, check_page  # noqa: F401 - so that not every process imports them again
+def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1) -> Iterator[Outcome]:
+    """What becomes of each drive, in their order, in a process each and so many at a time.
+
+    One that takes longer [s] is ended.
+    """
+    # so that not every process imports them again
+    from hdassist.design import check, check_page  # noqa: F401
+    from hdassist.preset import library, load  # noqa: F401
+    from hdassist.terminal import wheels, workers  # noqa: F401
 
     context = multiprocessing.get_context("fork")
+    under_way: deque[tuple[Change, Connection, BaseProcess]] = deque()
     for change in changes:
         ours, theirs = context.Pipe(duplex=False)
         process = context.Process(target=_check, args=(change, longest, theirs))
         process.start()
         theirs.close()
+        under_way.append((change, ours, process))
+        if len(under_way) == jobs:
+            yield _outcome(*under_way.popleft(), longest)
+    while under_way:
+        yield _outcome(*under_way.popleft(), longest)
+
+
+def _outcome(change: Change, answer: Connection, process: BaseProcess, longest: float) -> Outcome:
+    """What a process says of its drive, or what became of the process."""
+    with answer:
         try:
-            end, said, seconds = ours.recv() if ours.poll(PATIENCE * longest) else (HANGS, "", PATIENCE * longest)
+            end, said, seconds = answer.recv() if answer.poll(PATIENCE * longest) else (HANGS, "", PATIENCE * longest)
         except EOFError:
             end, said, seconds = "died", "", 0.0
-        if end == HANGS and process.pid:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # with the processes that share its work
-        process.join()
-        yield Outcome(change, end, said, seconds)
+    if end == HANGS and process.pid:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # with the processes that share its work
+    process.join()
+    return Outcome(change, end, said, seconds)
 
 
 def _check(change: Change, longest: float, answer: Connection) -> None:
@@ -209,15 +250,27 @@ def _proven(page: dict[str, object]) -> bool:
 
 
 def report(found: Iterable[Outcome]) -> bool:
-    """Print what became of drives, those that are not as promised in full; whether all are."""
+    """Print what became of drives as it comes, those that are not as promised in full; whether all are."""
     count: Counter[str] = Counter()
     slowest: Outcome | None = None
-    for outcome in found:
-        count[outcome.end] += 1
-        slowest = outcome if slowest is None or outcome.seconds > slowest.seconds else slowest
-        if not outcome.good:
-            print(f"{outcome.end}: {json.dumps(outcome.change)}\n  {outcome.said[-300:]}", flush=True)
-    print(", ".join(f"{count[end]} {end}" for end in (*GOOD, *sorted(set(count) - {*GOOD}))))
+    spent, begun = 0.0, time.monotonic()
+
+    def told() -> str:
+        ends = ", ".join(f"{count[end]} {end}" for end in (*GOOD, *sorted(set(count) - {*GOOD})))
+        drives = count.total()
+        wall = time.monotonic() - begun
+        return f"{drives} drives: {ends}; {spent / max(drives, 1):.2f} s of processor time each, {wall:.0f} s in all"
+
+    with suppress(KeyboardInterrupt):  # then with what is known
+        for outcome in found:
+            count[outcome.end] += 1
+            spent += outcome.seconds
+            slowest = outcome if slowest is None or outcome.seconds > slowest.seconds else slowest
+            if not outcome.good:
+                print(f"{outcome.end}: {json.dumps(outcome.change)}\n  {outcome.said[-300:]}", flush=True)
+            if count.total() % TOLD == 0:
+                print(told(), flush=True)
+    print(told())
     if slowest:
         print(f"slowest: {slowest.seconds:.1f} s, {json.dumps(slowest.change)}")
     return set(count) <= {*GOOD}

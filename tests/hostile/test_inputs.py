@@ -248,6 +248,15 @@ def test_noise_and_reseat_beyond_what_can_be_measured_are_none(alarm, option, sa
     assert done.returncode == 2
 
 
+@pytest.mark.parametrize(
+    "command", [("check", SMALL), ("accept", "lot.csv"), ("trials", SMALL, "h0:1"), ("mount", SMALL)]
+)
+def test_so_many_processes_are_wrong_usage(folder, command):
+    done = run(*command, "--jobs", "9" * 400)
+    require_refused(done, "--jobs")
+    assert done.returncode == 2
+
+
 @pytest.mark.parametrize("ratio", ["1e308", "-1e308", "1e-320", "0", "nan", "inf"])
 def test_a_ratio_beyond_what_a_drive_has_is_refused(folder, ratio):
     require_refused(run("measure", "run.csv", "--ratio", ratio), "--ratio must be a multiple of 0.5 from 10 to 1000")

@@ -356,6 +356,7 @@ def test_the_last_override_wins() -> None:
         (["=3"], "--set:1:1: not of the form section.key=VALUE (got =3)"),
         (["cam.=3"], "--set:1:1: not of the form section.key=VALUE (got cam.=3)"),
         ([""], "--set:1:1: not of the form section.key=VALUE (got nothing)"),
+        (["cam.W_\udcb0=1"], r"--set:1:1: not of the form section.key=VALUE (got cam.W_\udcb0=1)"),  # a byte, not UTF-8
     ],
 )  # fmt: skip
 def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> None:

@@ -149,6 +149,7 @@ def test_a_remark_may_hold_the_names() -> None:
          "(got nan; a gap in the measurement cannot be filled here)"),
         ("1;2\n2; -Inf\n", "w.csv:2:4: column 2: must be a finite number "
          "(got -Inf; a gap in the measurement cannot be filled here)"),
+        ("1;2\n2;-1e31\n", "w.csv:2:3: column 2: must be a number up to 1e+30 (got -1e31; is this cell right?)"),
         ("1;2\n2;1e999\n", "w.csv:2:3: column 2: must be a finite number (got 1e999; is this cell right?)"),
         ("1;2;3\n2;;3\n", "w.csv:2:3: column 2: a number is missing "
          "(got nothing; a gap in the measurement cannot be filled here)"),
@@ -236,6 +237,7 @@ def test_streams_of_text_and_of_bytes_are_read_like_files(tmp_path: Path) -> Non
     ("good", "bad", "words"),
     [
         ("{k};{m}", "5;nan", "column 2: must be a finite number"),
+        ("{k};{m}", "5;1e31", "column 2: must be a number up to 1e+30"),
         ("{k};{m}", "word", "a line of text among the rows"),
         ("{k};{m}", '"5;6', "must be a number"),
         ("{k};{m}", '"5";"6', "must be a number"),
