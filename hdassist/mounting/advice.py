@@ -11,6 +11,7 @@ from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.errors import UsageError
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
+from hdassist.mounting.ovality import Ovality, unknown_ovality
 from hdassist.mounting.positions import Choice, MountingCurve, Position, rotated
 from hdassist.mounting.robust import Criterion, Robust, robust, sample_states
 from hdassist.preset.fields import Drive
@@ -26,7 +27,7 @@ class Advice:
     robust: the positions under the preset's uncertainties, None without any; others: the best position under each
     of the preset's alternatives; now and best: what a micrometre does where the wheel stands and at the chosen
     position, one for each torque, empty where it cannot be had; measured: wheels in place of first harmonics, for which
-    there is the curve alone.
+    there is the curve alone; ovality: what that of the fixed wheel could do where the preset does not give it.
     """
 
     drive: Drive
@@ -36,6 +37,7 @@ class Advice:
     now: tuple[Sensitivity, ...]
     best: tuple[Sensitivity, ...]
     measured: MeasuredTeeth | None = None
+    ovality: Ovality | None = None
 
     @property
     def chosen(self) -> Position:
@@ -148,7 +150,8 @@ def advise(
     cases = [(rotated(drive, p.rotation_deg), M_g) for p in (curve.current, chosen) for M_g in torques]
     slopes = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
     many = len(torques)
-    return Advice(drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]))
+    oval = unknown_ovality(drive, curve, chosen, executor=executor, progress=progress)
+    return Advice(drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]), ovality=oval)
 
 
 def _apart(one: Position, other: Position) -> float:

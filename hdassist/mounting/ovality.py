@@ -31,8 +31,8 @@ DIRECTIONS = 12  # over half a turn
 class Ovality:
     """An ovality of the fixed wheel that the preset does not give, assumed as amplitude_um.
 
-    field: where the preset would give it; without: worst over best position as computed, for each torque; low, high: the
-    same over all directions of the ovality, to first order; worst_deg: the direction that costs the advice most;
+    field: where the preset would give it; without: worst over best position as computed, for each torque; low, high:
+    the same over all directions of the ovality, to first order; worst_deg: the direction that costs the advice most;
     loss: share by which the advised position is above the best one there, searched, for the torque served worst.
     """
 

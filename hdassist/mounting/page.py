@@ -13,6 +13,7 @@ from rich.text import Text
 from hdassist.error.sensitivity import Sensitivity
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import CardFacts
+from hdassist.mounting.ovality import Ovality
 from hdassist.mounting.positions import Chances, MountingCurve, Position
 from hdassist.mounting.robust import Robust
 from hdassist.mounting.seat_page import TRADE, instruction, seat_text
@@ -81,6 +82,8 @@ def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableTyp
         parts.append(_uncertain(advice, advice.robust, style))
     if advice.now:
         parts.append(_slopes(advice, style))
+    if advice.ovality:
+        parts.append(Text(style.text(_ovality(advice, advice.ovality))))
     turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
     parts += [Text(style.text(turns)), Text(_proof(result))]
     return Group(*(line for part in parts for line in (part, Text(""))))
@@ -168,6 +171,20 @@ def _slopes(advice: Advice, style: Style) -> Table:
     return grid
 
 
+def _ovality(advice: Advice, oval: Ovality) -> str:
+    """What an ovality that is not given could do, and how to come to know."""
+    ratios = "; ".join(
+        f"at {M_g:g} N·m the worst hole has {low:.1f} to {high:.1f} times the error of the best, not {without:.1f}"
+        for M_g, low, high, without in zip(advice.curve.torques, oval.low, oval.high, oval.without, strict=True)
+    )
+    return (
+        f"Not known: the ovality of the fixed {TRADE[advice.drive.mounting.fixed]} ({oval.field}). With "
+        f"{oval.amplitude_um:.2g} um of it in any direction (8 % of half its deviation, assumed) {ratios}, and the "
+        f"advised position is up to {oval.loss:.0%} above the best one. Give it (0 for a wheel known to be round), or "
+        "measure F'_ior in a few positions: hdassist trials."
+    )
+
+
 def to_json(advice: Advice, seed: int) -> Json:
     """The curves and positions as a JSON object."""
     result, second = advice.curve, advice.second
@@ -194,9 +211,25 @@ def to_json(advice: Advice, seed: int) -> Json:
         "weights": None if result.weights is None else list(result.weights),
         "uncertainty": _robust(advice, advice.robust) if advice.robust else None,
         "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
+        "ovality": _ovality_object(advice.ovality),
         "gain": advice.gain,
         "certificate": certificate_object(result.certificate, result.cross_checks),
         "seed": seed,
+    }
+
+
+def _ovality_object(oval: Ovality | None) -> Json | None:
+    if oval is None:
+        return None
+    return {
+        "field": oval.field,
+        "assumed_amplitude_um": oval.amplitude_um,
+        "worst_over_best": list(oval.without),
+        "worst_over_best_low": list(oval.low),
+        "worst_over_best_high": list(oval.high),
+        "worst_direction_deg": oval.worst_deg,
+        "loss": oval.loss,
+        "certificate": certificate_object(oval.certificate, ()),
     }
 
 

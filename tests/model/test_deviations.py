@@ -113,3 +113,52 @@ def test_wrong_number_of_teeth(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(2))
     with pytest.raises(UsageError, match="200 deviations, not 199"):
         kinematic_error(reference, 80, states=states, teeth=ToothDeviations(g=np.zeros(199)))
+
+
+def test_a_run_out_moves_the_wheel_as_its_translation_does(reference):
+    # at phi_h = 0 the minor axis, x1, lies along x; the system's x lies along the major axis, 90 deg on
+    drive = changed(reference, **QUIET, tolerances__e_b=20.0, phases__phi_eb=90.0)
+    system = contact_system(drive)
+    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    assert change == pytest.approx(0.02 * system.G[:, 0], abs=1e-15)
+    f = system.flanks
+    beta = 0.0  # the same direction, from the major axis
+    moved = f.side * 0.02 * np.sin(beta - f.theta + f.side * f.alpha)
+    assert change[: system.n_flanks] == pytest.approx(moved, abs=1e-15)
+
+
+def test_marks_of_run_out_are_offsets_of_both_wheels(reference):
+    marked = changed(reference, mounting__mark_kind="runout", phases__xi_g=20.0, phases__xi_b=70.0)
+    flexspline, rigid = ({**QUIET, "tolerances__F_i1": 75.0}, {**QUIET, "tolerances__e_b": 37.5})
+    one = changed(marked, **flexspline)
+    other = changed(marked, **rigid, phases__phi_eb=70.0)
+    cam = changed(marked, tolerances__F_i1=0.0, tolerances__F_i2=0.0)
+    alpha = np.linspace(0, 6, 7)
+    parts = [np.pad(deviation_scalars(each, alpha, -alpha), ((0, 0), (0, 2)))[:, :6] for each in (one, other, cam)]
+    assert deviation_scalars(marked, alpha, -alpha) == pytest.approx(sum(parts))
+
+
+def test_what_moves_wheel_and_cam_alike_makes_no_error(reference):
+    # nothing holds the flexspline, so it goes with them
+    alike = changed(reference, **QUIET, supports__C_2=0.0)
+    alike = changed(alike, tolerances__e_hb=60.0, phases__phi_hb=25.0, tolerances__e_b=60.0)
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(202))
+    for M_g in (80, -80):
+        ranges = [
+            kinematic_error(
+                changed(alike, phases__phi_eb=25.0 + away), M_g, states=states, cross_check=None
+            ).range_arcsec
+            for away in (0.0, 30.0, -30.0, 180.0)
+        ]
+        assert ranges[0] == pytest.approx(0, abs=1e-6)
+        assert ranges[1] == pytest.approx(ranges[2], rel=0.01)
+        assert 0.5 < ranges[1] < ranges[3]
+
+
+def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(reference):
+    oval = changed(reference, **QUIET, harmonics__a_b2=1.0)
+    first = changed(reference, **{**QUIET, "tolerances__F_i2": 2.0})
+    states = pitch_locked_states(Kinematics.of(reference), np.arange(202))
+    even, odd = (kinematic_error(each, 80, states=states, cross_check=None).range_arcsec for each in (oval, first))
+    assert even == pytest.approx(4.95, abs=0.05)  # expected per um of amplitude
+    assert 0.1 < odd < 0.3  # 0.14 to 0.23 expected

@@ -68,7 +68,7 @@ def test_the_card_on_stdout_and_the_tables_in_a_file(tmp_path):
         (["--card", "-", "--csv", "-"], "standard output"),
         (["--card", "card.txt", "-o", "card.txt"], "another answer"),
         (["--card", "card.txt", "--serial", "x" * 61], "serial number"),
-        (["--card", "card.txt", "--serial", "a\nb"], "serial number"),
+        (["--card", "card.txt", "--serial", "a\nb"], "line break"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_at_once(tmp_path, args, words):
