@@ -80,8 +80,9 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
+    came: list[int] = []
     try:
-        with _stops_heard():
+        with _stops_heard(came):
             _require_lines(sys.argv[1:])
             sys.exit(app(standalone_mode=False))
     except ClickException as error:
@@ -102,6 +103,8 @@ def main() -> None:
         _say("error: there is not memory enough for an answer\n  hint: fewer --jobs take less of it")
         sys.exit(UntrustedError.exit_code)
     except Exception as error:
+        if came:  # raised while a module was imported, a stop comes out as another error
+            sys.exit(128 + came[0])
         if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
             from hdassist.terminal.console import silence
 
@@ -131,21 +134,28 @@ def _say(text: str) -> None:
 
 
 @contextmanager
-def _stops_heard() -> Iterator[None]:
-    """End in order when told to (SIGTERM, or a terminal that goes: SIGHUP): bars off, workers ended, no half file."""
+def _stops_heard(came: list[int]) -> Iterator[None]:
+    """End in order when told to: bars off, workers ended, no half file. came: the signals that said so.
+
+    That is an interrupt, SIGTERM, or a terminal that goes: SIGHUP.
+    """
 
     def end(number: int, _: object) -> None:
+        came.append(number)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
         sys.exit(128 + number)
 
+    own = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
     # nohup has SIGHUP ignored, and means it
-    heard = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    heard = {number: handler for number, handler in own.items() if signal.getsignal(number) is handler}
     for number in heard:
         signal.signal(number, end)
     try:
         yield
     finally:
-        for number in heard:
-            signal.signal(number, signal.SIG_DFL)
+        for number, handler in heard.items():
+            signal.signal(number, handler)
 
 
 def _open_streams() -> None:

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import proven
+from hdassist.solve.cvx import cp
 from hdassist.solve.formulation import Formulation
 
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
