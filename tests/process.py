@@ -71,8 +71,9 @@ def run_cold(
 def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
     """Run a command in a process, and interrupt it when its own processes have worked for so long [s]."""
     process = subprocess.Popen(
-        [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8"
-    )
+        [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8",
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell has it ignored in the background
+    )  # fmt: skip
     begun = time.monotonic()
     while process.poll() is None and _worked(process.pid, time.monotonic() - begun) < after:
         time.sleep(0.05)

@@ -69,7 +69,7 @@ CASES = [
     segment(3),
     segment(
         1,
-        "three quarters of what whole flanks miss is gone; the rest is within what k_face and j_n leave open (K1 for "
+        "nearly half of what whole flanks miss is gone; the rest is within what k_face and j_n leave open (K1 for "
         "information)",
         coned=True,
     ),
