@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
 
-LAST_COLUMN = 16  # least width of a column of text
+LAST_COLUMN = 12  # least width of a column of text
 PIPE_WIDTH = 10_000  # whoever reads a pipe has the room that a table needs
 
 Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]

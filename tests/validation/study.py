@@ -33,7 +33,7 @@ def table() -> str:
     """The table in Markdown."""
     drive = load_preset("vzp160")
     j_n, W_0 = drive.gears.j_n, drive.cam.W_0
-    curved = changed(drive, numerics__nominal_curve="inextensible")
+    curved = changed(drive, numerics__nominal_curve="linear")
     base = [F_ior(drive, *point) for point in POINTS]
     again = refitted(curved, base[0])
     rows = {
@@ -44,7 +44,7 @@ def table() -> str:
         "c_ball 1/60 000 mm/N": changed(drive, contact__c_ball=1 / 60000),
         "ball phase beta 0.5": changed(drive, bearing__beta=0.5),
         "rolling balls": changed(drive, bearing__ball_motion="rolling"),
-        "inextensible nominal curve": curved,
+        "nominal curve: linear": curved,
         f"the same, j_n refitted to {again:.1f} µm": changed(curved, gears__j_n=again),
     }
     head = [f"{M_g:g} N·m, {phase:g}°" for M_g, phase in POINTS]
