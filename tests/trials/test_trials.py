@@ -78,6 +78,7 @@ def test_a_hidden_offset_is_recovered(prior: OffsetPrior, size: float, direction
     assert known.probability_best.sum() == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_recommends_better_than_a_sine_and_than_the_best_tried(prior: OffsetPrior) -> None:
     lost = {"trials": [], "sine": [], "tried": []}
     for seed in range(48):
