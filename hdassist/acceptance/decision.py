@@ -24,9 +24,10 @@ from hdassist.verdict import Verdict
 GUARD = 1.65  # standard uncertainties: one-sided 95 %
 CALIBRATED, ASSUMED = 10.0, 50.0  # margin of predictions, percent of the value
 IDENTIFIED = (
-    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.c_ball", "contact.c_bore", "gears.j_n",
-    "bearing.g_b",
+    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball",
+    "contact.c_bore", "gears.j_n", "bearing.g_b",
 )  # fmt: skip
+MODEL = ("numerics.nominal_curve", "numerics.stations")  # what was identified with one of these holds with no other
 
 Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
@@ -147,12 +148,13 @@ class Margin:
 def margin_of(drive: Drive) -> Margin:
     """Margin of what the model predicts of a drive: acceptance.margin, or by how its stiffnesses are known.
 
-    A drive is calibrated where the preset says of a stiffness or clearance that it was identified, and none of them is
-    overridden. Plausible stiffnesses that nobody has fitted spread ln F'_ior by 0.43 (standard deviation).
+    A drive is calibrated where the preset says of a stiffness or clearance that it was identified, and neither they nor
+    the model that they were identified with are overridden. Plausible stiffnesses that nobody has fitted spread
+    ln F'_ior by 0.43 (standard deviation).
     """
     if drive.acceptance.margin is not None:
         return Margin(drive.acceptance.margin, "given")
-    changed = any(is_overridden(path, drive.origin.overrides) for path in IDENTIFIED)
+    changed = any(is_overridden(path, drive.origin.overrides) for path in IDENTIFIED + MODEL)
     known = any(path in drive.source and drive.source[path].kind == "identified" for path in IDENTIFIED)
     return Margin(CALIBRATED, "calibrated") if known and not changed else Margin(ASSUMED, "assumed")
 
