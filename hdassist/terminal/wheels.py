@@ -87,8 +87,13 @@ class PitchFiles:
             notes.append(
                 f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset; --mark-{name} says otherwise"
             )
-        if is_overridden(f"tolerances.{F_i}", drive.origin.overrides):
-            notes.append(f"tolerances.{F_i} has no effect, the teeth are measured")
+        if name == "b" and drive.tolerances.e_b:
+            notes.append(
+                "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
+            )
+        lost = [f"tolerances.{F_i}"] if is_overridden(f"tolerances.{F_i}", drive.origin.overrides) else []
+        lost += [path for n in (2, 3, 4) if drive.number(path := f"harmonics.a_{name}{n}")]
+        notes += [f"{path} has no effect, the teeth are measured" for path in lost]
         return MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
 
 

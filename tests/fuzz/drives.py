@@ -188,7 +188,7 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
 
     One that takes longer [s] is ended.
     """
-    # so that not every process imports them again
+    # unused here: loaded once, so that not every process that is forked loads them again
     from hdassist.design import check, check_page  # noqa: F401
     from hdassist.preset import library, load  # noqa: F401
     from hdassist.terminal import wheels, workers  # noqa: F401

@@ -94,6 +94,7 @@ def _import_all() -> None:
     """Import what commands import when they run, so that no process has to."""
     for args in (("check", "-h"), ("presets", "list")):
         run(*args)
+    # unused here: they are only to be loaded
     from hdassist.acceptance import junit, lot_command, replay_command  # noqa: F401
     from hdassist.calibration import calibrate, page  # noqa: F401
     from hdassist.comparing import page as compared  # noqa: F401

@@ -129,6 +129,10 @@ def test_options_say_what_a_file_does_not(files):
 def test_an_override_without_effect_is_noted(files):
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.F_i2=60", files=files)
     assert "note: rigid wheel, wheel.csv: tolerances.F_i2 has no effect, the teeth are measured\n" in told.stderr
+    told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "harmonics.a_b2=3", files=files)
+    assert "note: rigid wheel, wheel.csv: harmonics.a_b2 has no effect, the teeth are measured\n" in told.stderr
+    told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.e_b=3", files=files)
+    assert "note: rigid wheel, wheel.csv: tolerances.e_b is added to the measured teeth" in told.stderr
 
 
 def test_the_card_has_the_tooth(files):
