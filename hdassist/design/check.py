@@ -10,6 +10,7 @@ from operator import add
 from typing import Any
 
 from hdassist.error.cycle import KinematicError, kinematic_error
+from hdassist.error.rests_on import Effect, rests_on
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivity
@@ -70,13 +71,15 @@ class OperatingPoint:
 class DesignCheck:
     """Design check of a drive: one operating point per torque, in the order of the preset.
 
-    measured: wheels in place of first harmonics; unknown: deviations that are not known.
+    measured: wheels in place of first harmonics; unknown: deviations that are not known; rests_on: assumptions that
+    move F'_ior most.
     """
 
     drive: Drive
     points: tuple[OperatingPoint, ...]
     measured: MeasuredTeeth | None = None
     unknown: tuple[Unknown, ...] = ()
+    rests_on: tuple[Effect, ...] = ()
 
     @property
     def kinematics(self) -> Kinematics:
@@ -129,10 +132,11 @@ def check(
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities; solver, a name that
-    cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
-    extremes and a sample drawn by seed again; draws, drives drawn from what is not known; executor, to spread the work over (any concurrent.futures executor; the
-    numbers do not depend on it); progress, told how many states were solved.
+    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities, and no ranges over
+    what is unknown or assumed; solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine;
+    cross_check, the solver that solves the extremes and a sample drawn by seed again; draws, drives drawn from what is
+    not known; executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it);
+    progress, told how many states were solved.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
     torques = drive.operation.M_g
@@ -151,12 +155,16 @@ def check(
     own = results.pop(1)
     errors, slopes = results[::2], results[1::2]
     unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
-    over = () if measured else unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
-    points = [
-        OperatingPoint(M_g, error, self_, drive.limit(M_g), slope, bool(unknown), each)
-        for M_g, error, self_, slope, each in zip(torques, errors, own, slopes, over or [None] * len(torques), strict=True)
-    ]
-    return DesignCheck(drive, tuple(points), measured, unknown)
+    over: tuple[UnknownRange, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    if not measured:
+        over = unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
+        effects = rests_on(drive, torques, executor=executor, progress=progress)
+    held = [drive.limit(M_g) for M_g in torques]
+    rows = zip(
+        torques, errors, own, held, slopes, [bool(unknown)] * len(torques), over or [None] * len(torques), strict=True
+    )
+    return DesignCheck(drive, tuple(OperatingPoint(*row) for row in rows), measured, unknown, effects)
 
 
 _Job = partial[Any]

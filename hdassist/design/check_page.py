@@ -15,7 +15,8 @@ from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
-from hdassist.terminal.answers import Json, certificate_object, envelope, unknown_objects
+from hdassist.terminal.answers import Json, certificate_object, envelope
+from hdassist.terminal.basis import basis_objects, basis_table, unknown_objects
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
@@ -114,6 +115,7 @@ def to_json(check: DesignCheck, seed: int) -> Json:
         "pitch": pitch_object(check.measured),
         "operating_points": [as_object((*POINT, *UNKNOWN, *SLOPES), point) for point in check.points],
         "unknown": unknown_objects(check.unknown),
+        "rests_on": basis_objects(check.rests_on, [point.M_g for point in check.points]),
         "certificate": certificate_object(check.certificate, check.cross_checks),
         "seed": seed,
         "verdict": str(check.verdict),
@@ -174,6 +176,8 @@ def _points(check: DesignCheck, style: Style) -> Iterator[RenderableType]:
     if any(point.over for point in check.points):
         yield Text(style.text(f"not known, and 0 above: {names(check.unknown)}"))
         yield from _columns(check, style, "F'_ior over what is not known", UNKNOWN)
+    if check.rests_on:
+        yield basis_table(check.drive, check.rests_on, [point.M_g for point in check.points], style)
     if any(point.sensitivity for point in check.points):
         yield from _columns(check, style, "what a micrometre more does to F'_ior", SLOPES)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +23,10 @@ from hdassist.solve.loadcase import LoadCase
 
 MOST = 3  # assumptions that are told
 TURNS = 12  # positions of each wheel that tell which assumptions weigh most
+LEAST = 1e-3  # arcsec: a share of less says nothing
 STEPS = (1.0, 0.5, 0.25)  # of the way to the end of a range: as far as the drive can be computed
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +52,7 @@ class Effect:
 def spans(ends: Array, at: Array) -> Array:
     """Width of a range [arcsec] as a share of the value, shape (torques,): both ends and the value are in it."""
     together = np.column_stack([ends, at])
-    return np.asarray(np.ptp(together, axis=1) / at)
+    return np.asarray(np.ptp(together, axis=1) / np.maximum(at, LEAST))
 
 
 def rests_on(
@@ -70,51 +75,69 @@ def rests_on(
     ends = [(drive, a.path, end, tuple(torques)) for a in assumed for end in (a.low, a.high)]
     here, *screened = run(_screened, [(drive, "", 0.0, tuple(torques)), *ends])
     pairs = list(zip(screened[::2], screened[1::2], strict=True))
-    weights = [float(spans(np.column_stack([low[1], high[1]]), here[1]).max()) for low, high in pairs]
+    weights = [float(spans(np.column_stack([low[1][0], high[1][0]]), here[1][0]).max()) for low, high in pairs]
     chosen = sorted(range(len(assumed)), key=lambda k: -weights[k])[:most]
     reached = [(drive, assumed[k].path, pairs[k][side][0], tuple(torques)) for k in chosen for side in (0, 1)]
     found = list(run(_searched, [(drive, "", 0.0, tuple(torques)), *reached]))
     if progress:
-        progress(sum(part[2].states for part in (here, *screened, *found)))
+        progress(sum(proof.states for _, (_, proof) in (here, *screened, *found)))
     effects = []
-    for k, (low, high) in zip(chosen, list(pairwise(found[1:]))[::2], strict=True):
-        values = np.column_stack([low[1], high[1]])
-        effects.append(Effect(assumed[k], (low[0], high[0]), values, found[0][1], low[2] + high[2]))
+    (_, (at, _)), *searched = found
+    for k, (low, down), (high, up) in zip(chosen, searched[::2], searched[1::2], strict=True):
+        values = np.column_stack([down[0], up[0]])
+        effects.append(Effect(assumed[k], (low, high), values, at, down[1] + up[1]))
     return tuple(sorted(effects, key=lambda effect: -effect.share))
 
 
-_End = tuple[Drive, str, float, tuple[float, ...]]
-_Found = tuple[float, Array, Certificate]
+_End = tuple[Drive, str, float, tuple[float, ...]]  # drive, field or none, value of it, torques
+_Found = tuple[float, tuple[Array, Certificate]]
+
+
+def reached(drive: Drive, path: str, end: float, solve: Callable[[Drive], T]) -> tuple[float, T]:
+    """What a drive comes to with a field changed, and the value of it: as far on the way to an end as there is one.
+
+    Arguments: drive; path of the field; end, the value to go to; solve, what to compute, which may raise HdassistError.
+    Raises it where nothing comes of the drive as it is.
+    """
+    value = drive.number(path)
+    for step in STEPS:
+        there = value + step * (end - value)
+        moved = drive.with_values({path: there})
+        if not any(conflicts({each: moved.value(each) for each in field_table()})):
+            with suppress(HdassistError):
+                return there, solve(moved)
+    return value, solve(drive)
 
 
 def _screened(task: _End) -> _Found:
-    """Value that was reached on the way to an end, and the range of the error in a few states [arcsec], (torques,)."""
+    """Range of the error in a few states [arcsec], shape (torques,), as far on the way to a value as there is one."""
     drive, path, end, torques = task
-    angles = 2 * np.pi * np.arange(TURNS) / TURNS
-    alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles))
-    value = drive.number(path) if path else end
-    for step in STEPS if path else STEPS[:1]:
-        there = value + step * (end - value)
-        moved = drive.with_values({path: there}) if path else drive
-        if path and any(conflicts({each: moved.value(each) for each in field_table()})):
-            continue
-        try:
-            ranges, proof = [], EMPTY
-            for M_g in torques:
-                case = LoadCase.of(moved, M_g)
-                scalars = deviation_scalars(moved, alpha_g, alpha_b)
-                answers = case.solve(case.system.gaps(scalars), lambda k: f"state {k}")
-                ranges.append(np.ptp(answers.rotation_arcsec))
-                proof += answers.certificate
-        except HdassistError:
-            continue
-        return there, np.array(ranges), proof
-    return _screened((drive, "", value, torques))  # no way from here: it moves nothing
+    solve = partial(_at, torques, _in_few_states)
+    return reached(drive, path, end, solve) if path else (end, solve(drive))
 
 
 def _searched(task: _End) -> _Found:
-    """Value of a field, and F'_ior there [arcsec], shape (torques,)."""
-    drive, path, value, torques = task
-    there = drive.with_values({path: value}) if path else drive
-    found = [CycleSearch(there, M_g).extremes(there) for M_g in torques]
-    return value, np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
+    """F'_ior [arcsec], shape (torques,), as far on the way to a value as there is one."""
+    drive, path, end, torques = task
+    solve = partial(_at, torques, _full_cycle)
+    return reached(drive, path, end, solve) if path else (end, solve(drive))
+
+
+def _at(
+    torques: Sequence[float], solve: Callable[[Drive, float], tuple[float, Certificate]], drive: Drive
+) -> tuple[Array, Certificate]:
+    found = [solve(drive, M_g) for M_g in torques]
+    return np.array([value for value, _ in found]), sum((proof for _, proof in found), EMPTY)
+
+
+def _in_few_states(drive: Drive, M_g: float) -> tuple[float, Certificate]:
+    angles = 2 * np.pi * np.arange(TURNS) / TURNS
+    alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles))
+    case = LoadCase.of(drive, M_g)
+    answers = case.solve(case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b)), lambda k: f"state {k}")
+    return float(np.ptp(answers.rotation_arcsec)), answers.certificate
+
+
+def _full_cycle(drive: Drive, M_g: float) -> tuple[float, Certificate]:
+    found = CycleSearch(drive, M_g).extremes(drive)
+    return found.F_ior_arcsec, found.certificate

@@ -6,7 +6,7 @@ A size that is not given may be anything up to what its part may have; a directi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -77,9 +77,26 @@ def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:
     return listed(drive, columns, count)
 
 
+def with_zeros(drive: Drive) -> Drive:
+    """The drive with what is not known of its deviations taken as 0, and a warning that says so."""
+    open_ = unknowns(drive)
+    if not open_:
+        return drive
+    known = drive.with_values({u.path: 0.0 for u in open_})
+    told = f"assumed to be 0, not known: {', '.join(u.path for u in open_)}"
+    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told))
+    return known
+
+
 def listed(drive: Drive, columns: Mapping[str, Array], count: int) -> list[Drive]:
     """A drive with one value after the other of some fields, shape (count,) each."""
     return [drive.with_values({path: float(values[k]) for path, values in columns.items()}) for k in range(count)]
+
+
+def told(drive: Drive) -> tuple[str, ...]:
+    """A warning for what computes with 0 where a deviation is not known; none where all are."""
+    open_ = unknowns(drive)
+    return (f"not known, and computed as 0: {names(open_)}",) if open_ else ()
 
 
 def names(fields: Sequence[Unknown], most: int = 4) -> str:

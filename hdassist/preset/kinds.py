@@ -65,7 +65,7 @@ def field(
     unknown: bool = False,
     **limits: float,
 ) -> Any:
-    """Declare a field: its meaning, unit, default (none: required), an example, whether it may be unknown, its range."""
+    """Declare a field: meaning, unit, default (none: required), an example, whether it may be unknown, range."""
     examples = None if example is None else [example]
     extra = {"unit": unit, UNKNOWN: unknown}
     return Field(  # type: ignore[call-overload]

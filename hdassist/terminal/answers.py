@@ -11,7 +11,6 @@ from numbers import Number
 from typing import Any
 
 from hdassist.errors import HdassistError
-from hdassist.model.unknown import Unknown
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import NUMBER
 from hdassist.solve.answers import Certificate
@@ -72,11 +71,6 @@ def together(command: str, results: Sequence[Json]) -> Json:
         "warnings": [],
         "results": list(results),
     }
-
-
-def unknown_objects(unknown: Iterable[Unknown]) -> list[Json]:
-    """Deviations that are not known, as JSON: each with the range that it may have, in the unit of its field."""
-    return [{"field": u.path, "range": [u.low, u.high], "reason": u.reason} for u in unknown]
 
 
 def certificate_object(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
