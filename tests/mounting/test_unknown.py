@@ -49,7 +49,7 @@ def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
     missed = oval.robust.F_ior_arcsec[::5, 0] - found
     # most by less than the standard error; one of twenty is several times as far off, where an extreme is a narrow one
     assert np.median(np.abs(missed)) < oval.robust.standard_error_arcsec[0] < 0.02 * found.mean()
-    assert np.quantile(np.abs(missed), 0.9) < 2 * oval.robust.standard_error_arcsec[0]
+    assert np.quantile(np.abs(missed), 0.9) < 3 * oval.robust.standard_error_arcsec[0]
     shares = oval.robust.probability_best
     assert shares.max() < 0.95  # such an ovality decides as much as all the rest
 
