@@ -105,8 +105,9 @@ class Quantities:
         if key not in self._F_ior:
             there = rotated(self._drive, key[1] - phase_deg(self._drive))
             if searchable(self._drive):
-                search = self._searches.setdefault(M_g, CycleSearch(self._drive, M_g))
-                self._F_ior[key] = search.extremes(there).F_ior_arcsec
+                if M_g not in self._searches:
+                    self._searches[M_g] = CycleSearch(self._drive, M_g)
+                self._F_ior[key] = self._searches[M_g].extremes(there).F_ior_arcsec
             else:
                 self._F_ior[key] = kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
         return self._F_ior[key]
