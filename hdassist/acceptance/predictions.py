@@ -39,8 +39,12 @@ class Needed:
 
 @dataclass(frozen=True)
 class Predictions:
-    """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed."""
+    """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
 
+    window: the flank window [deg] in which it was computed.
+    """
+
+    window: float
     errors: dict[float, KinematicError]
     self_errors: dict[float, SelfError]
     stiffness: Stiffness | None
@@ -113,9 +117,8 @@ def predict(
             progress(sum(part.certificate.states for part in parts))
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
-    return Predictions(
-        errors, dict(zip(needed.self_errors, own, strict=True)), results[-1] if needed.stiffness else None
-    )
+    twist = results[-1] if needed.stiffness else None
+    return Predictions(drive.numerics.window, errors, dict(zip(needed.self_errors, own, strict=True)), twist)
 
 
 def _run(job: Callable[[], Any]) -> Any:
