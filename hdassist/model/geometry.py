@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
 from hdassist.model.nominal import Array as Array
-from hdassist.model.nominal import NominalCurve, nominal_shape
+from hdassist.model.nominal import NominalCurve, Shape, nominal_shape
 from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
@@ -128,15 +128,14 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, sample
     edge = np.concatenate([np.isin(teeth, (teeth.min(), teeth.max())) for teeth in near]).repeat(2)
     theta = 2 * np.pi * (tooth + tau) / z_g
 
-    shape = np.stack(nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve))
-    lowest, reaches = _lowest_active_radius(geometry, shape, theta, side)
+    lowest, reaches = _lowest_active_radius(geometry, theta, side)
     if not reaches.any():
         raise UntrustedError("no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a")
     tooth, zone, edge = tooth[reaches], zone[reaches], edge[reaches]
-    side, theta, lowest, shape = side[reaches], theta[reaches], lowest[reaches], shape[:, reaches]
+    side, theta, lowest = side[reaches], theta[reaches], lowest[reaches]
     fraction = np.linspace(0, 1, samples)
     r_y = lowest[:, None] + (geometry.r_ag - lowest[:, None]) * fraction
-    gap, rho = flank_gap(geometry, shape[:, :, None], r_y, theta[:, None], zone[:, None], side[:, None])
+    gap, rho = flank_gap(geometry, r_y, theta[:, None], zone[:, None], side[:, None])
     rows = np.arange(len(theta))
     least = np.argmin(gap, axis=1)
     return Flanks(
@@ -151,13 +150,14 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, sample
     )
 
 
-def flank_point(geometry: Geometry, shape: Array, r_y: Array, theta: Array, side: Array) -> tuple[Array, Array]:
+def flank_point(
+    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: Shape | None = None
+) -> tuple[Array, Array]:
     """Polar place (rho [mm], phi [rad]) of the flank point at tooth radius r_y of the tooth at theta.
 
-    shape: w [mm], v [mm], chi [rad] of the rim at theta; the section's origin lies at radius r_m + w and angle
-    theta + v/r_m.
+    The section's origin lies at radius r_m + w and angle theta + v/r_m; shape, its (w, v, chi) where they are known.
     """
-    w, v, chi = shape
+    w, v, chi = shape or nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
     psi = geometry.flexspline.half_angle(r_y)
     along, across = side * r_y * np.sin(psi), r_y * np.cos(psi) - geometry.r_m
     tangential = along * np.cos(chi) + across * np.sin(chi)
@@ -167,10 +167,10 @@ def flank_point(geometry: Geometry, shape: Array, r_y: Array, theta: Array, side
 
 
 def flank_gap(
-    geometry: Geometry, shape: Array, r_y: Array, theta: Array, zone: NDArray[np.int64], side: Array
+    geometry: Geometry, r_y: Array, theta: Array, zone: NDArray[np.int64], side: Array
 ) -> tuple[Array, Array]:
     """Gap [mm] of flank points to the facing flank of the rigid wheel, and their radius rho [mm]."""
-    rho, phi = flank_point(geometry, shape, r_y, theta, side)
+    rho, phi = flank_point(geometry, r_y, theta, side)
     axis = zone * np.pi
     space = axis + (theta - axis) * geometry.flexspline.z / geometry.rigid.z
     with np.errstate(invalid="ignore"):
@@ -178,17 +178,16 @@ def flank_gap(
     return gap, rho
 
 
-def _lowest_active_radius(
-    geometry: Geometry, shape: Array, theta: Array, side: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+def _lowest_active_radius(geometry: Geometry, theta: Array, side: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
     low = np.full_like(theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
     high = np.full_like(theta, geometry.r_ag)
-    reaches = flank_point(geometry, shape, high, theta, side)[0] >= geometry.r_ab
-    inside = flank_point(geometry, shape, low, theta, side)[0] >= geometry.r_ab
+    shape = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)  # once: it takes most of the time
+    reaches = flank_point(geometry, high, theta, side, shape)[0] >= geometry.r_ab
+    inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
     below, above = low.copy(), high.copy()
     for _ in range(BISECTIONS):
         middle = (below + above) / 2
-        over = flank_point(geometry, shape, middle, theta, side)[0] >= geometry.r_ab
+        over = flank_point(geometry, middle, theta, side, shape)[0] >= geometry.r_ab
         above, below = np.where(over, middle, above), np.where(over, below, middle)
     return np.where(inside, low, above), reaches
