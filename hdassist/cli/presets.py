@@ -16,6 +16,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from hdassist.preset.schema import ResolvedField
     from hdassist.terminal.console import Style
 
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
@@ -106,7 +107,7 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
         answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
         _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
     else:
-        cells = [(row.path, _value(row.value), row.unit, row.kind, row.ref) for row in rows]
+        cells = [(row.path, _value(row.value), row.unit, row.kind, _reference(row)) for row in rows]
         _print_table(("field", "value", "unit", "origin", "reference"), cells, options)
     for warning in drive.origin.warnings:
         warn(warning)
@@ -250,6 +251,14 @@ def _value(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key}: {_value(item)}" for key, item in value.items()) or "-"
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def _reference(row: ResolvedField) -> str:
+    """Where a value comes from, its plausible range first."""
+    if row.range is None:
+        return row.ref
+    bounds = f"{_value(row.range[0])} to {_value(row.range[1])}"
+    return f"{bounds}; {row.ref}" if row.ref else bounds
 
 
 def _first_sentence(text: str) -> str:

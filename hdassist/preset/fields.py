@@ -229,6 +229,7 @@ class Source(Section):
 
     kind: Literal["given", "assumed", "identified"] = field("how sure the value is")
     ref: str = field("page, figure, standard or reason", default="")
+    range: tuple[float, float] | None = field("plausible range of the value, in the field's unit", default=None)
 
 
 @dataclass(frozen=True)
@@ -403,9 +404,33 @@ def _read_alternative(table: Any) -> Any:
 def _read_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
     if path not in field_table():
         return Unread("names no field", _near_path(path, field_table(), table), at_key=True)
+    if isinstance(entry, dict) and "range" in entry:
+        return entry | {"range": read_range(path, entry["range"])}
     if isinstance(entry, dict | Unread | Source):
         return entry
     return Unread("must be a table of keys", "like {kind: given, ref: page 6}")
+
+
+def read_range(path: str, bounds: Any) -> tuple[float, float] | Unread | None:
+    """A plausible range as a preset gives it, in the unit of its field, by path; else why it is none."""
+    info = field_table()[path]
+    unit = unit_of(info)
+    if bounds is None or isinstance(bounds, Unread):
+        return bounds
+    if path not in measures():
+        return Unread("only single measures have a range")
+    if not isinstance(bounds, list | tuple) or len(bounds) != 2:
+        return Unread("must be two numbers, the lower one first", "like [0, 20]")
+    low, high = (read_number(bound, unit) for bound in bounds)
+    if isinstance(low, Unread):
+        return low
+    if isinstance(high, Unread):
+        return high
+    if not low < high:
+        return Unread("the lower one must stand first")
+    if not (in_range(info, low) and in_range(info, high)):
+        return Unread(f"reaches beyond what the field takes: {range_of(info, unit)}")
+    return low, high
 
 
 def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:

@@ -31,10 +31,13 @@ def preset_schema() -> Schema:
         properties[name] = _section(tables[name], info) if name in tables else said
     properties["uncertainty"] |= _measures({"type": "number", "minimum": 0})
     properties["alternatives"] |= {"type": ["array", "null"], "items": _measures({"type": "number"})}
+    bounds = {"type": ["array", "null"], "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
+    source = _without(("title", "unit"), schema["$defs"]["Source"])
+    source["properties"]["range"] = {"description": source["properties"]["range"]["description"]} | bounds
     properties["source"] |= {
         "type": ["object", "null"],
         "propertyNames": {"enum": [path for path, _ in fields()]},
-        "additionalProperties": _without(("title", "unit"), schema["$defs"]["Source"]),
+        "additionalProperties": source,
     }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -103,7 +106,7 @@ def _without(keys: tuple[str, ...], said: Any) -> Any:
 
 @dataclass(frozen=True)
 class ResolvedField:
-    """One field: path, value in its unit, kind of origin, reference, meaning.
+    """One field: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.
 
     Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override.
     """
@@ -114,6 +117,7 @@ class ResolvedField:
     kind: str
     ref: str
     meaning: str
+    range: tuple[float, float] | None
 
 
 def resolved(drive: Drive) -> list[ResolvedField]:
@@ -123,10 +127,10 @@ def resolved(drive: Drive) -> list[ResolvedField]:
         section, name = path.split(".")
         table = getattr(drive, section)
         source = drive.source.get(path)
-        kind, ref = (str(source.kind), source.ref) if source is not None else ("given", "")
+        kind, ref, bounds = (str(source.kind), source.ref, source.range) if source is not None else ("given", "", None)
         if is_overridden(path, drive.origin.overrides):
-            kind, ref = "override", "--set"
+            kind, ref, bounds = "override", "--set", None
         elif name not in table.model_fields_set:
             kind = "default"
-        rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description)))
+        rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description), bounds))
     return rows

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.errors import DataError, UsageError
-from hdassist.preset.fields import SCHEMA, sections
+from hdassist.preset.fields import SCHEMA, read_range, sections
 from hdassist.preset.kinds import Section, plain, unit_of
 from hdassist.preset.load import load_text
 from hdassist.preset.yamltext import Path, read, resolve
@@ -95,7 +95,10 @@ def with_found_values(
     changed = text if text.endswith("\n") else text + "\n"
     for path, value in values.items():
         changed = _with_value(changed, file, path, f"{value:g}" if f"{value:g}" == repr(value) else repr(value))
-        changed = _with_source(changed, file, path, f"{{kind: identified, ref: {json.dumps(ref, ensure_ascii=False)}}}")
+        kept = _range_around(changed, file, path, value)
+        changed = _with_source(
+            changed, file, path, f"{{kind: identified, {kept}ref: {json.dumps(ref, ensure_ascii=False)}}}"
+        )
     if curve:
         changed = _with_curve(changed, file, curve)
     changed = _without_block(changed, file, ("alternatives",))
@@ -115,6 +118,15 @@ def _with_value(text: str, file: str, path: str, written: str) -> str:
     length = len(place.text) + 2 * place.quoted
     lines[row] = lines[row][:column] + written + lines[row][column + length :]
     return "\n".join(lines)
+
+
+def _range_around(text: str, file: str, path: str, value: float) -> str:
+    """The plausible range that the text gives a field, as it is written again; empty where the value is not in it."""
+    table = (read(text, file).data or {}).get("source")
+    entry = table.get(path) if isinstance(table, dict) else None
+    bounds = read_range(path, entry.get("range")) if isinstance(entry, dict) else None
+    inside = isinstance(bounds, tuple) and bounds[0] <= value <= bounds[1]
+    return f"range: [{bounds[0]!r}, {bounds[1]!r}], " if isinstance(bounds, tuple) and inside else ""
 
 
 def _with_source(text: str, file: str, path: str, entry: str) -> str:

@@ -87,8 +87,9 @@ def test_resolved_as_json() -> None:
     torque = next(row for row in found["fields"] if row["path"] == "operation.M_g")
     assert torque == {
         "path": "operation.M_g", "value": [80], "unit": "N*m", "kind": "override", "ref": "--set",
-        "meaning": "torques on the flexspline, counter-clockwise positive",
+        "meaning": "torques on the flexspline, counter-clockwise positive", "range": None,
     }  # fmt: skip
+    assert next(row for row in found["fields"] if row["path"] == "gears.j_n")["range"] == [0, 20]
 
 
 class Terminal(io.StringIO):
@@ -114,7 +115,7 @@ def test_on_a_terminal_the_table_fits_and_cuts_no_number(columns: int, monkeypat
 
 def test_in_a_pipe_no_reference_is_wrapped() -> None:
     (line,) = (line for line in run("show", "vzp160", "--resolved").stdout.splitlines() if "contact.c_ball" in line)
-    assert line.rstrip().endswith("tangent at 100-1000 N; from Fig. 3")
+    assert line.rstrip().endswith("1.25e-05 to 2.857e-05; ISO/TS 16281 ball, tangent at 100-1000 N; from Fig. 3")
     assert len(line) > 80
 
 

@@ -209,8 +209,22 @@ def test_optional_fields_may_be_empty() -> None:
         ]),
         ([], "source: {cam.W_0: given}\n", ["my.yaml:9:19: source.cam.W_0: must be a table of keys "
          "(got given; like {kind: given, ref: page 6})"]),
-        ([], "source: {cam.W_0: {kind: given, page: '6'}}\n",
-         ["my.yaml:9:33: source.cam.W_0.page: unknown key (known: kind, ref)"]),
+        ([], "source: {cam.W_0: {kind: given, sheet: '6'}}\n",
+         ["my.yaml:9:33: source.cam.W_0.sheet: unknown key (known: kind, ref, range)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [1, 1.1 mm]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "the value 0.96 lies outside its range (got 1 to 1.1; correct one of them)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [1, 0.9]}}\n",
+         ["my.yaml:9:40: source.cam.W_0.range: the lower one must stand first (got a list)"]),
+        ([], "source: {cam.W_0: {kind: given, range: 1}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "must be two numbers, the lower one first (got 1; like [0, 20])"]),
+        ([], "source: {cam.W_0: {kind: given, range: [0.9, 1 N]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "unknown unit N (got a list; did you mean nm?)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [0.9, .inf]}}\n",
+         ["my.yaml:9:40: source.cam.W_0.range: must be a finite number (got a list)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [0.9, 11]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "reaches beyond what the field takes: 0.01 to 10 mm (got a list)"]),
+        ([], "source: {gears.z_g: {kind: given, range: [190, 210]}}\n",
+         ["my.yaml:9:42: source.gears.z_g.range: only single measures have a range (got a list)"]),
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
@@ -336,6 +350,12 @@ def test_overrides_reach_names_with_a_dot_in_them() -> None:
     drive = load(overrides=("uncertainty.phases.xi_b=10", "source.cam.W_0={kind: given, ref: sheet 1}"))
     assert drive.uncertainty == {"phases.xi_b": 10}
     assert drive.source["cam.W_0"].ref == "sheet 1"
+
+
+def test_a_range_is_in_the_unit_of_its_field_and_holds_no_value_back_that_is_tried() -> None:
+    more = "source: {cam.W_0: {kind: assumed, range: [900 um, 1]}}\n"
+    assert load(more=more).source["cam.W_0"].range == (0.9, 1)
+    assert load(more=more, overrides=("cam.W_0=0.89",)).cam.W_0 == 0.89
 
 
 def test_the_last_override_wins() -> None:

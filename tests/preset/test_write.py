@@ -89,6 +89,7 @@ def test_values_and_their_source_change_and_nothing_else():
     assert {path: drive.value(path) for path in FOUND} == FOUND
     rows = {row.path: row for row in resolved(drive)}
     assert all((rows[path].kind, rows[path].ref) == ("identified", 'rig "3"') for path in FOUND)
+    assert [rows[path].range for path in FOUND] == [(0, 20), (5e3, 1e5), (0.3e-5, 6e-5)]
     removed = [line[2:] for line in difflib.ndiff(VZP160.splitlines(), text.splitlines()) if line.startswith("- ")]
     added = [line[2:] for line in difflib.ndiff(VZP160.splitlines(), text.splitlines()) if line.startswith("+ ")]
     assert len(removed) == len(added) == 6
@@ -101,6 +102,11 @@ def test_a_preset_in_flow_style_and_without_sources():
     assert {path: found.value(path) for path in FOUND} == FOUND
     assert set(found.source) == set(FOUND)
     assert found.tolerances == load_preset(SMALL).tolerances
+
+
+def test_a_range_that_the_found_value_has_left_goes():
+    found = load_text(with_found_values(VZP160, "vzp160", {"gears.j_n": 21.0}, "rig"), "vzp160")
+    assert found.source["gears.j_n"].range is None
 
 
 def test_alternatives_are_written_and_replaced():
