@@ -17,8 +17,26 @@ PLAIN = rf"(({NAME}|{WORDS})\n)+"
 SHELL = f'set -euo pipefail\nhdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
 
 
+def require_told(page: str, told: str) -> None:
+    """Require that what a page prints as told was told: the same words, and numbers to a hundredth."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    words = told.split()
+    for block in re.findall(r"```text\n(.*?)```", text, flags=re.DOTALL):
+        printed = block.split()
+        places = range(len(words) - len(printed) + 1)
+        assert any(all(map(_alike, printed, words[k:])) for k in places), f"{block}is not in\n{told}"
+
+
+def _alike(printed: str, word: str) -> bool:
+    parts = [re.split(r"(\d[\d.]*)", text) for text in (printed, word)]
+    return len(parts[0]) == len(parts[1]) and all(
+        a == b or (k % 2 == 1 and abs(float(a.rstrip(".")) / float(b.rstrip(".")) - 1) < 0.01)
+        for k, (a, b) in enumerate(zip(*parts, strict=True))
+    )
+
+
 def told_by(page: str, folder: Path) -> str:
-    """What the commands of a page say on stdout, run in a folder one block after the other; each must succeed."""
+    """What the commands of a page say, run in a folder one block after the other; each must succeed."""
     text = (DOCS / page).read_text(encoding="utf-8")
     return "".join(_told(block, folder) for block in re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL))
 
@@ -29,7 +47,7 @@ def _told(block: str, folder: Path) -> str:
         command = ["bash", "-c", SHELL + block]
         done = subprocess.run(command, cwd=folder, env=CLEAN, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-        return done.stdout
+        return done.stdout + done.stderr
     told, names = "", {}
     for line in block.splitlines():
         if re.fullmatch(NAME, line):
@@ -41,5 +59,5 @@ def _told(block: str, folder: Path) -> str:
         assert answer.returncode == 0, answer.stderr
         if file:
             (folder / file).write_text(answer.stdout)
-        told += "" if file else answer.stdout
+        told += ("" if file else answer.stdout) + answer.stderr
     return told
