@@ -1,0 +1,84 @@
+"""Text of a preset of a drive that is like another one: readable, with the source and range of every value."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hdassist.errors import PresetError, UsageError
+from hdassist.preset.fields import SCHEMA, Drive, sections
+from hdassist.preset.kinds import Section, plain
+from hdassist.preset.load import load_text
+from hdassist.preset.similarity import Entry, Wish, similar
+from hdassist.preset.write import about, quoted, require_name
+
+UNKNOWN = ("tolerances", "phases", "harmonics")  # sections whose other fields are not known, and told so
+
+
+def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") -> str:
+    """Text of a preset of a drive that is like another one.
+
+    Arguments: name; like, the other drive; wish, what is given of the new one; description, in place of the usual.
+    Raises UsageError: a name that a preset cannot have, wishes that contradict each other, or no drive that meshes.
+    """
+    require_name(name)
+    entries = similar(like, wish)
+    text = "\n".join(_lines(name, like, wish, entries, description)) + "\n"
+    try:
+        load_text(text, name)
+    except PresetError as error:
+        raise UsageError(f"no such drive meshes: {error.findings[0].message}", "other teeth, or another size") from None
+    return text
+
+
+def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
+    z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
+    sure = sum(entry.kind == "given" for entry in entries.values())
+    yield f"# Made by hdassist presets new, like {like.name}: {sure} values given, {len(entries) - sure} assumed."
+    yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
+    yield "# know, with kind: given beside it. Deviations, offsets and directions that are left out are not known."
+    yield f"schema: {SCHEMA}"
+    yield f"name: {quoted(name)}"
+    words = description or (
+        f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
+        "Its absolute values are guesses; what each rests on stands in source."
+    )
+    yield f"description: {json.dumps(words, ensure_ascii=False)}"
+    for section, model in sections():
+        written = {
+            field: entries[f"{section}.{field}"] for field in model.model_fields if f"{section}.{field}" in entries
+        }
+        if written or section in UNKNOWN:
+            yield ""
+            yield from _section(section, model, written)
+    if wish.stiffness:
+        yield ""
+        yield f"# K1, K2, K3 given: {', '.join(map(plain, wish.stiffness))} N*m/rad. K3 chose the size, or the"
+        yield "# contacts, by a rule; hdassist stiffness says what this drive has, hdassist calibrate fits it to them."
+    yield ""
+    yield "source:"
+    for path, entry in entries.items():
+        bounds = f"range: [{_number(entry.range[0])}, {_number(entry.range[1])}], " if entry.range else ""
+        yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {json.dumps(entry.ref, ensure_ascii=False)}}}"
+
+
+def _section(section: str, model: type[Section], written: Mapping[str, Entry]) -> Iterator[str]:
+    yield f"{section}:" if written else f"#{section}:  # not known"
+    for field, info in model.model_fields.items():
+        if field in written:
+            yield f"{f'  {field}: {_value(written[field].value)}':<23} # {about(info)}"
+        elif section in UNKNOWN:
+            yield f"{f'#  {field}:':<23} # {about(info)}{'; not known' if written else ''}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_number, value))}]"
+    return _number(value) if isinstance(value, int | float) else str(value)
+
+
+def _number(value: float) -> str:
+    """A number with every digit it has, and no more."""
+    short = plain(value)
+    return short if float(short) == value else repr(value)
