@@ -18,8 +18,9 @@ RIM = (0.004, 0.02)  # of the pitch diameter, thickness of the rim; by judgement
 WAVE = (1.0, 1.27)  # modules; half the difference of teeth is 1, and x_b - x_g = 0.2 more makes the paper's 1.2
 FILLING = 0.5  # of the way round at the middle of the balls, least; vzp160 has 0.79
 BALL = (0.04, 0.15)  # of the pitch diameter; vzp160 has 0.089
-# N*m/mm^3, highest rated torque over d^3 of the catalogue sizes 14 to 65, ratio 100, high-torque series (size 25: 87)
-TORQUE_DENSITY = 3.4e-4
+# N*m/mm^3, rated torque over d^3 of catalogue sizes 14 to 65, ratio 100: from size 14 of the standard series (7.8 N*m)
+# to size 20 of the high-torque series (52 N*m); d = 2.54 mm a size
+TORQUE_DENSITY = (1.7e-4, 4.0e-4)
 SLACK = 1e-9  # of a bound: what rounding may take
 
 
@@ -90,8 +91,8 @@ def balls_and_race(d_ball: float | None, N: int, m: float, z_g: int, x_g: float,
 
 def torque_and_size(M_g: Sequence[float], rated: float | None, m: float, z_g: int) -> Iterator[Remark]:
     """The torques are those of a drive of this size."""
-    most, limit = max(map(abs, M_g)), TORQUE_DENSITY * (m * z_g) ** 3
-    whose = f"the highest of catalogues at {m * z_g:.4g} mm: 87 N*m for size 25, ratio 100, by d^3"
+    most, limit = max(map(abs, M_g)), TORQUE_DENSITY[1] * (m * z_g) ** 3
+    whose = f"the highest of catalogues at {m * z_g:.4g} mm: 52 N*m for size 20, ratio 100, by d^3"
     if rated is not None and most > rated * (1 + SLACK):
         yield Remark(
             "operation.M_g", f"{most:g} N*m is {most / rated:.3g} times the rated torque",

@@ -15,12 +15,12 @@ from typing import Any
 from hdassist.errors import UsageError
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, range_of, unit_of
+from hdassist.preset.plausible import TORQUE_DENSITY
 
 REFERENCE = 160.0  # mm, pitch diameter at which the ranges below are stated
-# N*m/rad at the reference, by d^3: K3 of the catalogue sizes 14 to 65, ratio 80 and more, is this to 5 %
+# N*m/rad at the reference: K3 of catalogue sizes 20 to 65, ratio 80 and more, by d^3, is this to 3 %; of 17 and
+# 14 it is 10 and 28 % less
 CATALOGUE_K3 = 9.0e5
-# N*m/mm^3, rated torque over d^3 of the catalogue sizes 14 to 65, ratio 100: standard and high-torque series
-TORQUE_DENSITY = (1.7e-4, 3.4e-4)
 FARTHEST_TORQUE = 3.0  # times beyond these densities: no such drive
 FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
 CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
@@ -81,24 +81,6 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
-
-    said: where each comes from, by "teeth", "diameter", "torque".
-    """
-
-    z_g: int | None = None
-    diameter: float | None = None
-    torque: float | None = None
-    stiffness: tuple[float, float, float] | None = None
-    said: Mapping[str, str] = field(default_factory=dict)
-
-    def source(self, what: str) -> str:
-        """Where a thing that is given comes from."""
-        return self.said.get(what, "hdassist presets new")
-
-
-@dataclass(frozen=True)
 class Entry:
     """Value of a field in its unit, how sure it is, its source, and its plausible range."""
 
@@ -106,6 +88,27 @@ class Entry:
     kind: str
     ref: str
     range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
+
+    derived: whether the diameter only follows from something else; said: where each comes from, by "teeth", "diameter",
+    "torque"; others: further fields, by path.
+    """
+
+    z_g: int | None = None
+    diameter: float | None = None
+    torque: float | None = None
+    stiffness: tuple[float, float, float] | None = None
+    derived: bool = False
+    said: Mapping[str, str] = field(default_factory=dict)
+    others: Mapping[str, Entry] = field(default_factory=dict)
+
+    def source(self, what: str) -> str:
+        """Where a thing that is given comes from."""
+        return self.said.get(what, "hdassist presets new")
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ def size_of(like: Drive, wish: Wish) -> Size:
     if K is not None and not 0 < K[0] <= K[1] <= K[2]:
         raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
     if d is not None:
-        size = Size(d, True, wish.source("diameter"))
+        size = Size(d, not wish.derived, wish.source("diameter"))
     elif K is not None:
         d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
         size = Size(d, False, f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues")
@@ -200,6 +203,7 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     entries |= _tolerances(d, m)
     entries |= _load(like, wish, s, d)
     entries |= {path: Entry(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
+    entries |= wish.others
     for path, entry in entries.items():
         if isinstance(entry.value, float) and not like.allows(path, entry.value):
             unit = unit_of(info := field_table()[path])
@@ -254,7 +258,7 @@ def _shifts(like: Drive, entries: Mapping[str, Entry], d: float) -> dict[str, En
     g = like.gears
     bore = (g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) - 2 * like.flexspline.h_1) / (g.m * g.z_g)
     m, z_g, h_f = (entries[path].value for path in ("gears.m", "gears.z_g", "gears.h_f"))
-    x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 4)
+    x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 3)
     apart = round(g.x_b - g.x_g, 4)
     return {
         "gears.x_g": Entry(x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"),

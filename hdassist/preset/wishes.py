@@ -47,7 +47,7 @@ def read_wish(
     K = None if stiffness is None else _stiffnesses(stiffness)
     said |= {} if d is None else {"diameter": f"--pitch-diameter {d:g}"}
     said |= {} if T is None else {"torque": f"--torque {plain(T)}"}
-    return Wish(z_g, d, T, K, said)
+    return Wish(z_g, d, T, K, said=said)
 
 
 def _teeth(text: str) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from hdassist.preset.load import load_text
 from hdassist.preset.similarity import Entry, Wish, similar
 from hdassist.preset.write import about, quoted, require_name
 
+WIDTH = 110  # of the description
 UNKNOWN = ("tolerances", "phases", "harmonics")  # sections whose other fields are not known, and told so
 
 
@@ -35,7 +37,7 @@ def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") ->
 def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
     sure = sum(entry.kind == "given" for entry in entries.values())
-    yield f"# Made by hdassist presets new, like {like.name}: {sure} values given, {len(entries) - sure} assumed."
+    yield f"# Made by hdassist presets new, like {like.name if like.name.isprintable() else 'another drive'}: {sure} values given, {len(entries) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. Deviations, offsets and directions that are left out are not known."
     yield f"schema: {SCHEMA}"
@@ -44,7 +46,11 @@ def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], des
         f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
         "Its absolute values are guesses; what each rests on stands in source."
     )
-    yield f"description: {json.dumps(words, ensure_ascii=False)}"
+    if words.isprintable():
+        yield "description: >-"
+        yield from textwrap.wrap(words, WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
+    else:
+        yield f"description: {_in_quotes(words)}"
     for section, model in sections():
         written = {
             field: entries[f"{section}.{field}"] for field in model.model_fields if f"{section}.{field}" in entries
@@ -60,7 +66,7 @@ def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], des
     yield "source:"
     for path, entry in entries.items():
         bounds = f"range: [{_number(entry.range[0])}, {_number(entry.range[1])}], " if entry.range else ""
-        yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {json.dumps(entry.ref, ensure_ascii=False)}}}"
+        yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {_in_quotes(entry.ref)}}}"
 
 
 def _section(section: str, model: type[Section], written: Mapping[str, Entry]) -> Iterator[str]:
@@ -70,6 +76,10 @@ def _section(section: str, model: type[Section], written: Mapping[str, Entry]) -
             yield f"{f'  {field}: {_value(written[field].value)}':<23} # {about(info)}"
         elif section in UNKNOWN:
             yield f"{f'#  {field}:':<23} # {about(info)}{'; not known' if written else ''}"
+
+
+def _in_quotes(text: str) -> str:
+    return json.dumps(text, ensure_ascii=not text.isprintable())
 
 
 def _value(value: Any) -> str:
