@@ -119,7 +119,7 @@ def targets() -> Iterator[tuple[str, str]]:
             f"# hdassist calibrate {each.name} --targets docs/targets/{each.name}.targets.yaml",
             f"# K1 to K3: {each.source}.",
             f"# {TORQUES}.",
-            f"# The catalogue's accuracy, {each.accuracy:g} arcmin over an output turn, is not re-read and names no load.",
+            f"# The catalogue's accuracy, {each.accuracy:g} arcmin over a turn, is not re-read and names no load.",
             "schema: hdassist.targets/1",
             f"name: catalogue size {each.size}, ratio 100",
             "",

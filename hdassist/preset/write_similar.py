@@ -37,7 +37,8 @@ def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") ->
 def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
     sure = sum(entry.kind == "given" for entry in entries.values())
-    yield f"# Made by hdassist presets new, like {like.name if like.name.isprintable() else 'another drive'}: {sure} values given, {len(entries) - sure} assumed."
+    other = like.name if like.name.isprintable() else "another drive"
+    yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(entries) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. Deviations, offsets and directions that are left out are not known."
     yield f"schema: {SCHEMA}"
