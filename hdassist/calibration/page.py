@@ -10,6 +10,7 @@ from rich.text import Text
 
 from hdassist.calibration.calibrate import Calibration, Fit
 from hdassist.calibration.targets import Target
+from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.runs import Answer
@@ -29,11 +30,16 @@ def answer(result: Calibration) -> Answer:
     )
 
 
+MOVED = {"F_ior", "F_ior_max", "F_ior_min", "revolution_range", "trace"}  # by deviations
+
+
 def warnings(result: Calibration) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     best, drive = result.best, result.drive
     missed = [t.words for t, met in zip(result.targets.targets, best.met, strict=True) if not met]
-    words = list(drive.origin.warnings)
+    words = [*drive.origin.warnings]
+    if any(target.quantity in MOVED for target in result.targets.targets):
+        words += told(drive)
     if missed:
         words.append(f"not met together: {'; '.join(missed)}; the values are the nearest that were found")
     unseen = [u.path for u, share in zip(result.targets.unknowns, result.determined, strict=True) if share < UNSEEN]
