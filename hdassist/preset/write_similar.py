@@ -9,13 +9,14 @@ from typing import Any
 
 from hdassist.errors import PresetError, UsageError
 from hdassist.preset.fields import SCHEMA, Drive, sections
-from hdassist.preset.kinds import Section, plain
+from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain
 from hdassist.preset.load import load_text
 from hdassist.preset.similarity import Entry, Wish, similar
 from hdassist.preset.write import about, quoted, require_name
 
 WIDTH = 110  # of the description
-UNKNOWN = ("tolerances", "phases", "harmonics")  # sections whose other fields are not known, and told so
+OF_DEVIATIONS = ("tolerances", "phases", "harmonics")
+PHASE_OF_ORDER = ("xi_g2", "xi_g3", "xi_g4", "xi_b2", "xi_b3", "xi_b4", "xi_s2")  # needless without their amplitudes
 
 
 def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") -> str:
@@ -40,7 +41,7 @@ def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], des
     other = like.name if like.name.isprintable() else "another drive"
     yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(entries) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
-    yield "# know, with kind: given beside it. Deviations, offsets and directions that are left out are not known."
+    yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
     yield f"schema: {SCHEMA}"
     yield f"name: {quoted(name)}"
     words = description or (
@@ -56,7 +57,7 @@ def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], des
         written = {
             field: entries[f"{section}.{field}"] for field in model.model_fields if f"{section}.{field}" in entries
         }
-        if written or section in UNKNOWN:
+        if written or section in OF_DEVIATIONS:
             yield ""
             yield from _section(section, model, written)
     if wish.stiffness:
@@ -71,12 +72,12 @@ def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], des
 
 
 def _section(section: str, model: type[Section], written: Mapping[str, Entry]) -> Iterator[str]:
-    yield f"{section}:" if written else f"#{section}:  # not known"
+    yield f"{section}:"
     for field, info in model.model_fields.items():
         if field in written:
             yield f"{f'  {field}: {_value(written[field].value)}':<23} # {about(info)}"
-        elif section in UNKNOWN:
-            yield f"{f'#  {field}:':<23} # {about(info)}{'; not known' if written else ''}"
+        elif may_be_unknown(info) and not field.startswith(PHASE_OF_ORDER):
+            yield f"{f'  {field}: {UNKNOWN}':<23} # {about(info)}"
 
 
 def _in_quotes(text: str) -> str:

@@ -1,0 +1,44 @@
+"""Presets of published sizes are what `hdassist presets new` makes, and their targets fit them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.catalogue import MM_A_SIZE, ROOT, SIZES, files, presets
+from hdassist import load_preset
+from hdassist.calibration.targets import read_targets
+from hdassist.preset.similarity import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
+
+
+def test_every_file_is_what_the_command_makes() -> None:
+    made = files()
+    assert {path for path, text in made.items() if path.read_text(encoding="utf-8") != text} == set()
+    names = {path.stem for path in made if path.parent.name == "presets"}
+    assert len(names) == 12
+    assert names == {file.stem for file in (ROOT / "presets").glob("*-*.yaml")} - {"synthetic-160-162"}
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: size.name)
+def test_targets_start_from_the_preset(size: object) -> None:
+    name = size.name  # type: ignore[attr-defined]
+    drive = load_preset(name)
+    found = read_targets((ROOT / f"docs/targets/{name}.targets.yaml").read_bytes(), name, drive)
+    assert [target.value for target in found.targets[:3]] == [pytest.approx(K * 1e4) for K in size.K]  # type: ignore[attr-defined]
+
+
+def test_catalogues_are_similar_to_themselves_as_the_rules_have_it() -> None:
+    d = MM_A_SIZE * np.array([size.size for size in SIZES])
+    K3 = np.array([size.K[2] for size in SIZES]) * 1e4 * (REFERENCE / d) ** 3 / CATALOGUE_K3
+    assert np.all(np.abs(K3[2:] - 1) < 0.03)
+    np.testing.assert_allclose(K3[:2], [0.72, 0.90], atol=0.01)
+    density = np.array([size.rated for size in SIZES]) / d**3
+    assert np.all((TORQUE_DENSITY[0] <= density) & (density * 1.3 <= TORQUE_DENSITY[1]))
+
+
+def test_they_say_what_they_are() -> None:
+    for name, _ in presets():
+        drive = load_preset(name)
+        assert "nobody measured this model of it" in drive.description
+        assert drive.source["operation.rated"].kind == "given"
+        assert drive.source["gears.m"].kind == "assumed"
