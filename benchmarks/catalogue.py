@@ -90,7 +90,7 @@ def presets() -> Iterator[tuple[str, str]]:
         others = {"mounting.holes": Entry(*each.holes)} if each.holes else {}
         yield each.name, similar_preset(
             each.name, like, Wish(200, d, each.rated, derived=True, said=said, others=others),
-            f"Catalogue size {each.size}, ratio 100, by similarity from vzp160: nobody measured this model of it. "
+            f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
             f"Given are ratio and rated torque (Harmonic Drive CSF); targets in docs/targets/{each.name}.targets.yaml. "
             "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
         )  # fmt: skip
@@ -102,7 +102,7 @@ def presets() -> Iterator[tuple[str, str]]:
         title = f"MVz-{d:g}"
         yield name, similar_preset(
             name, like, Wish(None, d, rated, derived=True, said=said),
-            f"Motor gear unit {title}, by similarity from vzp160: nobody measured this model of it. "
+            f"Motor gear unit {title}, by similarity from vzp160. Nobody measured this model of it. "
             "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
         )  # fmt: skip
 

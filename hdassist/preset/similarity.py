@@ -187,7 +187,7 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     size = size_of(like, wish)
     d, s = size.diameter, size.diameter / (like.gears.m * like.gears.z_g)
     z_g = wish.z_g or like.gears.z_g
-    m = d / z_g
+    m = rounded(d / z_g, 12)
     sure = "given" if wish.z_g else "assumed"
     teeth = wish.source("teeth") if wish.z_g else f"as {like.name}"
     entries = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.catalogue import MM_A_SIZE, ROOT, SIZES, files, presets
-from hdassist import load_preset
+from benchmarks.catalogue import MM_A_SIZE, PAGE, ROOT, SIZES, files, presets
+from hdassist import load_preset, stiffness
 from hdassist.calibration.targets import read_targets
 from hdassist.preset.similarity import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
 
@@ -39,6 +39,19 @@ def test_catalogues_are_similar_to_themselves_as_the_rules_have_it() -> None:
 def test_they_say_what_they_are() -> None:
     for name, _ in presets():
         drive = load_preset(name)
-        assert "nobody measured this model of it" in drive.description
+        assert "Nobody measured this model of it" in drive.description
         assert drive.source["operation.rated"].kind == "given"
         assert drive.source["gears.m"].kind == "assumed"
+
+
+def test_the_page_shows_what_comes_out_for_each_size() -> None:
+    """One row anew: K2 and K3 within 10 % of the catalogue, K1 half as much again."""
+    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| `size-")]
+    assert [row.split("`")[1] for row in rows] == [size.name for size in SIZES]
+    size, row = next((size, row) for size, row in zip(SIZES, rows, strict=True) if size.size == 25)
+    T_1, T_2 = size.T
+    found = stiffness(load_preset(size.name), T_1=T_1, T_2=T_2, points=4, cross_check=None).positive
+    K = [segment.stiffness / 1e4 for segment in found]
+    assert f"| {', '.join(f'{k:.3g}' for k in K)} |" in row
+    np.testing.assert_allclose(K[1:], size.K[1:], rtol=0.1)
+    assert 1.4 < K[0] / size.K[0] < 1.7
