@@ -76,7 +76,7 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
 
 def _weaker_side(segment: int, of: Predictions, *_: float) -> float:
     """Stiffness of a segment on the side where it is less: the limit is the least."""
-    return min(side[segment].stiffness for side in (of.twist.positive, of.twist.negative))
+    return of.twist.weaker(segment)
 
 
 F_IOR = Check(
@@ -145,7 +145,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
         "A stiffer shell or ring, more teeth in mesh (wave, clearance), larger balls or more of them.",
         f"K_{k}",
         ("stiffness",),
-        partial(_weaker_side, k - 1),
+        partial(_weaker_side, k),
         upper=False,
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))

@@ -44,9 +44,11 @@ class Needed:
 class Predictions:
     """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
 
-    unknown: deviations that are not known, which errors take as 0; over: F'_ior over them, by torque.
+    window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
+    as 0; over: F'_ior over them, by torque.
     """
 
+    window: float
     errors: dict[float, KinematicError]
     self_errors: dict[float, SelfError]
     stiffness: Stiffness | None
@@ -124,6 +126,7 @@ def predict(
     own = results[len(needed.cycles)] if needed.self_errors else []
     over = unknown_ranges(drive, needed.cycles, seed=seed, executor=executor, progress=progress)
     return Predictions(
+        drive.numerics.window,
         errors,
         dict(zip(needed.self_errors, own, strict=True)),
         results[-1] if needed.stiffness else None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import typer
 
 from hdassist.terminal import options as o
@@ -39,6 +41,7 @@ def command(
     """
     from hdassist.design.check import check, estimate_states
     from hdassist.design.check_page import answer
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.wheels import PitchFiles
     from hdassist.terminal.workers import workers
@@ -50,8 +53,8 @@ def command(
         drive = drives.load(name)
         measured = files.read(drive)
         with out.progress(drive.name, estimate_states(drive, measured, draws)) as progress, workers(jobs) as executor:
-            result = check(
-                drive,
+            analysis = partial(
+                check,
                 measured=measured,
                 solver=solver,
                 cross_check=cross_check,
@@ -60,6 +63,7 @@ def command(
                 executor=None if solver else executor,  # a slow solver shows its progress
                 progress=progress,
             )
+            result = in_wide_enough_window(drive, analysis)
         return answer(result, seed=seed, plots=plot)
 
     raise typer.Exit(give("check", run_each("check", presets, one, options), options, out))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -71,22 +71,52 @@ def rests_on(
     """
     if not searchable(drive) or not (assumed := assumptions(drive)):
         return ()
-    run = executor.map if executor else map
-    ends = [(drive, a.path, end, tuple(torques)) for a in assumed for end in (a.low, a.high)]
-    here, *screened = run(_screened, [(drive, "", 0.0, tuple(torques)), *ends])
-    pairs = list(zip(screened[::2], screened[1::2], strict=True))
-    weights = [float(spans(np.column_stack([low[1][0], high[1][0]]), here[1][0]).max()) for low, high in pairs]
+    run, asked = executor.map if executor else map, tuple(torques)
+    here, pairs = _screening(drive, assumed, asked, run, progress)
+    weights = [float(spans(np.column_stack([low[1][0], high[1][0]]), here).max()) for low, high in pairs]
     chosen = sorted(range(len(assumed)), key=lambda k: -weights[k])[:most]
-    reached = [(drive, assumed[k].path, pairs[k][side][0], tuple(torques)) for k in chosen for side in (0, 1)]
-    found = list(run(_searched, [(drive, "", 0.0, tuple(torques)), *reached]))
-    if progress:
-        progress(sum(proof.states for _, (_, proof) in (here, *screened, *found)))
+    goals = [(drive, assumed[k].path, end, asked) for k in chosen for end, _ in pairs[k]]
+    (_, (at, _)), *found = run(_searched, [(drive, "", 0.0, asked), *goals])
     effects = []
-    (_, (at, _)), *searched = found
-    for k, (low, down), (high, up) in zip(chosen, searched[::2], searched[1::2], strict=True):
+    for k, (low, down), (high, up) in zip(chosen, found[::2], found[1::2], strict=True):
         values = np.column_stack([down[0], up[0]])
         effects.append(Effect(assumed[k], (low, high), values, at, down[1] + up[1]))
+        if progress:
+            progress(effects[-1].certificate.states)
     return tuple(sorted(effects, key=lambda effect: -effect.share))
+
+
+def assumed_spread(
+    drive: Drive, torques: Sequence[float], *, executor: Executor | None = None, progress: Progress | None = None
+) -> float | None:
+    """Standard deviation of ln F'_ior over all that is assumed of a drive, at the torque where it is greatest.
+
+    Each assumption alone is taken evenly over its range, ln F'_ior straight between what a few states of the cycle give
+    at its ends, and the variances are added. None where nothing is assumed, or the cycle cannot be searched. Arguments
+    as those of rests_on.
+    """
+    if not searchable(drive) or not (assumed := assumptions(drive)):
+        return None
+    here, pairs = _screening(drive, assumed, tuple(torques), executor.map if executor else map, progress)
+    ends = np.array([[low[1][0], high[1][0]] for low, high in pairs])  # assumptions, ends, torques
+    together = np.maximum(np.concatenate([ends, np.broadcast_to(here, (len(ends), 1, len(here)))], axis=1), LEAST)
+    variance = np.sum(np.ptp(np.log(together), axis=1) ** 2 / 12, axis=0)
+    return float(np.sqrt(variance.max()))
+
+
+def _screening(
+    drive: Drive,
+    assumed: Sequence[Assumption],
+    torques: tuple[float, ...],
+    run: Callable[..., Iterable[_Found]],
+    progress: Progress | None,
+) -> tuple[Array, list[tuple[_Found, _Found]]]:
+    """Range of the error in a few states [arcsec], shape (torques,), and what it is at both ends of each assumption."""
+    ends = [(drive, each.path, end, torques) for each in assumed for end in (each.low, each.high)]
+    (_, (here, _)), *found = run(_screened, [(drive, "", 0.0, torques), *ends])
+    if progress:
+        progress(sum(proof.states for _, (_, proof) in found))
+    return here, list(zip(found[::2], found[1::2], strict=True))
 
 
 _End = tuple[Drive, str, float, tuple[float, ...]]  # drive, field or none, value of it, torques

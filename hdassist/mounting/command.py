@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -76,6 +77,7 @@ def command(
     from hdassist.model.unknown import with_zeros
     from hdassist.mounting.advice import advise, estimate_states
     from hdassist.mounting.page import answer, card_facts
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.wheels import PitchFiles
     from hdassist.terminal.workers import workers
@@ -92,10 +94,10 @@ def command(
     begun = time.monotonic()
     total = estimate_states(drive, torques, rotations, every_state=every_state, samples=samples, measured=measured)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
-        advice = advise(
-            drive,
-            torques,
-            rotations,
+        analysis = partial(
+            advise,
+            torques=torques,
+            rotations_deg=rotations,
             measured=measured,
             every_state=every_state,
             weights=weights,
@@ -107,6 +109,7 @@ def command(
             executor=executor,
             progress=progress,
         )
+        advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: card_facts(advice, say)

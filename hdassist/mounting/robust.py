@@ -148,7 +148,9 @@ def robust(
     rotations = [0.0, *(float(curve.rotation_deg[p]) for p in places)]
     drives = draw(drive, samples, seed)
     if interpolates(drive, samples, len(rotations)):
-        [table] = error_tables([(drive, drives)], curve.torques, executor=executor, progress=progress)
+        # compared in every position, as it is used
+        span = [rotated(sample, rotations[k % len(rotations)]) for k, sample in enumerate(drives)]
+        [table] = error_tables([(drive, span)], curve.torques, executor=executor, progress=progress)
         found = np.array([_interpolated(sample, table, rotations) for sample in drives])
         proof, errors = sum((r.certificate for r in table), EMPTY), tuple(r.standard_error for r in table)
     else:

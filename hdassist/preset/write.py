@@ -93,9 +93,9 @@ def with_found_values(
 ) -> str:
     """Text of a preset with identified values.
 
-    Arguments: text; file, its name in messages; values, by path, of fields that the text gives; ref, where they
-    come from; alternatives, other sets of such values; curve, the nominal shape that they were identified on, which
-    the text says from now on.
+    Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
+    where they come from; alternatives, other sets of such values; curve, the nominal shape that they were identified
+    on, which the text says from now on.
     Raises DataError where the text is not laid out so that it can be changed in place.
     """
     changed = text if text.endswith("\n") else text + "\n"
@@ -116,10 +116,11 @@ def with_found_values(
 
 
 def _with_value(text: str, file: str, path: str, written: str) -> str:
-    place = read(text, file).places.get(tuple(path.split(".")))
+    section, name = path.split(".")
+    place = read(text, file).places.get((section, name))
     lines = text.split("\n")
     if place is None:
-        raise DataError(f"{file}: {path} is not in the text", "write it into the preset")
+        return _with_key(text, file, section, f"{name}: {written}")
     row, column = place.value.line - 1, place.value.column - 1
     length = len(place.text) + 2 * place.quoted
     lines[row] = lines[row][:column] + written + lines[row][column + length :]
@@ -149,22 +150,27 @@ def _with_source(text: str, file: str, path: str, entry: str) -> str:
 
 
 def _with_curve(text: str, file: str, curve: str) -> str:
-    places = read(text, file).places
-    table = places.get(("numerics",))
-    if ("numerics", "nominal_curve") in places:
+    if ("numerics", "nominal_curve") in read(text, file).places:
         return text
+    return _with_key(text, file, "numerics", f"nominal_curve: {curve}")
+
+
+def _with_key(text: str, file: str, section: str, entry: str) -> str:
+    """The text with a key more in a section, which is added where there is none."""
+    places = read(text, file).places
+    table = places.get((section,))
     if table is None:
-        return f"{text}\nnumerics:\n  nominal_curve: {curve}\n"
+        return f"{text}\n{section}:\n  {entry}\n"
     lines, row = text.split("\n"), table.value.line - 1
     line, column = lines[row], table.value.column - 1
     if line[column : column + 1] == "{":
         rest = line[column + 1 :]
         more = "" if rest.lstrip().startswith("}") else ", "
-        lines[row] = f"{line[: column + 1]}nominal_curve: {curve}{more}{rest.lstrip()}"
-    elif any(path[:1] == ("numerics",) and len(path) > 1 for path in places):  # a block begins with its first key
-        lines.insert(row, f"{' ' * column}nominal_curve: {curve}")
+        lines[row] = f"{line[: column + 1]}{entry}{more}{rest.lstrip()}"
+    elif any(path[:1] == (section,) and len(path) > 1 for path in places):  # a block begins with its first key
+        lines.insert(row, f"{' ' * column}{entry}")
     else:  # a key with nothing behind it
-        lines.insert(table.key.line, f"{' ' * (table.key.column + 1)}nominal_curve: {curve}")
+        lines.insert(table.key.line, f"{' ' * (table.key.column + 1)}{entry}")
     return "\n".join(lines)
 
 

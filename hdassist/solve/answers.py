@@ -12,6 +12,7 @@ from hdassist.errors import UntrustedError
 from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
+from hdassist.solve.window import EdgeOfWindowError
 
 CHUNK = 256  # states whose forces are held at once: in the cache
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
@@ -157,8 +158,8 @@ def _require_linear(
     at_edge = flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0)
     k = int(np.argmax(at_edge))
     if at_edge[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
-        raise UntrustedError(
+        raise EdgeOfWindowError(
             f"outside the limits of the linear model at {place(first + k)}: {at_edge[k]:.3g} N on the outermost "
             "tooth of the flank window",
-            "widen numerics.window, or lower the torque",
+            "widen numerics.window, like --set numerics.window=60, or lower the torque",
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -68,6 +69,7 @@ def command(
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.workers import workers
     from hdassist.trials.advice import advise_from_trials, estimate_states
@@ -89,11 +91,11 @@ def command(
     begun = time.monotonic()
     total = estimate_states(drive, torques, rig, traced=traced)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
-        advice = advise_from_trials(
-            drive,
-            torques,
-            measured,
-            rig,
+        analysis = partial(
+            advise_from_trials,
+            torques=torques,
+            trials=measured,
+            rig=rig,
             outcome=outcome,
             criterion=choosing.criterion,
             weights=weights,
@@ -101,6 +103,7 @@ def command(
             executor=executor,
             progress=progress,
         )
+        advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.known.prior.certificate}")
     told = answer(advice, seed)

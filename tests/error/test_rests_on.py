@@ -5,7 +5,8 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.rests_on import rests_on
+from hdassist.error.rests_on import assumed_spread, rests_on
+from hdassist.error.search import CycleSearch
 from hdassist.model.assumed import assumptions
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.positions import rotated, seat_positions
@@ -62,3 +63,18 @@ def test_an_advice_tells_where_it_would_change(drive):
         }
         lost = values[curve.recommended.rotation_deg].F_ior_arcsec / values[best.rotation_deg].F_ior_arcsec - 1
         assert lost == pytest.approx(loss, abs=0.05)  # a few states tell holes apart, not their last per cent
+
+
+def test_the_spread_is_that_of_drives_drawn_from_the_ranges():
+    ranges = {"cam.W_0": (0.55, 0.6), "supports.C_3": (5e2, 6e3), "supports.C_2": (2e3, 1.2e4)}
+    sources = [f"source.{path}={{kind: assumed, range: [{low}, {high}]}}" for path, (low, high) in ranges.items()]
+    defaults = ("gears.h_a", "gears.h_f", "flexspline.k_t", "bearing.g_b")
+    given = [f"source.{path}={{kind: given}}" for path in defaults]
+    drive = load_preset(SMALL, [*sources, *given, "operation.M_g=4"])
+    rng = np.random.default_rng(0)
+    drawn = []
+    for _ in range(40):
+        there = drive.with_values({path: float(rng.uniform(*ends)) for path, ends in ranges.items()})
+        drawn.append(np.log(CycleSearch(there, 4.0).extremes(there).F_ior_arcsec))
+    assert assumed_spread(drive, (4.0,)) == pytest.approx(np.std(drawn), rel=0.3)
+    assert assumed_spread(load_preset(SMALL, given), (4.0,)) is None

@@ -125,10 +125,25 @@ def test_twice_is_once():
 
 
 @pytest.mark.parametrize(
+    "layout", ["contact:\n  c_ball: 2e-5  # mm/N\n", "contact: {c_ball: 2e-5}\n", "contact:\n", ""]
+)
+def test_a_field_that_was_left_to_its_default_is_added(layout):
+    small = Path(SMALL).read_text(encoding="utf-8")
+    start = small.index("contact:")
+    rest = small[start:].partition("\n")[2]
+    while rest.startswith((" ", "#")):
+        rest = rest.partition("\n")[2]
+    found = load_text(with_found_values(small[:start] + layout + rest, "mine.yaml", {"contact.k_face": 9.5}, "rig"), "")
+    assert found.contact.k_face == 9.5
+    assert found.contact.c_ball == load_text(small[:start] + layout + rest, "").contact.c_ball
+    assert found.source["contact.k_face"].kind == "identified"
+
+
+@pytest.mark.parametrize(
     "text",
     [
         VZP160.replace("source:\n", "source: {gears.alpha: {kind: given}}\nother_source:\n"),
-        VZP160.replace("  j_n: 5.937        # um, clearance per flank\n", ""),
+        VZP160.replace("\ncam:", "\ncam: [1]\nother_cam:"),
     ],
 )
 def test_a_text_that_cannot_be_changed_is_refused(text):
