@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from hdassist.acceptance.checks import CHECKS, Check, Extent
+from hdassist.acceptance.checks import CHECKS, F_IOR, Check, Extent
 from hdassist.acceptance.predictions import Needed, Predictions
 from hdassist.errors import DataError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
@@ -50,9 +50,16 @@ class Limit:
         torque = "" if self.M_g is None else f" at {self.M_g:g} N·m"
         return f"{order or self.check.words}{torque}"
 
-    def predicted(self, predictions: Predictions) -> Value:
-        """The value of predictions that it is for."""
-        return Value(self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0), 0.0, "predicted")
+    def predicted(self, predictions: Predictions) -> tuple[Value, ...]:
+        """The value of predictions that it is for; the least and the greatest that it may be over what is not known."""
+        number = self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0)
+        if not predictions.unknown or "cycle" not in self.check.needs:
+            return (Value(number, 0.0, "predicted"),)
+        over = predictions.over.get(self.M_g or 0.0) if self.check is F_IOR else None
+        if over is None:
+            return (Value(number, 0.0, "predicted", "not known"),)
+        more = number - predictions.errors[over.M_g].F_ior_arcsec
+        return Value(over.low + more, 0.0, "predicted"), Value(over.high + more, 0.0, "predicted", "open")
 
 
 @dataclass(frozen=True)
@@ -60,8 +67,9 @@ class Value:
     """What is known of a value.
 
     number, in the unit of its check; uncertainty, the standard one, 0 where it is predicted; basis, how it is known;
-    extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole; rise,
-    by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated.
+    extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole; of a
+    prediction with deviations that are not known, what 95 % of them stay below (open), or one that takes them as 0;
+    rise, by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated.
     """
 
     number: float
@@ -104,6 +112,10 @@ def decide(limit: Limit, value: Value | None, rule: Rule, margin: float) -> Deci
     predicted = value.basis == "predicted"
     guard = margin * abs(value.number) if predicted else GUARD * value.uncertainty if rule == "guard" else 0.0
     room = _room(limit, value)
+    if value.extent == "not known":
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "deviations that are not known were taken as 0")
+    if value.extent == "open" and room < guard:
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "what is not known could take it across the limit")
     if value.extent == "part":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "of a part of the cycle only")
     if room < -guard:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from functools import partial
 from typing import Any
 
@@ -15,8 +16,10 @@ from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
+from hdassist.error.unknown_range import UnknownRange, unknown_ranges
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import Unknown, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
@@ -41,19 +44,23 @@ class Needed:
 class Predictions:
     """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
 
-    window: the flank window [deg] in which it was computed.
+    window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
+    as 0; over: F'_ior over them, by torque.
     """
 
     window: float
     errors: dict[float, KinematicError]
     self_errors: dict[float, SelfError]
     stiffness: Stiffness | None
+    unknown: tuple[Unknown, ...] = ()
+    over: dict[float, UnknownRange] = dataclass_field(default_factory=dict)
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
         parts = [error.certificate for error in self.errors.values()]
         parts += [own.certificate for own in self.self_errors.values()]
+        parts += [each.certificate for each in self.over.values()]
         return sum(parts, self.stiffness.certificate if self.stiffness else EMPTY)
 
     @property
@@ -117,8 +124,15 @@ def predict(
             progress(sum(part.certificate.states for part in parts))
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
-    twist = results[-1] if needed.stiffness else None
-    return Predictions(drive.numerics.window, errors, dict(zip(needed.self_errors, own, strict=True)), twist)
+    over = unknown_ranges(drive, needed.cycles, seed=seed, executor=executor, progress=progress)
+    return Predictions(
+        drive.numerics.window,
+        errors,
+        dict(zip(needed.self_errors, own, strict=True)),
+        results[-1] if needed.stiffness else None,
+        unknowns(drive) if needed.cycles else (),
+        {each.M_g: each for each in over},
+    )
 
 
 def _run(job: Callable[[], Any]) -> Any:

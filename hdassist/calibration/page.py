@@ -11,6 +11,7 @@ from rich.text import Text
 from hdassist.calibration.calibrate import Calibration, Fit
 from hdassist.calibration.shortfall import in_the_way
 from hdassist.calibration.targets import Target
+from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.runs import Answer
@@ -30,11 +31,15 @@ def answer(result: Calibration) -> Answer:
     )
 
 
+MOVED = {"F_ior", "F_ior_max", "F_ior_min", "revolution_range", "trace"}  # by deviations
+
+
 def warnings(result: Calibration) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     best, drive = result.best, result.drive
-    words = list(drive.origin.warnings)
-    wanted = result.targets
+    words, wanted = [*drive.origin.warnings], result.targets
+    if any(target.quantity in MOVED for target in wanted.targets):
+        words += told(drive)
     if missed := in_the_way(wanted.unknowns, wanted.targets, best.found, best.met, result.held):
         words.append(f"targets are missed: {missed}; the values are the nearest that were found")
     unseen = [u.path for u, share in zip(result.targets.unknowns, result.determined, strict=True) if share < UNSEEN]

@@ -11,10 +11,10 @@ from pydantic import ValidationError
 from hdassist.errors import PresetError, UsageError
 from hdassist.preset import overrides as sets
 from hdassist.preset import yamltext
+from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
     SCHEMA,
     Drive,
-    Harmonics,
     Origin,
     Source,
     field_table,
@@ -82,6 +82,9 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
         paths = [tuple(path.split(".")) for path in (conflict.path, *involved)]
         path = next((p for p in paths if findings.where(p)[0] == OVERRIDE), paths[0])
         findings.add(path, conflict.message, conflict.hint, conflict.got)
+    for field in drive.uncertainty if drive else ():
+        if drive and drive.value(field) is None:
+            findings.add(("uncertainty", field), "an uncertainty of a value that is not given", f"give {field} as well")
     return drive, findings
 
 

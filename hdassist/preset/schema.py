@@ -8,7 +8,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections
-from hdassist.preset.kinds import Section, bounds_of, choices_of, is_optional, kind_of, unit_of
+from hdassist.preset.kinds import UNKNOWN, Section, bounds_of, choices_of, is_optional, kind_of, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
@@ -81,6 +81,8 @@ def _field(info: FieldInfo) -> Schema:
         return about | ({"anyOf": [*one, limits]} if kind == "limits" else limits)
     if is_optional(info):
         one.append({"type": "null"})
+    if may_be_unknown(info):
+        one.append({"const": UNKNOWN})
     if kind == "number":
         one.append({"type": "string", "pattern": spread_pattern(unit)})
     return about | (one[0] if len(one) == 1 else {"anyOf": one})
@@ -108,7 +110,8 @@ def _without(keys: tuple[str, ...], said: Any) -> Any:
 class ResolvedField:
     """One field: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.
 
-    Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override.
+    Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override; unknown,
+    whose value is None.
     """
 
     path: str
@@ -130,6 +133,8 @@ def resolved(drive: Drive) -> list[ResolvedField]:
         kind, ref, bounds = (str(source.kind), source.ref, source.range) if source is not None else ("given", "", None)
         if is_overridden(path, drive.origin.overrides):
             kind, ref, bounds = "override", "--set", None
+        elif may_be_unknown(info) and getattr(table, name) is None:
+            kind, ref, bounds = UNKNOWN, "", None
         elif name not in table.model_fields_set:
             kind = "default"
         rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description), bounds))

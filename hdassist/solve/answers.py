@@ -75,12 +75,15 @@ class Answers:
     """What is kept of solved states, shape (states,) unless said otherwise.
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
-    takes, shape (states, 2); tooth_force_N: greatest force on a flank.
+    takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
+    deviations, shape (states, scalars). As the energy has one second derivative, the pull grows with the torque as the
+    rotation grows with the scalars.
     """
 
     rotation_arcsec: Array
     zone_share: Array
     tooth_force_N: Array
+    pull_N: Array
     certificate: Certificate
 
 
@@ -103,7 +106,7 @@ def solve_states(
     """
     count = len(delta_p)
     rotation, force = np.empty(count), np.empty(count)
-    moment = np.empty((count, 2))
+    moment, pull = np.empty((count, 2)), np.empty((count, system.deviation_map.shape[1]))
     certificate = EMPTY
     for first in range(0, count, chunk):
         part = slice(first, min(first + chunk, count))
@@ -116,11 +119,12 @@ def solve_states(
         tangential = forces[:, : system.n_flanks] * system.lever
         moment[part] = np.stack([tangential[:, system.flanks.zone == z].sum(axis=1) for z in (0, 1)], axis=1)
         force[part] = flank.max(axis=1)
+        pull[part] = forces @ system.deviation_map
         worst = {f.name: float(getattr(proof, f.name).max()) for f in fields(Residuals)}
         certificate += Certificate(len(forces), fallbacks=fallbacks, **worst)
         if progress:
             progress(len(forces))
-    return Answers(rotation * ARCSEC, moment / torque, force, certificate)
+    return Answers(rotation * ARCSEC, moment / torque, force, pull, certificate)
 
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:

@@ -310,7 +310,7 @@ def _span(
     if traced:
         drives.append(model.with_values({**unknowns.outermost(), names.size: widest}))
     if reseat:
-        drives.append(drives[-1].with_values({"tolerances.e_b": model.tolerances.e_b + SEAT_STEP}))
+        drives.append(drives[-1].with_values({"tolerances.e_b": model.number("tolerances.e_b") + SEAT_STEP}))
     return drives
 
 
