@@ -20,7 +20,6 @@ from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
 from hdassist.trials.page import trials_line
 from hdassist.trials.trial import Trial
-from hdassist.trials.trial_traces import TrialTrace
 from tests.process import SMALL
 
 MADE = date(2026, 3, 9)
@@ -77,7 +76,7 @@ def cards() -> dict[str, Advice]:
             [*LIGHT, 14.5], rotations=[*free, 245.3], overrides=("mounting.holes=0", "mounting.mark_kind=pitch")
         ),
         "flexspline": advice_of(overrides=(fixed, "tolerances.e_hg=20", "mounting.mark_kind=runout")),
-        "many": disagreeing(sampled(advice_of(*many, torques=tuple(k / 4 for k in range(1, 15)), overrides=("phases.xi_b=10",)))),
+        "many": disagreeing(sampled(advice_of(*many, torques=(*np.arange(1, 15) / 4,), overrides=("phases.xi_b=10",)))),
         "measured": replace(
             disagreeing(advice_of(overrides=("mounting.holes=0", "alternatives=[{gears.j_n: 7}]"))), measured=TEETH
         ),
@@ -98,8 +97,6 @@ def crowded(advice: Advice) -> Advice:
 
 
 TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more than a card has room for
-NONE = np.zeros((1, 1))
-TRACED = Trial(120.0, 14.26, TrialTrace("run.csv", "0" * 64, NONE[0], NONE[0], NONE, NONE, 1.0, 14.26, 2.0, True))
 
 
 def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:

@@ -25,14 +25,32 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
 from hdassist.solve.loadcase import LoadCase
 
-SHAPE = (25, 9, 25, 25)  # points over a, b, e_x, e_y; a, about along the motion, weighs most
 SLABS = 8  # tasks that a table is solved in
 TURNS = 40  # positions of each wheel that stand for the cycle
 KNOWN = 40  # drives that a table is compared on
 STEP = 0.02  # of the torque, to both sides, over which slopes are taken: contacts that just change are smoothed
-STATES = 56_700 + KNOWN * SEARCHED  # that a table takes, about
 
 DEVIATIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """How fine a table is, and how many drives it is compared on, none where its mean error does not matter.
+
+    shape: points over a, b, e_x, e_y; a, about along the motion, weighs most.
+    """
+
+    shape: tuple[int, int, int, int] = (25, 9, 25, 25)
+    compared: int = KNOWN
+
+    @property
+    def states(self) -> int:
+        """States that a table takes, about."""
+        return round(0.403 * float(np.prod(self.shape))) + self.compared * SEARCHED
+
+
+FINE = Mesh()
+STATES = FINE.states
 
 
 @dataclass(frozen=True)
@@ -76,8 +94,8 @@ _LEAST = 1e-3  # mm: a table needs some width
 class ErrorTable:
     """Error of a drive at a torque over its deviations, interpolated linearly.
 
-    error [arcsec], shape SHAPE, NaN outside of the reach; slopes of it by the other scalars [arcsec/mm], shape
-    (others, *SHAPE); offset [arcsec], what is added to each F'_ior; standard_error [arcsec] of an F'_ior.
+    error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it by the other scalars [arcsec/mm], shape
+    (others, *shape); offset [arcsec], what is added to each F'_ior; standard_error [arcsec] of an F'_ior.
     """
 
     M_g: float
@@ -119,9 +137,9 @@ class ErrorTable:
         return np.asarray(np.ptp(rotation, axis=-1) + self.offset)
 
 
-def turns() -> tuple[Array, Array]:
-    """Angles alpha_g, alpha_b [rad] of the wheels that stand for the cycle, shape (TURNS**2,) each."""
-    angles = 2 * np.pi * np.arange(TURNS) / TURNS
+def turns(count: int = TURNS) -> tuple[Array, Array]:
+    """Angles alpha_g, alpha_b [rad] of the wheels that stand for the cycle, shape (count**2,) each."""
+    angles = 2 * np.pi * np.arange(count) / count
     alpha_g, alpha_b = np.meshgrid(angles, angles, indexing="ij")
     return alpha_g.ravel(), alpha_b.ravel()
 
@@ -130,24 +148,26 @@ def error_tables(
     spans: Sequence[tuple[Drive, Sequence[Drive]]],
     torques: Sequence[float],
     *,
-    compared: int = KNOWN,
+    mesh: Mesh = FINE,
+    count: int = TURNS,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[list[ErrorTable]]:
     """Tables of several drives, for each of them one a torque, compared with searches on drives that they span.
 
     Arguments: spans, each drive with others that differ from it at most in deviations and their phases; torques M_g
-    [N*m]; compared, how many of those others are enough; executor, to spread the work over (any concurrent.futures
-    executor; the numbers do not depend on it); progress, told how many states were solved.
+    [N*m]; mesh; count, positions of each wheel over which F'_ior will be asked for; executor, to spread the
+    work over (any concurrent.futures executor; the numbers do not depend on it); progress, told how many states were
+    solved.
     Raises UntrustedError where an answer cannot be trusted, UsageError for a drive that is not searchable.
     """
-    cases = [(drive, M_g, Reach.of(span), tuple(span[:compared])) for drive, span in spans for M_g in torques]
+    cases = [(drive, M_g, Reach.of(span), tuple(span[: mesh.compared])) for drive, span in spans for M_g in torques]
     run = executor.map if executor else map
-    slabs = [(drive, M_g, reach, slab) for drive, M_g, reach, _ in cases for slab in range(SLABS)]
+    slabs = [(drive, M_g, reach, mesh.shape, slab) for drive, M_g, reach, _ in cases for slab in range(SLABS)]
     solved, parts = [], run(_slab, slabs)
     known = run(_searched, [(drive, M_g, span) for drive, M_g, _, span in cases])
     for _, _, reach, _ in cases:
-        values, proof = np.full((1 + len(reach.others), np.prod(SHAPE)), np.nan), EMPTY
+        values, proof = np.full((1 + len(reach.others), np.prod(mesh.shape)), np.nan), EMPTY
         for _ in range(SLABS):
             places, errors, part = next(parts)
             values[:, places] = errors
@@ -157,11 +177,12 @@ def error_tables(
             proof += part
             if progress:
                 progress(part.states)
-        solved.append((values.reshape(-1, *SHAPE), proof))
+        solved.append((values.reshape(-1, *mesh.shape), proof))
     found = []
     for (_, M_g, reach, span), (error, proof), (exact, part) in zip(cases, solved, known, strict=True):
         table = ErrorTable(M_g, error[0], error[1:], reach, proof + part)
-        found.append(_compared(table, [deviation_scalars(d, *turns()) for d in span], np.array(exact)))
+        scalars = [deviation_scalars(d, *turns(count)) for d in span]
+        found.append(_compared(table, scalars, np.array(exact)) if exact else table)
         if progress:
             progress(part.states)
     return [found[first : first + len(torques)] for first in range(0, len(found), len(torques))]
@@ -172,16 +193,16 @@ def _compared(table: ErrorTable, scalars: Sequence[Array], exact: Array) -> Erro
     return replace(table, offset=float(missed.mean()), standard_error=float(missed.std(ddof=1)))
 
 
-_Slab = tuple[Drive, float, Reach, int]
+_Slab = tuple[Drive, float, Reach, tuple[int, ...], int]
 
 
 def _slab(task: _Slab) -> tuple[NDArray[np.int64], Array, Certificate]:
     """Places in the flat table, errors [arcsec] and slopes there, and their proof, of one slab of half a table."""
-    drive, M_g, reach, slab = task
-    order = _there_and_back(SHAPE)
-    order = order[order <= np.prod(SHAPE) // 2]
-    index = np.stack(np.unravel_index(order, SHAPE), axis=1)
-    half = (np.array(SHAPE) - 1) / 2
+    drive, M_g, reach, shape, slab = task
+    order = _there_and_back(shape)
+    order = order[order <= np.prod(shape) // 2]
+    index = np.stack(np.unravel_index(order, shape), axis=1)
+    half = (np.array(shape) - 1) / 2
     share = (index - half) / half  # -1..1 over the reach
     step = 1 / half
     # the corners of every cell that the two discs touch
@@ -221,6 +242,8 @@ def _there_and_back(shape: Sequence[int]) -> NDArray[np.int64]:
 
 def _searched(task: tuple[Drive, float, Sequence[Drive]]) -> tuple[list[float], Certificate]:
     drive, M_g, span = task
+    if not span:
+        return [], EMPTY
     search = CycleSearch(drive, M_g)
     found = [search.extremes(other) for other in span]
     return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
+from math import inf
 
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import FREE_STEP, Chances, Choice, Position
@@ -127,13 +128,14 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, s
 
 
 def _instruction(facts: CardFacts, say: Texts) -> str:
-    """What to do; after trials the wheel lies in the last of them, and the first position is one to go to."""
-    choice = facts.choice
-    if not facts.trials:
-        return instruction(choice, say, room=BESIDE)
+    return (after_trials if facts.trials else instruction)(facts.choice, say, room=BESIDE)
+
+
+def after_trials(choice: Choice, say: Texts, *, room: float = inf) -> str:
+    """What to do after trials: the wheel lies in the last of them, and the first position is one to go to."""
     if not choice.turn:
         return say("instruction.first", wheel=wheel(choice.drive, say))
-    return f"{instruction(choice, say, room=BESIDE)} {say('instruction.from_first')}"
+    return f"{instruction(choice, say, room=room)} {say('instruction.from_first')}"
 
 
 def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:

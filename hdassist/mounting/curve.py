@@ -21,7 +21,7 @@ from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import MountingCurve, Position, merit, phase_deg, rotated
+from hdassist.mounting.positions import MountingCurve, Position, merit, phase_deg, require_weights, rotated
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
@@ -87,8 +87,7 @@ def mounting_curve(
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
-    if weights is not None and (len(weights) != len(torques) or not all(0 < w < np.inf for w in weights)):
-        raise UsageError(f"weights must be {len(torques)} positive numbers, one for each torque")
+    require_weights(weights, len(torques))
     job = _Job(
         drive, tuple(torques), np.array(rotations_deg, dtype=float), measured,
         None if weights is None else tuple(weights), cross_check, seed, executor, progress,

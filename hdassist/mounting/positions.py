@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.errors import UsageError
 from hdassist.model.deviations import carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
@@ -171,6 +172,12 @@ def merit(F_ior: Array, now: Array, weights: Sequence[float] | None = None) -> A
     """
     share = np.ones(len(now)) if weights is None else np.array(weights) / max(weights)
     return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / now * share, axis=-1))
+
+
+def require_weights(weights: Sequence[float] | None, count: int) -> None:
+    """Raise UsageError unless weights of torques are so many positive numbers, or none are given."""
+    if weights is not None and (len(weights) != count or not all(0 < w < np.inf for w in weights)):
+        raise UsageError(f"weights must be {count} positive numbers, one for each torque")
 
 
 def hole_of(rotation_deg: float, holes: int) -> int | None:

@@ -5,142 +5,196 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import combinations
 
 import numpy as np
+from scipy.stats import chi2
 
-from hdassist.error.table import STATES
-from hdassist.errors import UsageError
-from hdassist.model.geometry import Array
-from hdassist.mounting.positions import Chances, Choice, Position, hole_of, phase_deg, rotated
-from hdassist.mounting.robust import Criterion, share_best
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.mounting.losses import Losses
+from hdassist.mounting.positions import Choice, Position, hole_of, phase_deg, require_weights, rotated
+from hdassist.mounting.robust import Criterion
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
-from hdassist.trials.posterior import NextTrial, Posterior, posterior, require_weights
-from hdassist.trials.prior import FULL, offset_prior
-from hdassist.trials.prior import STATES as WORLD_STATES
+from hdassist.trials.cloud import FULL, QUICK, Cloud, Effort, cloud_of
+from hdassist.trials.draws import Draws, require_reachable, told_noise
+from hdassist.trials.posterior import Next, Prediction, learnt, next_trial, prediction
 from hdassist.trials.trial import Rig, Trial, trial_positions
 from hdassist.trials.unknowns import OffsetNames
-from hdassist.trials.verification import Verification, verify
-from hdassist.trials.weighted import picked
 
-UNSURE = 0.05  # expected loss of the choice above which the trials settle nothing
-SAMPLES = 400  # of what is known, for those who count samples
+NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
+OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
+FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
+FALSE_ALARM = 0.05
+APART = 3.0  # standard deviations by which values of one position may differ without a remark
+WORTH = 0.01  # of the error: going back for less is not worth it
+SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
+
+
+@dataclass(frozen=True)
+class Verification:
+    """A measured outcome against its prediction.
+
+    back_to: the position tried before to go back to, None where the outcome's is to be kept; probability_good of the
+    position to be in, and the best one [deg] with that probability, both None where nothing explains the outcome.
+    """
+
+    predicted: Prediction
+    back_to: Trial | None
+    probability_good: float | None = None
+    best: tuple[float, float] | None = None
+
+    @property
+    def stay_deg(self) -> float:
+        """The position to be in [deg]."""
+        return (self.back_to or self.predicted.trial).rotation_deg
 
 
 @dataclass(frozen=True)
 class TrialAdvice:
-    """What trials teach of a drive, the trial that would teach most, and an outcome compared with its prediction."""
+    """What trials teach: the choice, the next trial, what was predicted of each but the first, and an outcome.
 
-    drive: Drive
-    known: Posterior
-    next: NextTrial
+    needed: probability that the choice is good from which on it is settled.
+    """
+
+    cloud: Cloud
+    rig: Rig
+    trials: tuple[Trial, ...]
+    draws: Draws
+    losses: Losses
+    next: Next
+    predictions: tuple[Prediction, ...]
     outcome: Verification | None
-
-    def at(self, place: int) -> Position:
-        """One of the positions, with the F'_ior expected there; its phase is that of the likeliest direction."""
-        rotation = self.known.rotations_deg[place]
-        F_ior = self._expected_F_ior[: self.known.deciding, place]
-        return Position(rotation, self.phase(rotation), hole_of(rotation, self.drive.mounting.holes), tuple(F_ior))
-
-    def phase(self, rotation_deg: float) -> float:
-        """Phase [deg] of a rotation if the offset points where it most likely does."""
-        return phase_deg(rotated(self._facing, rotation_deg))
-
-    @cached_property
-    def _expected_F_ior(self) -> Array:
-        return self.known.expected_F_ior()
-
-    @cached_property
-    def _facing(self) -> Drive:
-        return self.drive.with_values({OffsetNames.of(self.drive).direction: self.known.likeliest_deg})
+    needed: float = NEEDED
 
     @property
-    def chosen(self) -> Position:
-        """The position to choose."""
-        return self.at(self.known.best)
+    def drive(self) -> Drive:
+        """The drive as told."""
+        return self.cloud.drive
 
     @property
     def settled(self) -> bool:
-        """Whether the choice is expected to lose little against the best position."""
-        return bool(self.known.expected_loss[self.known.best] <= UNSURE)
+        """Whether the choice, or the position to be in after an outcome, is good with the probability needed."""
+        good = self.outcome.probability_good if self.outcome else self.losses.probability_good[self.losses.best]
+        return good is not None and bool(good >= self.needed)
 
     @property
-    def ranked(self) -> list[int]:
-        """Places of the positions, best first."""
-        return [int(place) for place in self.known.value.argsort(kind="stable")]
+    def unlike_told(self) -> bool:
+        """Whether the values are off by more than they are in FALSE_ALARM of drives that are as the preset has them."""
+        squares = [one.surprise**2 for one in self.predictions[FEW - 1 :]]
+        return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < FALSE_ALARM)
 
     @property
-    def present(self) -> Position:
-        """Where the wheel stood before the first trial, be it allowed or not, with the F'_ior expected there."""
-        F_ior = (self.known.now_arcsec @ self.known.weight)[: self.known.deciding]
-        return Position(0.0, self.phase(0.0), hole_of(0.0, self.drive.mounting.holes), tuple(F_ior))
+    def repeats(self) -> list[tuple[Trial, Trial]]:
+        """Trials of one position, in pairs."""
+        return [(a, b) for a, b in combinations(self.trials, 2) if a.rotation_deg == b.rotation_deg]
+
+    @property
+    def apart(self) -> list[tuple[Trial, Trial]]:
+        """Those whose values differ by more than the told noise makes likely."""
+        values = [(a, b, np.array([a.F_ior_arcsec, b.F_ior_arcsec])) for a, b in self.repeats]
+        return [
+            (a, b) for a, b, of in values if np.ptp(of) > APART * np.linalg.norm(told_noise(self.cloud, self.rig, of))
+        ]
+
+    @cached_property
+    def direction(self) -> tuple[float, float]:
+        """Direction of the offset and its standard deviation [deg]."""
+        turn = complex(np.exp(1j * np.radians(self.cloud.direction_deg[self.draws.places])).mean())
+        return float(np.degrees(np.angle(turn)) % 360), float(np.degrees(np.sqrt(-2 * np.log(max(abs(turn), 1e-12)))))
+
+    def at(self, place: int | None) -> Position:
+        """One of the positions, with the F'_ior expected there; None: where the wheel stood before the first trial.
+
+        Its phase is that of the expected direction.
+        """
+        F_ior = self.losses.now_arcsec if place is None else self.losses.F_ior_arcsec[:, :, place]
+        rotation = 0.0 if place is None else self.losses.rotations_deg[place]
+        facing = self.drive.with_values({OffsetNames.of(self.drive).direction: self.direction[0]})
+        hole = hole_of(rotation, self.drive.mounting.holes)
+        return Position(rotation, phase_deg(rotated(facing, rotation)), hole, tuple(F_ior.mean(axis=1).tolist()))
 
     @property
     def choice(self) -> Choice:
         """The chosen position beside the others."""
-        known, ranked = self.known, tuple(self.at(place) for place in self.ranked)
-        current = next((p for p in ranked if not p.rotation_deg), self.present)
-        turn = bool(ranked[0].rotation_deg)
-        return Choice(self.drive, known.prior.torques[: known.deciding], current, ranked[0], turn, ranked)
-
-    @property
-    def chances(self) -> Chances:
-        """How sure the choice is, over SAMPLES of what is known."""
-        known = self.known
-        some = picked(known.weight, SAMPLES)
-        best, merits = share_best(known.merits[some]), known.merits[some, known.best]
-        current = float(best[known.rotations_deg.index(0.0)]) if 0.0 in known.rotations_deg else None
-        gain = float(np.mean(merits < known.now_merits[some]))
-        return Chances(len(some), float(best[known.best]), current, gain)
-
-
-def estimate_states(drive: Drive, torques: Sequence[float], rig: Rig, *, traced: bool = False) -> int:
-    """Number of states that advice from trials is worth, about, for a progress bar; traced: with traces."""
-    models = 1 + len(drive.alternatives)
-    draws = FULL.traced_draws if traced else FULL.draws
-    return len(_torques(torques, rig)) * models * (STATES + draws * WORLD_STATES)
+        ranked = tuple(map(self.at, self.losses.ranked))
+        current = next((p for p in ranked if not p.rotation_deg), self.at(None))
+        torques = tuple(self.drive.operation.M_g)
+        return Choice(self.drive, torques, current, ranked[0], bool(ranked[0].rotation_deg), ranked)
 
 
 def advise_from_trials(
     drive: Drive,
-    torques: Sequence[float],
     trials: Sequence[Trial],
     rig: Rig,
     *,
     outcome: Trial | None = None,
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
+    needed: float = NEEDED,
+    effort: Effort = FULL,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> TrialAdvice:
-    """Infer the cam offset from trials and choose the position of the fixed wheel.
+    """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
-    Arguments: torques [N*m] that decide; trials, measured on the rig; outcome, measured in one more position, to be
-    compared with its prediction; the others as in offset_prior and posterior. Raises what those do, UsageError too
-    where only forbidden positions are left.
+    Arguments: trials, measured on the rig; outcome, measured in one more position, to be compared with its prediction;
+    criterion and weights as in learnt; needed, probability that settles; effort of the cloud; executor, progress as
+    in cloud_of. Raises what those do; UntrustedError where nothing comes to the measured values; UsageError where only
+    forbidden positions are left.
     """
+    torques = drive.operation.M_g
     Criterion.of(criterion)  # wrong before anything is computed
     rig.require_sound()
     require_weights(weights, len(torques))
+    if not 0 < needed < 1:
+        raise UsageError(f"the probability that settles must lie between 0 and 1, not {needed:g}", "--sure 0.9")
     positions = trial_positions(drive.mounting.holes, drive.mounting.allowed)
     if not positions:
         raise UsageError("no position of the seat is allowed", "mounting.allowed lists the usable holes")
-    prior = offset_prior(
-        drive,
-        _torques(torques, rig),
-        reseat=rig.reseat_um > 0,
-        trials=trials,
-        rig=rig,
-        seed=seed,
-        executor=executor,
-        progress=progress,
+    require_reachable(cloud_of(drive, [], rig.M_g, effort=QUICK), trials, rig)
+    reseat = rig.reseat_um > 0
+    cloud = cloud_of(
+        drive, torques, rig.M_g, reseat=reseat, effort=effort, seed=seed, executor=executor, progress=progress
     )
-    known = posterior(prior, trials, rig, positions, criterion=criterion, deciding=len(torques), weights=weights)
-    compared = None if outcome is None else verify(known, outcome)
-    return TrialAdvice(drive, known, known.next_trial(seed), compared)
+    require_reachable(cloud, trials, rig)
+    teach = partial(learnt, cloud, torques=torques, criterion=criterion, weights=weights, seed=seed, executor=executor)
+    draws, losses = teach(trials, rig, positions)
+    predictions = tuple(prediction(cloud, trials[:k], rig, trials[k], seed) for k in range(1, len(trials)))
+    verified = None
+    if outcome:
+        others = {trial.rotation_deg: trial for trial in trials if trial.rotation_deg != outcome.rotation_deg}
+        after, predicted = None, prediction(cloud, trials, rig, outcome, seed)
+        try:
+            require_reachable(cloud, [*trials, outcome], rig)
+            everywhere = dict.fromkeys([outcome.rotation_deg, *others, *positions])
+            _, after = teach([*trials, outcome], rig, list(everywhere))
+        except UntrustedError:
+            pass  # its value alone is compared then
+        verified = verification(after, predicted, list(others.values()), positions, rig.noise_arcsec)
+    best = next_trial(draws, losses, seed)
+    return TrialAdvice(cloud, rig, tuple(trials), draws, losses, best, predictions, verified, needed)
 
 
-def _torques(torques: Sequence[float], rig: Rig) -> list[float]:
-    return [*torques, *([] if rig.M_g in torques else [rig.M_g])]
+def verification(
+    after: Losses | None, predicted: Prediction, others: Sequence[Trial], positions: Sequence[float], noise: float
+) -> Verification:
+    """Whether to keep the position of an outcome, or to go back to one of others tried before.
+
+    Argument: after, what is known with the outcome as one more trial, in all these positions. The position is kept
+    unless one tried before is expected to lose less, over all torques that decide. Where nothing explains the outcome
+    (None), its value alone is compared with the least measured one, by the noise [arcsec] of a value.
+    """
+    here = predicted.trial
+    if after is None:
+        least = min(others, key=lambda t: t.F_ior_arcsec, default=here)
+        worse = least.F_ior_arcsec + SURE * np.sqrt(2) * noise < here.F_ior_arcsec
+        return Verification(predicted, least if worse else None)
+    loss = dict(zip(after.rotations_deg, after.expected.tolist(), strict=True))
+    good = dict(zip(after.rotations_deg, after.probability_good.tolist(), strict=True))
+    least = min(others, key=lambda t: loss[t.rotation_deg], default=here)
+    back = least if loss[least.rotation_deg] + WORTH < loss[here.rotation_deg] else None
+    best = min(positions, key=lambda rotation: loss[rotation])
+    return Verification(predicted, back, good[(back or here).rotation_deg], (best, good[best]))

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import FREE_STEP, hole_of
-from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import MOST
-from hdassist.textfile import is_file
-from hdassist.trials.trial_traces import TrialTrace, read_trial_trace
 
 FARTHEST = 3600.0  # deg that a wheel can be meant to be turned by
 
 
 @dataclass(frozen=True)
 class Trial:
-    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0.
-
-    Or a trace in place of it; F_ior_arcsec is then the range of the trace, which F'_ior is at least.
-    """
+    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0."""
 
     rotation_deg: float
     F_ior_arcsec: float
-    trace: TrialTrace | None = None
 
 
 LEAST_NOISE, MOST_NOISE = 1e-6, 1e6  # arcsec; beyond them squares of it leave the range of numbers
@@ -64,23 +56,16 @@ def trial_positions(holes: int, allowed: Sequence[int] | str) -> list[float]:
     return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
 
 
-def read_trial(text: str, holes: int, traces_of: Drive | None = None, *, reverse: bool = False) -> Trial:
-    """Read 120:17.3 (degrees) or h4:17.3 (holes), or a trace: h4:run.csv.
-
-    Arguments: holes of the seat; traces_of, the drive that traces are of, None where there may be none; reverse the
-    error of traces. Raises UsageError for anything else, DataError for a file that is no trace of a trial.
-    """
+def read_trial(text: str, holes: int) -> Trial:
+    """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat). Raises UsageError for anything else."""
     where, _, value = text.partition(":")
-    where, path = where.lower(), Path(value)
+    where = where.lower()
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec"
-    if traces_of:
-        hint += ", or the file of a trace: h4:run.csv"
     try:
-        rotation = float(where.removeprefix("h"))
-        F_ior = None if traces_of and not _is_number(value) and is_file(path) else float(value)
+        rotation, F_ior = float(where.removeprefix("h")), float(value)
     except ValueError:
-        raise UsageError(f"{text!r} is no trial{_why_none(value, traces_of)}", hint) from None
-    if not ((F_ior is None or 0 < F_ior <= MOST) and abs(rotation) <= FARTHEST):
+        raise UsageError(f"{shown(text)!r} is no trial", hint) from None
+    if not (0 < F_ior <= MOST and abs(rotation) <= FARTHEST):
         raise UsageError(f"{shown(text)!r} is no trial", hint)
     if where.startswith("h"):
         if not holes:
@@ -94,21 +79,4 @@ def read_trial(text: str, holes: int, traces_of: Drive | None = None, *, reverse
             f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
             f"was hole {near} meant? h{near}:{value}",
         )
-    if F_ior is None and traces_of:
-        trace = read_trial_trace(path, traces_of, rotation % 360, reverse=reverse)
-        return Trial(rotation % 360, trace.range_arcsec, trace)
-    return Trial(rotation % 360, float(value))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _why_none(value: str, traces_of: Drive | None) -> str:
-    if not value or _is_number(value):
-        return ""
-    return f": {value} is neither a number nor a file" if traces_of else f": {value} is no number"
+    return Trial(rotation % 360, F_ior)

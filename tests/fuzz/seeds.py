@@ -163,7 +163,6 @@ def trace_input(rng: Rng) -> Input:
             ("measure", "given.csv", *RATIO, *form, "--drift", "quadratic", "--orders", "1-3", "--wrap", "360"),
             ("accept", "drive.yaml", "--measured", "1:given.csv", *form, *MEASURED),
             ("compare", "drive.yaml", "given.csv", *form, "--no-plot"),
-            ("trials", "drive.yaml", "h0:given.csv", *JOBS),
         ),
     )
     return Input("trace", how, LOADED | {"given.csv": mutate.table_text(text, rng)})

@@ -166,7 +166,7 @@ def test_what_can_be_no_file_is_refused_where_a_file_is_written(folder, place, f
 
 
 @pytest.mark.parametrize("trial", [f"h0:{LONG}", "h0:circle", "h0:/dev/zero", "h0:pipe"])
-def test_a_trial_whose_trace_can_be_no_file_is_none(folder, trial):
+def test_a_trial_that_names_a_file_is_none(folder, trial):
     require_refused(run("trials", SMALL, trial), "is no trial")
 
 

@@ -20,7 +20,7 @@ from hdassist.mounting.seat_page import drawing, instruction, seat_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
-from tests.advices import MADE, TRACED, TRIALS, advice_of, card, cards, crowded, sampled
+from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -274,7 +274,6 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
         seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
-    card(CARDS["leave"], "ru", trials=[TRACED])
     for open_ in (UNKNOWN_TURN, UNSURE, replace(UNSURE, robust=None)):
         what_to_do(open_, texts("ru"))
     used.add("warning.unsettled")  # of the trials' report

@@ -1,0 +1,80 @@
+"""Positions of the fixed wheel over draws of F'_ior: which is best, how sure that is, and what a wrong one loses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hdassist.model.geometry import Array
+from hdassist.mounting.positions import Chances
+from hdassist.mounting.robust import Criterion, share_best
+
+GOOD = 0.05  # loss against the best position below which a position is as good
+
+
+@dataclass(frozen=True, eq=False)
+class Losses:
+    """Positions that may be chosen, over draws that are all alike likely.
+
+    rotations_deg; F_ior_arcsec at the torques that decide, shape (torques, draws, positions), and now_arcsec, at
+    rotation 0, shape (torques, draws); criterion over the losses; weights of the torques.
+    """
+
+    rotations_deg: tuple[float, ...]
+    F_ior_arcsec: Array
+    now_arcsec: Array
+    criterion: Criterion
+    weights: tuple[float, ...] | None = None
+
+    @cached_property
+    def merits(self) -> Array:
+        """Greatest over the torques of F'_ior against the least over the positions, by weights.
+
+        Shape (draws, positions). Where the wheel stands now plays no part.
+        """
+        return self._merit(self.F_ior_arcsec)
+
+    def _merit(self, F_ior: Array) -> Array:
+        share = np.ones(len(F_ior)) if self.weights is None else np.array(self.weights) / max(self.weights)
+        least = self.F_ior_arcsec.min(axis=2, keepdims=True)
+        return np.asarray(np.max(F_ior / least * share[:, None, None], axis=0))
+
+    @cached_property
+    def losses(self) -> Array:
+        """What each position loses against the best one, as a share of the error there, shape (draws, positions)."""
+        return np.asarray(self.merits / self.merits.min(axis=1, keepdims=True) - 1)
+
+    @cached_property
+    def expected(self) -> Array:
+        """Mean of the losses, shape (positions,)."""
+        return np.asarray(self.losses.mean(axis=0))
+
+    @cached_property
+    def probability_good(self) -> Array:
+        """Probability of each position to lose less than GOOD, shape (positions,)."""
+        return np.asarray((self.losses < GOOD).mean(axis=0))
+
+    @cached_property
+    def probability_best(self) -> Array:
+        """Probability of each position to be the best one, shape (positions,)."""
+        return share_best(self.merits)
+
+    @cached_property
+    def ranked(self) -> list[int]:
+        """Places of the positions, best first by the criterion."""
+        return [int(place) for place in self.criterion.over(self.losses).argsort(kind="stable")]
+
+    @property
+    def best(self) -> int:
+        """Which of the positions is the choice."""
+        return self.ranked[0]
+
+    @property
+    def chances(self) -> Chances:
+        """How sure the choice is."""
+        best = self.probability_best
+        current = float(best[self.rotations_deg.index(0.0)]) if 0.0 in self.rotations_deg else None
+        gain = float(np.mean(self.merits[:, self.best] < self._merit(self.now_arcsec[..., None])[:, 0]))
+        return Chances(len(self.merits), float(best[self.best]), current, gain)
