@@ -24,6 +24,7 @@ from tests.process import SMALL
 
 MADE = date(2026, 3, 9)
 LIGHT = [28.09, 29.5, 30.8, 31.44, 30.0, 27.0, 24.0, 17.0, 14.94, 18.16, 21.0, 25.0]
+QUARTERS = [k / 4 for k in range(1, 15)]
 HEAVY = [8.09, 9.0, 11.0, 12.62, 11.0, 9.0, 7.0, 5.0, 4.52, 2.9, 4.0, 6.0]
 TEETH = MeasuredTeeth(b=MeasuredWheel(PitchFile(np.zeros(62), 17, None, "wheel.csv", "0123456789abcdef", ()), 33.0))
 
@@ -76,7 +77,7 @@ def cards() -> dict[str, Advice]:
             [*LIGHT, 14.5], rotations=[*free, 245.3], overrides=("mounting.holes=0", "mounting.mark_kind=pitch")
         ),
         "flexspline": advice_of(overrides=(fixed, "tolerances.e_hg=20", "mounting.mark_kind=runout")),
-        "many": disagreeing(sampled(advice_of(*many, torques=(*np.arange(1, 15) / 4,), overrides=("phases.xi_b=10",)))),
+        "many": disagreeing(sampled(advice_of(*many, torques=tuple(QUARTERS), overrides=("phases.xi_b=10",)))),
         "measured": replace(
             disagreeing(advice_of(overrides=("mounting.holes=0", "alternatives=[{gears.j_n: 7}]"))), measured=TEETH
         ),
