@@ -63,7 +63,8 @@ def command(
     It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure);
     else the exit code is 6. Values that the drive cannot show are refused at once (exit code 5). --verify compares the
     outcome with its prediction and with the other positions, and says keep, or go back (exit code 3), or that another
-    may be better (6). -q prints the hole to be in, 0 being the first one.
+    may be better (6). -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no
+    card.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
@@ -104,4 +105,5 @@ def command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
     told = answer(advice, seed)
-    raise typer.Exit(give_with_card("trials", told, card_file, lambda say: card_facts(advice, say), options, out))
+    facts = (lambda say: card_facts(advice, say)) if advice.settled else None
+    raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))

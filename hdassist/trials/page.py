@@ -94,9 +94,16 @@ def _hole(drive: Drive, rotation_deg: float, say: Texts) -> str:
 
 
 def instruction(advice: TrialAdvice) -> str:
-    """One sentence: what to do with the wheel."""
+    """One sentence: what to do with the wheel; where the trials do not settle it, what to measure."""
     if not (outcome := advice.outcome):
-        return after_trials(advice.choice, texts())
+        if advice.settled:
+            return after_trials(advice.choice, texts())
+        best, losses = advice.losses.best, advice.losses
+        return (
+            f"No order yet: the best bet, {_where(advice, losses.rotations_deg[best])}, is good with "
+            f"{losses.probability_good[best]:.0%}, and {advice.needed:.0%} are wanted. To decide, measure "
+            f"{_where(advice, advice.next.rotation_deg)} next."
+        )
     if not (back := outcome.back_to):
         return f"Keep it: {_told(advice, outcome.predicted)}."
     was = f"where {back.F_ior_arcsec:g} was measured"
@@ -209,13 +216,14 @@ def to_json(advice: TrialAdvice, seed: int) -> Json:
         **envelope("trials", drive, exit_code(advice), tuple(warnings(advice, texts()))),
         "complete": True,
         "instruction": instruction(advice),
-        "turn": advice.choice.turn,
+        "turn": advice.settled and advice.choice.turn,
         "M_g_Nm": list(drive.operation.M_g),
         "weights": None if losses.weights is None else list(losses.weights),
         "criterion": losses.criterion.name,
         "positions": positions,
         "current": _position(now, losses.now_arcsec),
-        "recommended": ranked[0],
+        "recommended": ranked[0] if advice.settled else None,
+        "best_bet": ranked[0],
         "second": ranked[1] if len(ranked) > 1 else None,
         "worst": ranked[-1],
         "gain": float(-advice.at(losses.best).change_from(now)),
@@ -298,6 +306,8 @@ def figures(advice: TrialAdvice) -> Figures:
 
 def summary_line(advice: TrialAdvice) -> str:
     """The answer alone: the hole (or angle in degrees) to mount the wheel in, after an outcome the one to stay in."""
+    if not advice.outcome and not advice.settled:
+        return "unknown"
     rotation = advice.outcome.stay_deg if advice.outcome else advice.losses.rotations_deg[advice.losses.best]
     hole = hole_of(rotation, advice.drive.mounting.holes)
     return f"{rotation:g}" if hole is None else f"{hole}"

@@ -35,18 +35,19 @@ def test_json_tells_positions_and_what_the_trials_teach(answer):
         assert set(position) == POSITION
         F_ior = position["F_ior_arcsec"]
         assert F_ior["low"][0] <= F_ior["expected"][0] <= F_ior["high"][0]
-    for name in ("recommended", "second", "worst"):
+    for name in ("best_bet", "second", "worst"):
         assert told[name] == told["positions"][told[name]["hole"]]
     now = told["current"]["F_ior_arcsec"]
     assert now["low"] == pytest.approx(told["positions"][0]["F_ior_arcsec"]["low"])
     assert now["expected"] == pytest.approx(told["positions"][0]["F_ior_arcsec"]["expected"])
-    assert told["gain"] == pytest.approx(1 - told["recommended"]["F_ior_arcsec"]["expected"][0] / now["expected"][0])
+    assert told["gain"] == pytest.approx(1 - told["best_bet"]["F_ior_arcsec"]["expected"][0] / now["expected"][0])
     assert [m["hole"] for m in told["trials"]["measured"]] == [0, 4, 8, 4, 3]
     assert [p["hole"] for p in told["prediction_errors"]] == [4, 8, 4, 3]
     assert told["prediction_errors"][2]["as_predicted"]
     assert sum(p["probability_best"] for p in told["positions"]) == pytest.approx(1)
     best = min(told["positions"], key=lambda p: p["expected_loss"])
-    assert best == told["recommended"]
+    assert best == told["best_bet"]
+    assert (told["recommended"], told["turn"]) == ((best, bool(best["hole"])) if told["settled"] else (None, False))
     assert told["verification"] is None
     assert told["probability_needed"] == 0.9
     assert told["settled"] == (best["probability_good"] >= 0.9)
@@ -73,7 +74,7 @@ def test_json_has_one_shape_whatever_was_given(answer):
     told = json.loads(done.stdout)
     assert told["M_g_Nm"] == [4, 1]
     assert told["verification"]["verdict"] in ("KEEP", "GO_BACK")
-    for position in (told["recommended"], told["current"]):
+    for position in (told["best_bet"], told["current"]):
         assert {name: len(values) for name, values in position["F_ior_arcsec"].items()} == dict.fromkeys(
             ("expected", "low", "high"), 2
         )
@@ -170,18 +171,23 @@ def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
 
 def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     card = tmp_path / "card.txt"
-    done = run(*ONE, *TRIALS, "--card", str(card), "-q")
-    assert done.returncode == answer[0]["exit_code"], done.stderr
-    assert done.stdout == f"{answer[0]['recommended']['hole']}\n"
+    best = answer[0]["best_bet"]["probability_good"]
+    done = run(*ONE, *TRIALS, "--card", str(card), "-q", "--sure", f"{best + 0.01}")
+    assert (done.returncode, done.stdout) == (6, "unknown\n")
+    assert "no card: nothing can be ordered" in done.stderr
+    assert not card.exists()
+    done = run(*ONE, *TRIALS, "--card", str(card), "-q", "--sure", f"{best - 0.01}")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{answer[0]['best_bet']['hole']}\n"
     text = " ".join(card.read_text(encoding="utf-8").split())
     assert "hole 0: 73 arcsec; hole 4: 18.7 arcsec; hole 8: 25 arcsec" in text
     assert "not from the last trial" in text
-    now, best = (f"{answer[0][name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "recommended"))
+    now, best = (f"{answer[0][name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "best_bet"))
     assert f"F'_ior {now} -> {best} arcsec at 4" in text
 
 
 def test_a_lower_demand_settles_it(answer):
-    best = answer[0]["recommended"]["probability_good"]
+    best = answer[0]["best_bet"]["probability_good"]
     done = run(*ONE, *TRIALS, "--sure", f"{best - 0.01}", "--json")
     assert done.returncode == 0
     told = json.loads(done.stdout)

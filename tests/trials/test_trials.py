@@ -369,11 +369,13 @@ def advice() -> TrialAdvice:
 
 def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
     told_ = to_json(advice, 0)
-    assert told_["recommended"]["hole"] == int(summary_line(advice))
-    assert told_["settled"] == (told_["recommended"]["probability_good"] >= told_["probability_needed"])
+    assert summary_line(advice) == (str(told_["best_bet"]["hole"]) if told_["settled"] else "unknown")
+    assert told_["settled"] == (told_["best_bet"]["probability_good"] >= told_["probability_needed"])
+    assert told_["instruction"] == instruction(advice)
+    assert instruction(advice).startswith("No order yet") != told_["settled"]
     assert exit_code(advice) == (0 if told_["settled"] else 6)
     facts = card_facts(advice, texts())
-    assert facts.choice.chosen.F_ior_arcsec == tuple(told_["recommended"]["F_ior_arcsec"]["expected"])
+    assert facts.choice.chosen.F_ior_arcsec == tuple(told_["best_bet"]["F_ior_arcsec"]["expected"])
     assert facts.cam_deg == told_["offset"]["direction_deg"]
     assert len(told_["prediction_errors"]) == 3
 
