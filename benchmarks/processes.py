@@ -40,10 +40,10 @@ PROCESSES = (
 def measure(quick: bool) -> list[dict]:
     """Medians of every process; quick: fewer runs, and Fig. 3 not with every state."""
     chosen = [p for p in PROCESSES if not (quick and "--every-state" in p.arguments)]
-    return [_measured(p, min(p.runs, 2) if quick else p.runs) for p in chosen]
+    return [measured(p, min(p.runs, 2) if quick else p.runs) for p in chosen]
 
 
-def _measured(process: Process, runs: int) -> dict:
+def measured(process: Process, runs: int) -> dict:
     found = [_run(process.arguments) for _ in range(runs)]
     return {
         "command": process.words,

@@ -21,7 +21,7 @@ from hdassist.trials.cloud import FULL, QUICK, Cloud, Effort, cloud_of
 from hdassist.trials.draws import Draws, require_reachable, told_noise
 from hdassist.trials.posterior import Next, Prediction, learnt, next_trial, prediction
 from hdassist.trials.trial import Rig, Trial, trial_positions
-from hdassist.trials.unknowns import OffsetNames
+from hdassist.trials.unknowns import offset_fields
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
@@ -101,7 +101,7 @@ class TrialAdvice:
     @cached_property
     def direction(self) -> tuple[float, float]:
         """Direction of the offset and its standard deviation [deg]."""
-        turn = complex(np.exp(1j * np.radians(self.cloud.direction_deg[self.draws.places])).mean())
+        turn = complex(np.exp(1j * np.angle(self.cloud.offset_um[self.draws.places])).mean())
         return float(np.degrees(np.angle(turn)) % 360), float(np.degrees(np.sqrt(-2 * np.log(max(abs(turn), 1e-12)))))
 
     def at(self, place: int | None) -> Position:
@@ -111,7 +111,7 @@ class TrialAdvice:
         """
         F_ior = self.losses.now_arcsec if place is None else self.losses.F_ior_arcsec[:, :, place]
         rotation = 0.0 if place is None else self.losses.rotations_deg[place]
-        facing = self.drive.with_values({OffsetNames.of(self.drive).direction: self.direction[0]})
+        facing = self.drive.with_values({offset_fields(self.drive)[1]: self.direction[0]})
         hole = hole_of(rotation, self.drive.mounting.holes)
         return Position(rotation, phase_deg(rotated(facing, rotation)), hole, tuple(F_ior.mean(axis=1).tolist()))
 

@@ -23,7 +23,7 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.trials.unknowns import OffsetNames, direction_density, open_fields
+from hdassist.trials.unknowns import direction_density, drawn_values, offset_fields, open_fields
 
 Places = NDArray[np.int64]
 
@@ -72,14 +72,10 @@ class Cloud:
         return sum((table.certificate for table in self.tables.values()), EMPTY)
 
     @property
-    def size_um(self) -> Array:
-        """Size of the standing offset, shape (samples * directions,)."""
-        return np.repeat(self.values[OffsetNames.of(self.drive).size], self.weight.shape[1])
-
-    @property
-    def direction_deg(self) -> Array:
-        """Direction of the standing offset, shape (samples * directions,)."""
-        return _directions(self.values[OffsetNames.of(self.drive).direction], self.weight.shape[1]).ravel()
+    def offset_um(self) -> NDArray[np.complex128]:
+        """Standing offset as x + i y, shape (samples * directions,)."""
+        size, direction = (self.values[path] for path in offset_fields(self.drive))
+        return np.ravel(size[:, None] * np.exp(1j * np.radians(_directions(direction, self.weight.shape[1]))))
 
     def at(self, rotations_deg: Sequence[float], places: Places | None = None) -> Array:
         """F'_ior [arcsec] with the wheel turned, shape (places, rotations), at the torque of the trials.
@@ -100,7 +96,7 @@ class Cloud:
         """F'_ior [arcsec] of samples in all directions, shape (samples, directions), from the table."""
         count = self.weight.shape[1]
         values = {path: np.repeat(column[samples], count) for path, column in self.values.items()}
-        for path in (OffsetNames.of(self.drive).direction, SEAT_DIRECTION):  # of what stands
+        for path in (offset_fields(self.drive)[1], SEAT_DIRECTION):  # of what stands
             if path in values:
                 values[path] = _directions(self.values[path][samples], count).ravel()
         found = F_ior_of_many(self.drive, self.tables[M_g], values, count=self.turns, off_um=off_um, executor=executor)
@@ -164,12 +160,12 @@ def _drawn(drive: Drive, count: int, seed: int) -> tuple[dict[str, Array], Array
     # a standing ovality that is known does not turn with the samples: each is taken in one direction, so there are more
     fixed = drive.mounting.fixed == "rigid" and drive.number("harmonics.a_s2") != 0
     share = qmc.Sobol(len(open_) + 1, seed=seed).random(2 ** round(np.log2(count / (3 if fixed else directions))))
-    values = {field.path: field.values(column) for field, column in zip(open_, share.T, strict=False)}
+    values = {path: drawn_values(drive, path, column) for path, column in zip(open_, share.T, strict=False)}
     first = (360.0 if fixed else 360 / directions) * share[:, -1]
     weight = direction_density(drive, _directions(first, directions))
     if fixed:
         weight[:, 1:] = 0
-    return {**values, OffsetNames.of(drive).direction: first}, weight / weight.sum()
+    return {**values, offset_fields(drive)[1]: first}, weight / weight.sum()
 
 
 def _directions(first: Array, count: int) -> Array:
@@ -178,7 +174,7 @@ def _directions(first: Array, count: int) -> Array:
 
 def _span(drive: Drive, values: Mapping[str, Array], directions: int, compared: int, reseat: bool) -> list[Drive]:
     """Some of the samples, to compare a table with, and the outermost one."""
-    turn = OffsetNames.of(drive).direction
+    turn = offset_fields(drive)[1]
     some = [{path: float(column[k]) for path, column in values.items()} for k in range(compared)]
     some = [{**one, turn: one[turn] + 360 * (5 * k % directions) / directions} for k, one in enumerate(some)]
     widest = {path: float(column.max()) for path, column in values.items()}

@@ -176,6 +176,6 @@ def require_reachable(cloud: Cloud, trials: Sequence[Trial], rig: Rig) -> None:
     if y.max() > high or y.max() < low:
         change = f"deviations or offsets had to be {y.max() / (high if y.max() > high else low):.2g} times as large"
     raise UntrustedError(
-        f"no cam offset up to {cloud.size_um.max():.0f} um explains the trials ({told} arcsec)",
+        f"no cam offset up to {np.abs(cloud.offset_um).max():.0f} um explains the trials ({told} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {rig.M_g:g} N*m: check values and torque; {change}",
     )

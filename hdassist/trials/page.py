@@ -184,7 +184,7 @@ def _positions(advice: TrialAdvice, style: Style) -> Table:
 
 def _basis(advice: TrialAdvice) -> str:
     draws, cloud, (facing, spread) = advice.draws, advice.cloud, advice.direction
-    size, scale = cloud.size_um[draws.places], draws.scale
+    size, scale = np.abs(cloud.offset_um[draws.places]), draws.scale
     toward = "direction open" if spread >= OPEN else f"towards {facing:.0f} deg, standard deviation {spread:.0f}"
     errors = " / ".join(f"{cloud.tables[M_g].standard_error:.2f}" for M_g in advice.drive.operation.M_g)
     return (
@@ -201,7 +201,7 @@ def to_json(advice: TrialAdvice, seed: int) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
     losses, draws, drive, (facing, spread) = advice.losses, advice.draws, advice.drive, advice.direction
     cloud, certificate, now = advice.cloud, advice.cloud.certificate, advice.at(None)
-    size = cloud.size_um[draws.places]
+    size = np.abs(cloud.offset_um[draws.places])
     positions = [
         {
             **_position(advice.at(place), losses.F_ior_arcsec[:, :, place]),

@@ -24,6 +24,7 @@ from hdassist.trials.draws import MISFITS, SCALE, drawn, kernel, require_reachab
 from hdassist.trials.page import card_facts, exit_code, instruction, render, summary_line, to_json, warnings
 from hdassist.trials.posterior import Prediction, learnt, next_trial, prediction
 from hdassist.trials.trial import Rig, Trial, read_trial, trial_positions
+from hdassist.trials.unknowns import drawn_values, open_fields
 from tests.process import SMALL
 
 M_G, HOLES = 4.0, 12
@@ -52,6 +53,11 @@ def measured(size: float, direction: float) -> tuple[float, ...]:
     return tuple(search.extremes(rotated(drive, r)).F_ior_arcsec for r in POSITIONS)
 
 
+def direction_of(cloud: Cloud) -> np.ndarray:
+    """Directions of the standing offset [deg], samples and directions flat."""
+    return np.degrees(np.angle(cloud.offset_um)) % 360
+
+
 def trials(values, rotations=THIRDS) -> list[Trial]:
     return [Trial(r, values[POSITIONS.index(r)]) for r in rotations]
 
@@ -71,7 +77,7 @@ def test_turning_the_wheel_is_turning_all_that_stands_back(cloud: Cloud) -> None
         values = {path: float(column[sample]) for path, column in cloud.values.items()}
         values["phases.phi_hb"] += direction * turn
         place = np.array([sample * cloud.weight.shape[1] + direction])
-        assert cloud.direction_deg[place][0] == pytest.approx(values["phases.phi_hb"])
+        assert direction_of(cloud)[place][0] == pytest.approx(values["phases.phi_hb"])
         turned = rotated(told().with_values(values), rotation)
         exact = table.F_ior(deviation_scalars(turned, *turns(cloud.turns)))
         assert cloud.at([rotation], place)[0, 0] == pytest.approx(float(exact), rel=1e-6)
@@ -155,10 +161,10 @@ def test_intervals_hold_what_they_promise() -> None:
 def test_a_hidden_offset_is_recovered(cloud: Cloud, size: float, direction: float) -> None:
     values = measured(size, direction)
     draws, losses = learnt(cloud, trials(values, (*THIRDS, 60.0, 300.0)), RIG, POSITIONS)
-    off = (cloud.direction_deg[draws.places] - direction + 180) % 360 - 180
+    off = (direction_of(cloud)[draws.places] - direction + 180) % 360 - 180
     assert abs(off.mean()) < max(3 * off.std(), 5)
     assert off.std() < 30
-    found = cloud.size_um[draws.places]
+    found = abs(cloud.offset_um[draws.places])
     assert abs(found.mean() - size) < 2 * found.std()
     assert values[losses.best] < 1.05 * min(values)
     assert losses.probability_best.sum() == pytest.approx(1)
@@ -218,17 +224,17 @@ def test_what_the_preset_knows_of_the_offset_counts() -> None:
     facing = told("phases.phi_hb=20", "tolerances.e_hb=50", **{"phases.phi_hb": 10.0, "tolerances.e_hb": 4.0})
     known = cloud_of(facing, (M_G,), M_G, effort=few)
     draws = drawn(known, [], RIG, [0.0])
-    off = (known.direction_deg[draws.places] - 20 + 180) % 360 - 180
+    off = (direction_of(known)[draws.places] - 20 + 180) % 360 - 180
     assert abs(off.mean()) < 1
     assert off.std() == pytest.approx(5, rel=0.15)
-    assert known.size_um[draws.places].std() == pytest.approx(2, rel=0.15)
+    assert abs(known.offset_um[draws.places]).std() == pytest.approx(2, rel=0.15)
 
 
 def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> None:
     few = Effort(512, Mesh((9, 5, 9, 9), 0), 12)
     oval = cloud_of(told("harmonics.a_s2=3"), (M_G,), M_G, effort=few)
     assert not oval.weight[:, 1:].any()
-    assert np.ptp(oval.direction_deg.reshape(oval.weight.shape)[:, 0]) > 300
+    assert np.ptp(direction_of(oval).reshape(oval.weight.shape)[:, 0]) > 300
     with_flexspline = told("harmonics.a_s2=3", "mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0")
     assert cloud_of(with_flexspline, (M_G,), M_G, effort=few).weight[:, 1:].all()
 
@@ -239,7 +245,7 @@ def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     search = CycleSearch(truth, M_G)
     tried = [Trial(r, search.extremes(rotated(truth, r)).F_ior_arcsec) for r in POSITIONS[::2]]
     found = cloud_of(drive, (M_G,), M_G, effort=FEW)
-    off = (found.direction_deg[drawn(found, tried, RIG, [0.0]).places] - 130 + 180) % 360 - 180
+    off = (direction_of(found)[drawn(found, tried, RIG, [0.0]).places] - 130 + 180) % 360 - 180
     assert abs(off.mean()) < 2 * off.std() < 60
 
 
@@ -511,3 +517,14 @@ def test_rigs_that_are_none(rig: Rig) -> None:
 def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         cloud_of(load_preset(SMALL, overrides), (M_G,), M_G, effort=FEW)
+
+
+def test_what_a_preset_does_not_give_is_open_in_trials_too() -> None:
+    paths = ["tolerances.e_hb", "tolerances.e_hh", "phases.phi_hb", "harmonics.a_s2"]
+    drive = load_preset(SMALL, [f"{path}=unknown" for path in paths])
+    assert {*paths, "harmonics.xi_s2", "phases.phi_hh"} - {"phases.phi_hb"} == set(open_fields(drive))
+    ends = np.array([0.0, 1.0])
+    assert list(drawn_values(drive, "tolerances.e_hb", ends)) == [0, pytest.approx(0.5 * 30)]
+    assert list(drawn_values(drive, "harmonics.xi_s2", ends)) == [0, 180]
+    known = load_preset(SMALL)
+    assert list(drawn_values(known, "tolerances.e_hb", ends)) == [0, 2 * known.tolerances.e_hb]
