@@ -22,7 +22,6 @@ PAGE = ROOT / "docs/presets.md"
 BEGIN, END = "<!-- made by python -m benchmarks.catalogue -->\n", "<!-- end -->\n"
 MM_A_SIZE = 2.54
 STATIONS = 5  # along the face of coned flanks
-BEYOND = 1.5  # of T_2, end of the chord of K3, as hdassist stiffness has it
 
 HD = "Harmonic Drive CSF/CSG catalogue"
 SECOND_HAND = (
@@ -113,13 +112,13 @@ def targets() -> Iterator[tuple[str, str]]:
     for each in SIZES:
         drive = load_text(texts[each.name], each.name)
         T_1, T_2 = each.T
-        chords = ((0, T_1), (T_1, T_2), (T_2, round(BEYOND * T_2, 2)))
         free = ("gears.j_n", "flexspline.k_t", "contact.c_t", "contact.c_ball")
         yield each.name, "\n".join([
             f"# hdassist calibrate {each.name} --targets docs/targets/{each.name}.targets.yaml",
             f"# K1 to K3: {each.source}.",
             f"# {TORQUES}.",
-            f"# The catalogue's accuracy, {each.accuracy:g} arcmin over a turn, is not re-read and names no load.",
+            f"# The catalogue's accuracy, {each.accuracy:g} arcmin over a turn, is not re-read and names no load:",
+            f"# hdassist check {each.name} --set acceptance.F_ior={60 * each.accuracy:g} holds a range against it.",
             "schema: hdassist.targets/1",
             f"name: catalogue size {each.size}, ratio 100",
             "",
@@ -127,9 +126,8 @@ def targets() -> Iterator[tuple[str, str]]:
             *(f"  {path}: {{low: {low!r}, high: {high!r}}}" for path in free for low, high in [_bounds(drive, path)]),
             "",
             "targets:",
-            *(f"  - {{quantity: torsional_stiffness, from: {a:g}, to: {b:g}, value: {K:g}e4, tolerance: 10 %}}"
-              for (a, b), K in zip(chords, each.K, strict=True)),
-            f"  - {{quantity: F_ior_max, M_g: {drive.operation.M_g[0]:g}, high: {60 * each.accuracy:g}}}",
+            *(f"  - {{quantity: K_{k}, T_1: {T_1:g}, T_2: {T_2:g}, value: {K:g}e4, tolerance: 10 %}}"
+              for k, K in enumerate(each.K, 1)),
             "",
         ])  # fmt: skip
 
