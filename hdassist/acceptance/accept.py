@@ -99,7 +99,7 @@ def accept(
             continue
         else:
             values = limit.predicted(predictions)
-        margin = margin_of(drive).percent / 100
+        margin = margin_of(drive, predictions).percent / 100
         found = [decide(limit, value, drive.acceptance.rule, margin) for value in values]
         decisions.append(_open(found) if found[-1].value and found[-1].value.extent == "open" else _decisive(found))
     return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)

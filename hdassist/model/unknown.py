@@ -48,19 +48,20 @@ def unknowns(drive: Drive) -> tuple[Unknown, ...]:
     return tuple(found)
 
 
-def unknown_turn(drive: Drive) -> bool:
-    """Whether nothing is known of how the fixed wheel's deviations lie to those that stand still with its seat.
+def unknown_turn(drive: Drive) -> tuple[str, ...]:
+    """Directions that decide how the fixed wheel's deviations lie to those that stand still with its seat, if unknown.
 
-    Either all of the one have unknown directions, or all of the other: any hole is then as good as any other.
+    Where all of the one side are, or all of the other, any hole is as good as any other; else none is returned.
     """
     rigid = drive.mounting.fixed == "rigid"
     part, still = ("b", ("e_hb", "a_s2")) if rigid else ("g", ("e_hg",))
-    groups: tuple[list[bool], list[bool]] = ([], [])
+    sides: tuple[list[str], list[str]] = ([], [])
     for each in deviations_of(drive.mounting.mark_kind):
         size = drive.value(each.size)
         if each.part == part and (size is None or size > 0):
-            groups[each.size.split(".")[1] in still].append(drive.value(each.direction) is None)
-    return any(group and all(group) for group in groups)
+            sides[each.size.split(".")[1] in still].append(each.direction)
+    open_ = [path for side in sides if all(drive.value(path) is None for path in side) for path in side]
+    return tuple(open_)
 
 
 def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:

@@ -67,7 +67,18 @@ class Advice:
     @property
     def any_hole(self) -> bool:
         """Whether nothing is known of the direction that decides: any hole may then be the best one."""
-        return bool(self.unknown) and unknown_turn(self.drive)
+        return bool(self.unknown and self.deciding)
+
+    @property
+    def deciding(self) -> tuple[str, ...]:
+        """Directions that decide, and are not known at all."""
+        return unknown_turn(self.drive)
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the curve means anything: without the size of the offset that stands still it is flat."""
+        size = "tolerances.e_hb" if self.drive.mounting.fixed == "rigid" else "tolerances.e_hg"
+        return not self.any_hole or self.drive.value(size) is not None
 
     @property
     def order(self) -> Order:

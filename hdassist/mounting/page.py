@@ -94,7 +94,8 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
         )  # fmt: skip
     else:
         key = "instruction.any_hole" if advice.any_hole else "instruction.unknown"
-        why = say(key, wheel=fixed, fields=names(advice.unknown))
+        fields = ", ".join(advice.deciding) if advice.any_hole else names(advice.unknown)
+        why = say(key, wheel=fixed, fields=fields)
     return f"{why} {measure}"
 
 
@@ -105,10 +106,11 @@ def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableTyp
     parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(what_to_do(advice)))]
     if plots and not advice.any_hole:
         parts.append(Text(seat_text(advice.choice, style)))
-    if plots:
+    if plots and advice.has_curve:
         parts += [Text(drawn) for drawn in _curves(advice, style)]
     parts += [] if advice.any_hole else [_positions(advice, style)]
-    parts.append(_torques(advice, style))
+    if advice.has_curve:
+        parts.append(_torques(advice, style))
     if advice.robust:
         parts.append(_uncertain(advice, advice.robust, style))
     if advice.now:

@@ -24,6 +24,7 @@ from hdassist.preset.fields import (
     spreads,
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
+from hdassist.preset.plausible import remarks
 from hdassist.preset.rules import conflicts
 from hdassist.preset.yamltext import OVERRIDE, Document, Findings, Path, Unread, in_order, near, shown
 
@@ -208,6 +209,8 @@ def _warn(drive: Drive, findings: Findings) -> None:
     _warn_of_limits(drive, findings)
     _warn_of_amplitudes(drive, findings)
     _warn_of_curve(drive, findings)
+    for remark in remarks(drive):
+        findings.warn(tuple(remark.path.split(".")), remark.message, remark.usual)
 
 
 def _warn_of_limits(drive: Drive, findings: Findings) -> None:

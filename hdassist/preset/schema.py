@@ -139,3 +139,9 @@ def resolved(drive: Drive) -> list[ResolvedField]:
             kind = "default"
         rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description), bounds))
     return rows
+
+
+def counted(drive: Drive) -> dict[str, int]:
+    """How many fields that a preset gives are given, identified, or only assumed."""
+    kinds = [row.kind for row in resolved(drive)]
+    return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}

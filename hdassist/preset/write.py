@@ -10,7 +10,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.errors import DataError, UsageError
-from hdassist.preset.fields import SCHEMA, read_range, sections
+from hdassist.preset.fields import SCHEMA, fields, read_range, sections
 from hdassist.preset.kinds import Section, plain, unit_of
 from hdassist.preset.load import load_text
 from hdassist.preset.yamltext import Path, read, resolve
@@ -25,25 +25,30 @@ def new_preset(name: str) -> str:
     commented out, with its default.
     Raises UsageError: a name that a preset cannot have.
     """
-    if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
-        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
+    require_name(name)
     lines = [
         "# A preset to start from. EVERY NUMBER BELOW IS AN EXAMPLE: put in those of your drive.",
         '# A bare number is in the unit beside it; a text with a unit, such as "75 um", is converted.',
         "# Lines that are commented out show what else can be given, with the value used without them.",
         f"schema: {SCHEMA}",
-        f"name: {_text(name)}",
+        f"name: {quoted(name)}",
         "description: Example numbers, not yet those of a drive.",
     ]
     for section, model in sections():
         lines += ["", *_section(section, model)]
     lines += [
         "",
-        "# Where a value comes from: given, assumed or identified.",
-        "#source:",
-        '#  gears.z_g: {kind: given, ref: "drawing, sheet 1"}',
+        "# Where a value comes from: given, assumed or identified. Beside a value of yours write kind: given.",
+        "source:",
+        *(f'  {path}: {{kind: assumed, ref: "example"}}' for path, info in fields() if info.examples),
     ]
     return "\n".join(lines) + "\n"
+
+
+def require_name(name: str) -> None:
+    """Raise UsageError for a name that a preset cannot have."""
+    if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
+        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
 
 
 def _section(section: str, model: type[Section]) -> Iterator[str]:
@@ -53,12 +58,13 @@ def _section(section: str, model: type[Section]) -> Iterator[str]:
         value = info.examples[0] if info.examples else info.default
         if value is not None:
             entry = f"{'  ' if info.examples else '#  '}{name}: {_value(value)}"
-            yield f"{entry:<27} # {_about(info)}"
+            yield f"{entry:<27} # {about(info)}"
         else:
-            yield f"{f'#  {name}:':<27} # {_about(info)}"
+            yield f"{f'#  {name}:':<27} # {about(info)}"
 
 
-def _about(info: FieldInfo) -> str:
+def about(info: FieldInfo) -> str:
+    """Unit and meaning of a field, as a comment beside it says them."""
     unit = unit_of(info)
     return f"{unit}, {info.description}" if unit else str(info.description)
 
@@ -71,7 +77,7 @@ def _value(value: Any) -> str:
     return "{}" if isinstance(value, dict) else plain(value)
 
 
-def _text(text: str) -> str:
+def quoted(text: str) -> str:
     """A text as YAML: as it is where that is safe, else in quotes."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
     return text if word and isinstance(resolve(text), str) else json.dumps(text, ensure_ascii=False)

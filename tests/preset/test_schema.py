@@ -108,8 +108,7 @@ def test_schema_and_validation_agree(path: str, written: str, value: Any, good: 
     assert valid is good
 
 
-SOURCES = """
-source:
+SOURCES = """source:
   gears.z_g: {kind: given, ref: sheet 1}
   gears.m: {kind: assumed, ref: usual, range: [0.7, 900 um]}
   cam.W_0: {kind: identified, ref: measured}
@@ -118,7 +117,7 @@ source:
 
 
 def rows(*overrides: str) -> dict[str, ResolvedField]:
-    return {row.path: row for row in resolved(load_text(new_preset("x") + SOURCES, "f", overrides))}
+    return {row.path: row for row in resolved(load_text(TEXT.partition("source:")[0] + SOURCES, "f", overrides))}
 
 
 def test_every_field_has_one_row_with_its_declaration() -> None:
