@@ -224,7 +224,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     kept = run.options.json or run.files.asked
     told = run_each("accept", presets, one, run.options, failed=failed, keep_failures=kept)
     code = give("accept", told, run.options, run.out)
-    if any(isinstance(answer, Accepted) for answer in answers):
+    if run.out.csv is not None and any(isinstance(answer, Accepted) for answer in answers):
         run.out.figures(report.csv(answers))
     if run.files.jsonl is not None:
         write_text(run.files.jsonl, to_lines(answers), run.out.force)

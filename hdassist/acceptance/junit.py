@@ -13,7 +13,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, provenance
-from hdassist.acceptance.page import sentence
+from hdassist.acceptance.page import how_to_decide, sentence
 from hdassist.visible import visible
 
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
@@ -67,7 +67,8 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
         if check.verdict == "PASS":
             SubElement(element, "system-out").text = visible("\n".join(lines))
         else:
-            _say(element, "failure", words, [*lines, f"what to do: hdassist explain {check.code}"], str(check.verdict))
+            todo = how_to_decide(check) or f"hdassist explain {check.code}"
+            _say(element, "failure", words, [*lines, f"what to do: {todo}"], str(check.verdict))
     for label in answer.left_out:
         _say(case(label), "skipped", "not tested: nothing was measured")
     if answer.fail_on == "warn" and remarks:

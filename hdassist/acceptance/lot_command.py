@@ -80,7 +80,8 @@ def _accept_lot(path: str, run: Run) -> int:
     elif shown:
         page = "" if options.quiet else "\n" + out.page(report.render(lot, done, out.style))
         out.text(page if out.target == "-" else "\n".join(lines) + "\n" + page)
-    out.figures(csv(done))
+    if out.csv is not None:
+        out.figures(csv(done))
     run.write_suite(lot.file, done, {"lot_sha256": lot.sha256})
     return worst_exit_code(answer.exit_code for answer in done)
 
@@ -109,7 +110,10 @@ def _kept(lot: Lot, file: str, run: Run) -> dict[str, Accepted]:
         raise DataError(f"{file} is no file that answers can be kept in", "--jsonl FILE without --resume writes to it")
     if not Path(file).stat().st_size:
         return {}
-    before = {answer.serial: answer for answer in read_answers(file) if isinstance(answer, Accepted)}
+    answers = read_answers(file)
+    if not answers and not Path(file).read_bytes().strip():
+        raise DataError(f"{file}: no answer of hdassist accept: blank lines", "--jsonl FILE without --resume")
+    before = {answer.serial: answer for answer in answers if isinstance(answer, Accepted)}
     there = len(before)
     kept = {}
     for row in lot.rows:

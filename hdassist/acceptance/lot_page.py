@@ -15,7 +15,7 @@ from hdassist.acceptance.checks import check_of
 from hdassist.acceptance.decision import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.lot_summary import QUANTILES, VERDICTS, summary
-from hdassist.acceptance.page import bound, number, sentence
+from hdassist.acceptance.page import bound, how_to_decide, number, sentence
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.answers import together
 from hdassist.terminal.console import Style, table
@@ -67,7 +67,10 @@ def render(lot: Lot, answers: Sequence[Answer], style: Style) -> RenderableType:
     lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
     remarks = Counter(code for answer in accepted for code in {remark.code for remark in answer.remarks})
     lines += [f"remark {code}: {_drives(remarks[code])}" for code in sorted(remarks)]
-    codes = {check.code for answer in accepted for check in answer.checks if check.verdict in VERDICTS[1:]}
+    checks = [check for answer in accepted for check in answer.checks if check.verdict in VERDICTS[1:]]
+    codes = {check.code for check in checks if not how_to_decide(check)}
+    close = {f"{check.held_against.label}: measure it" for check in checks if how_to_decide(check)}
+    lines += [f"within the margin of its prediction, {words}" for words in sorted(close)]
     lines += [f"what to do: hdassist explain {' '.join(sorted(codes))}"] * bool(codes)
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
     lines.append(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")

@@ -110,13 +110,28 @@ def bound(limit: Limit) -> str:
     return f"{'≤' if limit.check.upper else '≥'} {limit.bound:.6g}"
 
 
+def how_to_decide(check: CheckRecord) -> str:
+    """How near its limit a prediction is that its margin leaves open, and what to measure; empty of any other check."""
+    near = check.value is not None and check.margin is not None and abs(check.margin) <= check.guard
+    if check.verdict != "INCONCLUSIVE" or check.basis != "predicted" or check.extent != "whole" or not near:
+        return ""
+    held, share = check.held_against, f"{100 * check.guard / abs(check.value or 1.0):.3g} %"
+    torque = "" if held.M_g is None else f"{held.M_g:g}"
+    name = held.check.field if held.order is None else f"order_{held.order:g}"
+    value = f"--value {name}{torque and f'@{torque}'}=VALUE±U"
+    option = f"--measured {torque}:FILE" if held.check.measured and torque else value
+    return f"{number(check.value or 0.0, held)} is within {share} of {held.bound:.6g}: measure it, {option}"
+
+
 def _notes(result: AcceptanceResult) -> list[str]:
     lines = [f"certificate: {result.predictions.certificate}"] if result.predictions else []
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
-    lines += [f"{d.verdict}, {d.limit.label}: {d.reason}" for d in result.decisions if d.reason]
+    close = {d: how for d in result.decisions if (how := how_to_decide(CheckRecord.of(d)))}
+    lines += [f"{d.verdict}, {d.limit.label}: {close.get(d, d.reason)}" for d in result.decisions if d.reason]
     lines += [f"remark {note.code}: {note.text}" for note in result.notes]
-    codes = [d.limit.check.code for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]
+    open_ones = [d for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE") and d not in close]
+    codes = [d.limit.check.code for d in open_ones]
     if codes:
         lines.append(f"what to do: hdassist explain {' '.join(dict.fromkeys(codes))}")
     return lines

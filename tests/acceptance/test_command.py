@@ -130,6 +130,23 @@ def test_people_see_each_check_with_how_it_is_known(rig):
         assert words in done.stdout
 
 
+def test_what_a_margin_leaves_open_is_to_be_measured(tmp_path):
+    """A prediction near its limit is no fault of the drive: no cause to explain, but a value to find out."""
+    limits = ("--limit", "lost_motion=234", "--limit", "K_1=1e5")
+    sets = ("--set", "operation.M_g=4", "--set", "operation.rated=4")
+    done = run(
+        "accept", SMALL, *sets, "--limit", "F_ior@4=25", *limits, "--margin", "20", "--junit", "a.xml", cwd=tmp_path
+    )
+    assert done.returncode == 3
+    told = " ".join(done.stdout.split())
+    assert re.search(r"F'_ior at 4 N·m: \d\d\.\d\d is within 20 % of 25: measure it, --measured 4:FILE", told)
+    assert "lost motion: 234.29 is within 20 % of 234: measure it, --value lost_motion=VALUE±U" in told
+    assert told.endswith("what to do: hdassist explain K_1")  # far beyond its limit
+    suite = (tmp_path / "a.xml").read_text()
+    assert suite.count("what to do: hdassist explain K_1") == suite.count("what to do: hdassist explain") == 1
+    assert "what to do: 234.29 is within 20 % of 234" in suite
+
+
 def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     # a bad preset, a FAIL and a PASS: the bad preset's code is the worst
     (tmp_path / "bad.yaml").write_text("schema: hdassist.preset/1\n")

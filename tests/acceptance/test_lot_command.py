@@ -281,7 +281,7 @@ def test_two_runs_do_not_write_the_same_answers(folder):
 
 
 @pytest.mark.parametrize(
-    "text", ['{"results": []}', '{"results": [], "mine": 1}\n', "[]\n", '{"schema": "mine/1"}\n', "mine"]
+    "text", ['{"results": []}', '{"results": [], "mine": 1}\n', "[]\n", '{"schema": "mine/1"}\n', "mine", "\n \n"]
 )
 def test_a_file_that_is_none_of_ours_is_not_resumed_on(folder, text):
     (folder / "a.jsonl").write_text(text)
