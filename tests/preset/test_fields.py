@@ -345,7 +345,7 @@ def test_rule_of_measured_and_margin_of_predicted_values(reference):
     def verdict(stated: Value | None = None, **values: object) -> Verdict:
         drive = with_acceptance(reference, lost_motion=60.0, **values)
         found = dict.fromkeys(limits_of(drive), stated) if stated else {}
-        return accept(drive, stated=found, predictions=SimpleNamespace(twist=twist)).verdict
+        return accept(drive, stated=found, predictions=SimpleNamespace(twist=twist, unknown=(), spread=None)).verdict
 
     measured, twist = Value(59.0, 1.0, "stated"), SimpleNamespace(lost_motion_arcsec=59.0)
     assert [verdict(measured, rule=rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
