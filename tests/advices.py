@@ -76,7 +76,9 @@ def cards() -> dict[str, Advice]:
             [*LIGHT, 14.5], rotations=[*free, 245.3], overrides=("mounting.holes=0", "mounting.mark_kind=pitch")
         ),
         "flexspline": advice_of(overrides=(fixed, "tolerances.e_hg=20", "mounting.mark_kind=runout")),
-        "many": disagreeing(sampled(advice_of(*many, torques=tuple(range(1, 15)), overrides=("phases.xi_b=10",)))),
+        "many": disagreeing(
+            sampled(advice_of(*many, torques=tuple(k / 4 for k in range(1, 15)), overrides=("phases.xi_b=10",)))
+        ),
         "measured": replace(
             disagreeing(advice_of(overrides=("mounting.holes=0", "alternatives=[{gears.j_n: 7}]"))), measured=TEETH
         ),

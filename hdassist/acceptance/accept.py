@@ -6,13 +6,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.acceptance.checks import BUDGET, COVERAGE, LINES, NOT_TESTED, RATED, RECORD, UNCERTAINTY
+from hdassist.acceptance.checks import BUDGET, COVERAGE, LINES, NOT_TESTED, RATED, RECORD, UNCERTAINTY, UNKNOWN
 from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import names
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import Progress
@@ -97,9 +98,10 @@ def accept(
         elif predictions is None:
             continue
         else:
-            values = [limit.predicted(predictions)]
-        margin = margin_of(drive).percent / 100
-        decisions.append(_decisive([decide(limit, value, drive.acceptance.rule, margin) for value in values]))
+            values = limit.predicted(predictions)
+        margin = margin_of(drive, predictions).percent / 100
+        found = [decide(limit, value, drive.acceptance.rule, margin) for value in values]
+        decisions.append(_open(found) if found[-1].value and found[-1].value.extent == "open" else _decisive(found))
     return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
 
 
@@ -152,6 +154,12 @@ def value_of(limit: Limit, found: SweepResult) -> Value | None:
     return Value(number, uncertainty, "measured", extent, rise, unstated)
 
 
+def _open(found: Sequence[Decision]) -> Decision:
+    """Of the least and the greatest that a value may be: the least one decides where it fails."""
+    least, greatest = found
+    return least if least.verdict is Verdict.FAIL else greatest
+
+
 def _decisive(found: Sequence[Decision]) -> Decision:
     """The worst decision, the first of those alike.
 
@@ -191,5 +199,7 @@ def _of_decisions(result: AcceptanceResult) -> Iterator[Note]:
     torques = {d.limit.M_g for d in result.decisions if d.limit.M_g}
     for M_g in sorted(M_g for M_g in torques if M_g and rated and abs(M_g) > rated):
         yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
+    if result.predictions and result.predictions.unknown:
+        yield Note(UNKNOWN.code, f"not known: {names(result.predictions.unknown)}")
     if result.left_out:
         yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in result.left_out))

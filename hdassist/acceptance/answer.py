@@ -236,7 +236,7 @@ _ACCEPTED, _UNANSWERED = TypeAdapter(Accepted), TypeAdapter(Unanswered)
 def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Accepted:
     """The answer that an acceptance is."""
     drive, acceptance, predictions = result.drive, result.drive.acceptance, result.predictions
-    guard, margin = GUARD if acceptance.rule == "guard" else 0.0, margin_of(drive)
+    guard, margin = GUARD if acceptance.rule == "guard" else 0.0, margin_of(drive, result.predictions)
     return Accepted(
         schema=SCHEMA,
         version=__version__,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # heavy, and `hdassist explain` needs none of it
     from hdassist.measuring.measure import SweepResult
 
 Need = Literal["cycle", "self error", "stiffness"]
-Extent = Literal["whole", "at least", "part"]
+Extent = Literal["whole", "at least", "part", "open", "not known"]
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
 
 def _weaker_side(segment: int, of: Predictions, *_: float) -> float:
     """Stiffness of a segment on the side where it is less: the limit is the least."""
-    return min(side[segment].stiffness for side in (of.twist.positive, of.twist.negative))
+    return of.twist.weaker(segment)
 
 
 F_IOR = Check(
@@ -145,7 +145,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
         "A stiffer shell or ring, more teeth in mesh (wave, clearance), larger balls or more of them.",
         f"K_{k}",
         ("stiffness",),
-        partial(_weaker_side, k - 1),
+        partial(_weaker_side, k),
         upper=False,
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
@@ -197,6 +197,13 @@ RATED = Remark(
     "The model is compared with tests up to the rated torque only; teeth may ratchet beyond.",
     "Test at or below operation.rated.",
 )
+UNKNOWN = Remark(
+    "UNKNOWN",
+    "deviations that are not known",
+    "Whether the preset gives every deviation, phase and harmonic that a prediction depends on.",
+    "What is not given may be anything: a prediction passes where 95 % of that passes, and fails where 95 % fails.",
+    "Give it in the preset, 0 where it is known to be none; or measure the drive.",
+)
 NOT_TESTED = Remark(
     "NOT_TESTED",
     "limits not tested",
@@ -204,7 +211,7 @@ NOT_TESTED = Remark(
     "The verdict says nothing of limits that were left out.",
     "Measure them too, or leave out --measured-only: then the model predicts them.",
 )
-REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, NOT_TESTED)
+REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
 
 

@@ -110,7 +110,8 @@ def command(
     serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number in the report.")] = "",
     rule: Annotated[Literal["guard", "simple"] | None, typer.Option(help="Decision rule for measured values.")] = None,
     margin: Annotated[
-        float | None, typer.Option(metavar="PERCENT", help="Margin of predicted values; 10 calibrated, else 50.")
+        float | None,
+        typer.Option(metavar="PERCENT", help="Margin of predicted values; 10 calibrated, else 50 up."),
     ] = None,
     measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False,
     fail_on: Annotated[

@@ -11,27 +11,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import expm1
 from typing import Literal
 
-from hdassist.acceptance.checks import CHECKS, Check, Extent
-from hdassist.acceptance.predictions import Needed, Predictions
+from hdassist.acceptance.checks import CHECKS, F_IOR, Check, Extent
+from hdassist.acceptance.predictions import Needed, Predictions, is_calibrated
 from hdassist.errors import DataError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.fields import Drive
-from hdassist.preset.overrides import is_overridden
 from hdassist.verdict import Verdict
 
 GUARD = 1.65  # standard uncertainties: one-sided 95 %
 CALIBRATED, ASSUMED = 10.0, 50.0  # margin of predictions, percent of the value
-IDENTIFIED = (
-    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball",
-    "contact.c_bore", "gears.j_n", "bearing.g_b",
-)  # fmt: skip
-MODEL = ("numerics.nominal_curve", "numerics.stations")  # what was identified with one of these holds with no other
 
 Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
-MarginOrigin = Literal["given", "calibrated", "assumed"]
+MarginOrigin = Literal["given", "calibrated", "assumed", "spread"]
 
 
 @dataclass(frozen=True)
@@ -50,9 +45,16 @@ class Limit:
         torque = "" if self.M_g is None else f" at {self.M_g:g} N·m"
         return f"{order or self.check.words}{torque}"
 
-    def predicted(self, predictions: Predictions) -> Value:
-        """The value of predictions that it is for."""
-        return Value(self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0), 0.0, "predicted")
+    def predicted(self, predictions: Predictions) -> tuple[Value, ...]:
+        """The value of predictions that it is for; the least and the greatest that it may be over what is not known."""
+        number = self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0)
+        if not predictions.unknown or "cycle" not in self.check.needs:
+            return (Value(number, 0.0, "predicted"),)
+        over = predictions.over.get(self.M_g or 0.0) if self.check is F_IOR else None
+        if over is None:
+            return (Value(number, 0.0, "predicted", "not known"),)
+        more = number - predictions.errors[over.M_g].F_ior_arcsec
+        return Value(over.low + more, 0.0, "predicted"), Value(over.high + more, 0.0, "predicted", "open")
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,9 @@ class Value:
     """What is known of a value.
 
     number, in the unit of its check; uncertainty, the standard one, 0 where it is predicted; basis, how it is known;
-    extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole; rise,
-    by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated.
+    extent: the value of the whole cycle, a lower bound of it, or that of a part which says nothing of the whole; of a
+    prediction with deviations that are not known, what 95 % of them stay below (open), or one that takes them as 0;
+    rise, by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated.
     """
 
     number: float
@@ -102,12 +105,19 @@ def decide(limit: Limit, value: Value | None, rule: Rule, margin: float) -> Deci
     if value is None:
         return Decision(limit, None, 0.0, Verdict.INCONCLUSIVE, "the record does not tell it")
     predicted = value.basis == "predicted"
-    guard = margin * abs(value.number) if predicted else GUARD * value.uncertainty if rule == "guard" else 0.0
+    guard = beyond = GUARD * value.uncertainty if rule == "guard" else 0.0
+    if predicted:  # the drive's own may be so many times the value, or the value so many times it
+        more, less = margin * abs(value.number), margin / (1 + margin) * abs(value.number)
+        guard, beyond = (more, less) if limit.check.upper else (less, more)
     room = _room(limit, value)
+    if value.extent == "not known":
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "deviations that are not known were taken as 0")
+    if value.extent == "open" and room < guard:
+        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "what is not known could take it across the limit")
     if value.extent == "part":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "of a part of the cycle only")
-    if room < -guard:
-        return Decision(limit, value, guard, Verdict.FAIL, "")
+    if room < -beyond:
+        return Decision(limit, value, beyond, Verdict.FAIL, "")
     if value.extent == "at least":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only")
     strict = rule == "guard" and not predicted
@@ -141,22 +151,25 @@ class Margin:
             "given": "as given",
             "calibrated": "stiffnesses or clearances identified by a calibration",
             "assumed": "stiffnesses and clearances not calibrated",
+            "spread": "over the plausible ranges of what is assumed (95 %)",
         }
         return f"margin {self.percent:g} %, {why[self.origin]}"
 
 
-def margin_of(drive: Drive) -> Margin:
+def margin_of(drive: Drive, predictions: Predictions | None = None) -> Margin:
     """Margin of what the model predicts of a drive: acceptance.margin, or by how its stiffnesses are known.
 
     A drive is calibrated where the preset says of a stiffness or clearance that it was identified, and neither they nor
-    the model that they were identified with are overridden. Plausible stiffnesses that nobody has fitted spread
-    ln F'_ior by 0.43 (standard deviation).
+    the model that they were identified with are overridden. Else the margin is what 95 % of the spread of predictions
+    over what is assumed stays below; ASSUMED where that is less, or was not computed.
     """
     if drive.acceptance.margin is not None:
         return Margin(drive.acceptance.margin, "given")
-    changed = any(is_overridden(path, drive.origin.overrides) for path in IDENTIFIED + MODEL)
-    known = any(path in drive.source and drive.source[path].kind == "identified" for path in IDENTIFIED)
-    return Margin(CALIBRATED, "calibrated") if known and not changed else Margin(ASSUMED, "assumed")
+    if is_calibrated(drive):
+        return Margin(CALIBRATED, "calibrated")
+    spread = predictions.spread if predictions else None
+    percent = 100 * expm1(GUARD * spread) if spread else 0.0
+    return Margin(percent, "spread") if percent > ASSUMED else Margin(ASSUMED, "assumed")
 
 
 def limits_of(drive: Drive) -> tuple[Limit, ...]:

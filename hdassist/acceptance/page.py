@@ -51,7 +51,7 @@ def _titles(result: AcceptanceResult) -> dict[str, str]:
     return {
         "measured": f"measured: {RULES[acceptance.rule]}",
         "stated": f"measured otherwise: {RULES[acceptance.rule]}",
-        "predicted": f"predicted: {margin_of(result.drive).words}; no decision on conformity",
+        "predicted": f"predicted: {margin_of(result.drive, result.predictions).words}; no decision on conformity",
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from functools import partial
 from typing import Any
 
@@ -12,14 +13,30 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
+from hdassist.error.rests_on import assumed_spread
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
+from hdassist.error.unknown_range import UnknownRange, unknown_ranges
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import Unknown, unknowns
 from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
+
+IDENTIFIED = (
+    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball",
+    "contact.c_bore", "gears.j_n", "bearing.g_b",
+)  # fmt: skip
+MODEL = ("numerics.nominal_curve", "numerics.stations")  # what was identified with one of these holds with no other
+
+
+def is_calibrated(drive: Drive) -> bool:
+    """Whether a stiffness or clearance of a drive was identified, on the model that it is used with."""
+    changed = any(is_overridden(path, drive.origin.overrides) for path in IDENTIFIED + MODEL)
+    return not changed and any(p in drive.source and drive.source[p].kind == "identified" for p in IDENTIFIED)
 
 
 @dataclass(frozen=True)
@@ -39,17 +56,27 @@ class Needed:
 
 @dataclass(frozen=True)
 class Predictions:
-    """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed."""
+    """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
 
+    window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
+    as 0; over: F'_ior over them, by torque; spread: standard deviation of ln F'_ior over what is assumed of a
+    drive that is not calibrated.
+    """
+
+    window: float
     errors: dict[float, KinematicError]
     self_errors: dict[float, SelfError]
     stiffness: Stiffness | None
+    unknown: tuple[Unknown, ...] = ()
+    over: dict[float, UnknownRange] = dataclass_field(default_factory=dict)
+    spread: float | None = None
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
         parts = [error.certificate for error in self.errors.values()]
         parts += [own.certificate for own in self.self_errors.values()]
+        parts += [each.certificate for each in self.over.values()]
         return sum(parts, self.stiffness.certificate if self.stiffness else EMPTY)
 
     @property
@@ -113,8 +140,18 @@ def predict(
             progress(sum(part.certificate.states for part in parts))
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
+    over = unknown_ranges(drive, needed.cycles, seed=seed, executor=executor, progress=progress)
+    spread = None
+    if needed.cycles and drive.acceptance.margin is None and not is_calibrated(drive):
+        spread = assumed_spread(drive, needed.cycles, executor=executor, progress=progress)
     return Predictions(
-        errors, dict(zip(needed.self_errors, own, strict=True)), results[-1] if needed.stiffness else None
+        drive.numerics.window,
+        errors,
+        dict(zip(needed.self_errors, own, strict=True)),
+        results[-1] if needed.stiffness else None,
+        unknowns(drive) if needed.cycles else (),
+        {each.M_g: each for each in over},
+        spread,
     )
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
@@ -24,6 +25,7 @@ from hdassist.preset.kinds import Line
 from hdassist.preset.library import load_preset
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
+from hdassist.solve.window import in_wide_enough_window, with_window
 
 RECORD_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
 
@@ -170,8 +172,8 @@ def predict_for(request: Request) -> Predictions | None:
     limits = limits_of(drive)
     torques, stated = [trace.at(drive) for trace in request.measured], [v.limit_of(limits) for v in request.values]
     left = () if request.measured_only else without_values(drive, torques, stated)
-    needed = needed_for(left)
-    return predict(drive, needed, cross_check=request.cross_check, seed=request.seed) if left else None
+    analysis = partial(predict, needed=needed_for(left), cross_check=request.cross_check, seed=request.seed)
+    return in_wide_enough_window(drive, analysis) if left else None
 
 
 def carry_out(
@@ -189,9 +191,9 @@ def carry_out(
     them. Raises DataError: no limit, or something measured that no limit is for; UsageError: a value that no limit is
     for; UntrustedError where a prediction cannot be trusted.
     """
-    return accept(
-        drive,
-        measurements,
+    analysis = partial(
+        accept,
+        measurements=measurements,
         stated=stated_values(request.values, drive),
         measured_only=request.measured_only,
         predictions=predictions,
@@ -200,3 +202,4 @@ def carry_out(
         executor=executor,
         progress=progress,
     )
+    return in_wide_enough_window(with_window(drive, predictions.window) if predictions else drive, analysis)

@@ -7,18 +7,20 @@ from the others is kept, and each value has an interval that says whether the ta
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import OptimizeResult, differential_evolution, least_squares
 from scipy.stats import qmc
 
-from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level
+from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level, fault_of
 from hdassist.calibration.quantities import FINE, MEDIUM, Quantities
+from hdassist.calibration.shortfall import holding, in_the_way
 from hdassist.calibration.targets import Targets, Unknown
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
+from hdassist.solve.window import in_wide_enough_window
 
 POPULATION = 4  # points of the global search's generation for each unknown
 STARTS = 4  # points that least squares starts from by default
@@ -34,13 +36,14 @@ class Fit:
     """One set of found values, in the order of the unknowns.
 
     off: how far from each target, in its tolerances (0 inside a range); found: the quantity of each target,
-    in its unit; best_deg: per torque of the preset, the mounting phase with the least F'_ior; met: which targets are.
+    in its unit; best_deg: per torque of the preset, the mounting phase with the least F'_ior, None where that cannot be
+    computed; met: which targets are.
     """
 
     values: tuple[float, ...]
     off: tuple[float, ...]
     found: tuple[float, ...]
-    best_deg: tuple[float, ...]
+    best_deg: tuple[float | None, ...]
     met: tuple[bool, ...]
 
     @property
@@ -55,7 +58,8 @@ class Calibration:
 
     start: values of the preset; half_width: of the interval of each value of the best set, in the sense in which
     the tolerances are half-widths, cut to the bounds; determined: share of the bounds' width by which the targets
-    have narrowed the interval, 0..1; correlation, shape (unknowns, unknowns); evaluations: drives computed.
+    have narrowed the interval, 0..1; correlation, shape (unknowns, unknowns); held: the bound at which each value of
+    the best set stands and beyond which the fit would go on, None elsewhere; evaluations: drives computed.
     """
 
     drive: Drive
@@ -65,6 +69,7 @@ class Calibration:
     half_width: tuple[float, ...]
     determined: tuple[float, ...]
     correlation: Array
+    held: tuple[float | None, ...]
     evaluations: int
     seed: int
 
@@ -109,7 +114,7 @@ def calibrate(
     Raises UntrustedError where nothing could be computed or least squares did not come to rest.
     """
     unit = _Unit(targets.unknowns)
-    start = tuple(float(drive.value(u.path)) for u in targets.unknowns)
+    start = tuple(u.start for u in targets.unknowns)
     seen: dict[tuple[float, ...], float] = {}
 
     def off(points: Iterable[Array], level: Level) -> list[Array]:
@@ -123,23 +128,33 @@ def calibrate(
 
     _search(unit, start, off, budget, seed)
     if min(seen.values()) >= IMPOSSIBLE**2:
-        raise UntrustedError("no drive within the bounds could be computed", "look at the bounds, and check the preset")
+        fault = fault_of(drive.with_values(targets.by_path(start)), targets.targets)
+        why = f"; as the preset has it: {fault}" if fault else ""
+        hint = "look at the bounds, and check the preset"
+        raise UntrustedError(f"no drive within the bounds could be computed{why}", hint)
     runs = sorted((_settle(point, off) for point in _distant(seen, starts)), key=lambda run: run.cost)
-    if not (runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1):
-        raise UntrustedError(
-            "the fit did not come to rest",
-            "run again with the same --state and more --evaluations: what was computed is kept",
-        )
-    sets = [unit.values(run.x) for run in runs]
+    at_rest = runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1
+    sets = [unit.values(run.x) for run in (runs if at_rest else runs[:1])]
     answers = evaluations.run(_fit, [(drive.with_values(targets.by_path(v)), targets, v) for v in sets])
     # a coarse scan may not have come to what a fine one does
     fits = [fit for fit in answers if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
     kept = _far_apart(sorted(fits, key=lambda fit: float(np.sum(np.square(fit.off)))), unit)
-    jacobian = _jacobian(unit.point(kept[0].values), off)
+    point = unit.point(kept[0].values)
+    jacobian = _jacobian(point, off)
+    held = holding(targets.unknowns, point, off([point], "medium")[0], jacobian)
+    if not at_rest:
+        words = in_the_way(targets.unknowns, targets.targets, kept[0].found, kept[0].met, held)
+        raise UntrustedError(
+            f"the fit did not come to rest: {words or 'its nearest set meets the targets all the same'}",
+            "run again with the same --state and more --evaluations: what was computed is kept",
+        )
+    best = evaluations.run(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
+    kept = [replace(fit, best_deg=phases) for fit, phases in zip(kept, best, strict=True)]
     half, determined, correlation = _intervals(jacobian, unit, kept[0].values)
-    return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, evaluations.computed, seed)
+    count = evaluations.computed
+    return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, held, count, seed)
 
 
 class _Unit:
@@ -225,19 +240,30 @@ def _jacobian(point: Array, off: _Off) -> Array:
 
 def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
     drive, targets, values = task
-    fine, medium = Quantities(drive, FINE), Quantities(drive, MEDIUM)
-    try:
+
+    def found(there: Drive) -> Fit:
+        fine = Quantities(there, FINE)
         rows = [fine.off(target) for target in targets.targets]
         off = tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in rows)
-        return Fit(
-            values=values,
-            off=off,
-            met=tuple(t.is_met(x) for t, x in zip(targets.targets, off, strict=True)),
-            found=tuple(fine.value(target) for target in targets.targets),
-            best_deg=tuple(medium.scan(M_g).best_deg for M_g in drive.operation.M_g),
-        )
+        met = tuple(t.is_met(x) for t, x in zip(targets.targets, off, strict=True))
+        return Fit(values, off, tuple(fine.value(target) for target in targets.targets), (), met)
+
+    try:
+        return in_wide_enough_window(drive, found)
     except HdassistError:
         return None
+
+
+def _best_phases(drive: Drive) -> tuple[float | None, ...]:
+    """Mounting phase [deg] of the least F'_ior at each torque of a drive; None where it cannot be computed."""
+
+    def best(M_g: float) -> float | None:
+        try:
+            return in_wide_enough_window(drive, lambda there: Quantities(there, MEDIUM).best_deg(M_g))
+        except HdassistError:
+            return None
+
+    return tuple(map(best, drive.operation.M_g))
 
 
 def _far_apart(fits: list[Fit], unit: _Unit) -> list[Fit]:

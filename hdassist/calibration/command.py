@@ -40,15 +40,17 @@ def command(
       name: acceptance rig, drive 17
       unknowns:
         gears.j_n: {low: 0, high: 20}
-        supports.C_2: {low: 5e3, high: 1e5, scale: log}
+        supports.C_2: {scale: log}     # between the ends of its range in the preset's source
       targets:
         - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
+        - {quantity: K_1, value: 50e4, tolerance: 10 %}
         - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 
-    Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), revolution_range, self_error,
-    torsional_stiffness, lost_motion, trace. A global search, then least squares from its best points that lie
-    apart; every set that meets the targets is kept. Ctrl-C keeps the --state file, from which the same command
-    goes on. Exit code 5: the fit did not come to rest.
+    Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), revolution_range, self_error, K_1, K_2,
+    K_3 and lost_motion (as hdassist stiffness has them), torsional_stiffness, trace. A global search, then least
+    squares from its best points that lie apart; every set that meets the targets is kept, and where none does, targets
+    and bounds in the way are named. Ctrl-C keeps the --state file, from which the same command goes on. Exit code 5:
+    the fit did not come to rest.
     """
     from hdassist.calibration.calibrate import calibrate, estimate_drives
     from hdassist.calibration.evaluations import Evaluations
@@ -77,7 +79,7 @@ def command(
         wanted = read_targets(text, str(targets), drive)
         given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
         if write is not None:  # a text that cannot be changed is better known before than after
-            with_found_values(given, name, {u.path: drive.value(u.path) for u in wanted.unknowns}, "")
+            with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
         try:
             with (
                 held(None if state is None else str(state)),

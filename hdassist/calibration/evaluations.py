@@ -21,6 +21,7 @@ from hdassist.errors import DataError, HdassistError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.rules import conflicts
+from hdassist.solve.window import in_wide_enough_window
 from hdassist.textfile import is_file, is_there, read_bytes
 
 Level = Literal["rough", "medium"]
@@ -144,11 +145,29 @@ class Evaluations:
 def _off(task: tuple[Drive, dict[str, float], tuple[Target, ...], Accuracy]) -> tuple[float, ...]:
     drive, values, targets, accuracy = task
     there = drive.with_values(values)
-    lengths = [len(target.trace[0]) if target.trace else 1 for target in targets]
-    if any(conflicts({path: there.value(path) for path, _ in fields()})):
-        return (IMPOSSIBLE,) * sum(lengths)
-    quantities = Quantities(there, accuracy)
     try:
-        return tuple(float(x) for target in targets for x in quantities.off(target))
+        return _computed(there, targets, accuracy)
     except HdassistError:
+        lengths = [len(target.trace[0]) if target.trace else 1 for target in targets]
         return (IMPOSSIBLE,) * sum(lengths)
+
+
+def fault_of(drive: Drive, targets: Sequence[Target]) -> str:
+    """Why a drive cannot be computed; empty where it can."""
+    try:
+        _computed(drive, targets, ROUGH)
+    except HdassistError as error:
+        return error.message
+    return ""
+
+
+def _computed(drive: Drive, targets: Sequence[Target], accuracy: Accuracy) -> tuple[float, ...]:
+    """How far a drive is off targets, in their tolerances. Raises HdassistError where there is no such drive."""
+    for conflict, _ in conflicts({path: drive.value(path) for path, _ in fields()}):
+        raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
+
+    def off(there: Drive) -> tuple[float, ...]:
+        quantities = Quantities(there, accuracy)
+        return tuple(float(x) for target in targets for x in quantities.off(target))
+
+    return in_wide_enough_window(drive, off)

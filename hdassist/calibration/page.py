@@ -9,7 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.calibration.calibrate import Calibration, Fit
+from hdassist.calibration.shortfall import in_the_way
 from hdassist.calibration.targets import Target
+from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.runs import Answer
@@ -29,13 +31,17 @@ def answer(result: Calibration) -> Answer:
     )
 
 
+MOVED = {"F_ior", "F_ior_max", "F_ior_min", "revolution_range", "trace"}  # by deviations
+
+
 def warnings(result: Calibration) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
     best, drive = result.best, result.drive
-    missed = [t.words for t, met in zip(result.targets.targets, best.met, strict=True) if not met]
-    words = list(drive.origin.warnings)
-    if missed:
-        words.append(f"not met together: {'; '.join(missed)}; the values are the nearest that were found")
+    words, wanted = [*drive.origin.warnings], result.targets
+    if any(target.quantity in MOVED for target in wanted.targets):
+        words += told(drive)
+    if missed := in_the_way(wanted.unknowns, wanted.targets, best.found, best.met, result.held):
+        words.append(f"targets are missed: {missed}; the values are the nearest that were found")
     unseen = [u.path for u, share in zip(result.targets.unknowns, result.determined, strict=True) if share < UNSEEN]
     if unseen:
         words.append(f"the targets say nothing about {', '.join(unseen)}")
@@ -102,7 +108,10 @@ def _sets(result: Calibration, style: Style) -> Table:
     for row, unknown in enumerate(result.targets.unknowns):
         grid.add_row(unknown.path, *(f"{fit.values[row]:g}" for fit in result.fits))
     for row, M_g in enumerate(result.drive.operation.M_g):
-        grid.add_row(style.text(f"best phase at {M_g:g} N·m"), *(f"{fit.best_deg[row]:.0f}" for fit in result.fits))
+        phases = (fit.best_deg[row] for fit in result.fits)
+        grid.add_row(
+            style.text(f"best phase at {M_g:g} N·m"), *("-" if deg is None else f"{deg:.0f}" for deg in phases)
+        )
     worst = (max(map(abs, fit.off)) for fit in result.fits)
     grid.add_row("furthest target, tolerances", *(f"{off:.2f}" for off in worst))
     return grid
@@ -147,9 +156,16 @@ def to_json(result: Calibration) -> Json:
                 "found": value,
                 "half_width": half,
                 "determined": share,
+                "held_at": bound,
             }
-            for u, start, value, half, share in zip(
-                unknowns, result.start, result.best.values, result.half_width, result.determined, strict=True
+            for u, start, value, half, share, bound in zip(
+                unknowns,
+                result.start,
+                result.best.values,
+                result.half_width,
+                result.determined,
+                result.held,
+                strict=True,
             )
         ],
         "correlation": result.correlation.tolist(),

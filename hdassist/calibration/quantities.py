@@ -13,7 +13,7 @@ from hdassist.calibration.targets import Target
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, searchable
 from hdassist.error.self_error import self_error
-from hdassist.error.stiffness import Twist
+from hdassist.error.stiffness import Stiffness, Twist, stiffness
 from hdassist.error.trace import trace
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
@@ -64,6 +64,7 @@ class Quantities:
         self._searches: dict[float, CycleSearch] = {}
         self._F_ior: dict[tuple[float, float], float] = {}
         self._self_errors: dict[float, float] = {}
+        self._stiffnesses: dict[tuple[float | None, float | None], Stiffness] = {}
 
     def off(self, target: Target) -> Array:
         """How far the drive is from a target, in its tolerances; a trace has one value for each of its states."""
@@ -94,8 +95,12 @@ class Quantities:
                 return self.self_error(asked["M_g"])
             case "torsional_stiffness":
                 return float((asked["to"] - asked["from"]) / self._twist.between(asked["from"], asked["to"]) * ARCSEC)
-            case "lost_motion":
+            case "K_1" | "K_2" | "K_3":
+                return self._stiffness(asked.get("T_1"), asked.get("T_2")).weaker(int(target.quantity[-1]))
+            case "lost_motion" if "M_g" in asked:
                 return self._twist.between(-asked["M_g"], asked["M_g"])
+            case "lost_motion":
+                return self._stiffness(None, None).lost_motion_arcsec
             case _:
                 return float(np.sqrt(np.mean(self._off_trace(target) ** 2)))
 
@@ -105,8 +110,9 @@ class Quantities:
         if key not in self._F_ior:
             there = rotated(self._drive, key[1] - phase_deg(self._drive))
             if searchable(self._drive):
-                search = self._searches.setdefault(M_g, CycleSearch(self._drive, M_g))
-                self._F_ior[key] = search.extremes(there).F_ior_arcsec
+                if M_g not in self._searches:
+                    self._searches[M_g] = CycleSearch(self._drive, M_g)
+                self._F_ior[key] = self._searches[M_g].extremes(there).F_ior_arcsec
             else:
                 self._F_ior[key] = kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
         return self._F_ior[key]
@@ -115,6 +121,10 @@ class Quantities:
         """Least and greatest F'_ior over the mounting phase at a torque [N*m]."""
         (best, least), (worst, greatest) = (self._extreme(M_g, sign) for sign in (+1, -1))
         return Scan(least, best % 360, -greatest, worst % 360)
+
+    def best_deg(self, M_g: float) -> float:
+        """Mounting phase [deg] of the least F'_ior at a torque [N*m]."""
+        return self._extreme(M_g, +1)[0] % 360
 
     def self_error(self, M_g: float) -> float:
         """Self error [arcsec] at a torque [N*m]."""
@@ -127,6 +137,13 @@ class Quantities:
             results = self_error(drive, torques)
             self._self_errors |= {M: result.range_arcsec for M, result in zip(torques, results, strict=True)}
         return self._self_errors[M_g]
+
+    def _stiffness(self, T_1: float | None, T_2: float | None) -> Stiffness:
+        """Stiffness, without points between its ends; T_1, T_2, ends of segments [N*m], by default a catalogue's."""
+        if (T_1, T_2) not in self._stiffnesses:
+            found = stiffness(self._drive, T_1=T_1, T_2=T_2, points=0, cross_check=None)
+            self._stiffnesses[T_1, T_2] = found
+        return self._stiffnesses[T_1, T_2]
 
     @cached_property
     def _twist(self) -> Twist:

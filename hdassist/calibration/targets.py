@@ -4,9 +4,10 @@ schema: hdassist.targets/1
 name: acceptance rig, drive 17
 unknowns:
   gears.j_n: {low: 0, high: 20}
-  supports.C_2: {low: 5e3, high: 1e5, scale: log}
+  supports.C_2: {scale: log}        # between the ends of its range in the preset's source
 targets:
   - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
+  - {quantity: K_1, value: 50e4, tolerance: 10 %}
   - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 """
 
@@ -54,6 +55,7 @@ class TargetKind:
 
 
 TORQUE = {"M_g": "N*m"}
+ENDS = {"T_1": "N*m", "T_2": "N*m"}  # of the first and the second segment, where a data sheet has its own
 KINDS: dict[str, TargetKind] = {
     "F_ior": TargetKind(
         "arcsec", "F'_ior, full cycle; at a mounting phase, or as the wheel stands", TORQUE, {"phase": "deg"}
@@ -65,7 +67,12 @@ KINDS: dict[str, TargetKind] = {
     "torsional_stiffness": TargetKind(
         "N*m/rad", "chord of the stiffness curve, the shell's tube included", {"from": "N*m", "to": "N*m"}, {}
     ),
-    "lost_motion": TargetKind("arcsec", "twist between minus and plus a torque", TORQUE, {}),
+    "K_1": TargetKind("N*m/rad", "stiffness of the first segment, on the weaker side", {}, ENDS),
+    "K_2": TargetKind("N*m/rad", "stiffness of the second segment, on the weaker side", {}, ENDS),
+    "K_3": TargetKind("N*m/rad", "stiffness of the third segment, on the weaker side", {}, ENDS),
+    "lost_motion": TargetKind(
+        "arcsec", "twist between minus and plus a torque, by default 4 % of the rated torque", {}, TORQUE
+    ),
     "trace": TargetKind(
         "arcsec", "error over the cam angle, in a file that measure takes", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
     ),
@@ -74,12 +81,16 @@ KINDS: dict[str, TargetKind] = {
 
 @dataclass(frozen=True)
 class Unknown:
-    """A preset field to be found between two bounds, in its unit; log: searched by its logarithm."""
+    """A preset field to be found between two bounds, in its unit; log: searched by its logarithm.
+
+    start: the preset's value or its default, or, of a field that has none, the middle between the bounds.
+    """
 
     path: str
     low: float
     high: float
     log: bool
+    start: float
 
     @property
     def unit(self) -> str:
@@ -254,26 +265,27 @@ class _Reader:
         if key not in measures():
             add(path, "names no measure of a preset", near(key, measures()) or "like gears.j_n", "", key=True)
             return None
-        if not isinstance(value, dict):
+        if value is not None and not isinstance(value, dict):
             add(path, "must be a table of keys", "like {low: 0, high: 20}")
             return None
-        bounds = self._checked(path, value, _bounds(unit_of(measures()[key])))
-        section, name = key.split(".")
-        start = self.drive.value(key)
-        if start is None or name not in getattr(self.drive, section).model_fields_set:
-            add(path, "the preset gives it no value to start from", f"write {key} into the preset", "", key=True)
-            return None
+        source = self.drive.source.get(key)
+        plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
+        lacking = "" if plausible else f", and no range at source.{key} of the preset"
+        bounds = self._checked(path, {**plausible, **(value or {})}, _bounds(unit_of(measures()[key])), lacking)
         if not bounds:
             return None
         low, high, log = bounds["low"], bounds["high"], bounds.get("scale") == "log"
-        got = f"{low:g} to {high:g}"
+        got, start = f"{low:g} to {high:g}", self.drive.value(key)
         if not low < high or (log and low <= 0):
             add(path, f"low must be {'above 0, ' if log else ''}below high", got=got)
-        elif not low <= start <= high:
+            return None
+        if start is None:
+            start = (low * high) ** 0.5 if log else (low + high) / 2
+        if not low <= start <= high:
             add(path, "the preset's value lies outside the bounds", got=f"{start:g}, not in {got}")
         elif not (self.drive.allows(key, low) and self.drive.allows(key, high)):
             add(path, "the bounds reach beyond what a preset allows", got=got)
-        return Unknown(key, low, high, log)
+        return Unknown(key, low, high, log, start)
 
     def _target(self, path: Path, item: Any) -> Target | None:
         if not isinstance(item, dict):
@@ -287,7 +299,7 @@ class _Reader:
             return None
         kind = KINDS[quantity]
         given = self._checked(path, item, _written(kind), f": {quantity} is asked with it")
-        for key in ("M_g", "from", "to"):
+        for key in ("M_g", "from", "to", "T_1", "T_2"):
             if given.get(key) == 0 and quantity != "torsional_stiffness":
                 self.findings.add((*path, key), "a torque of 0 leaves the rotation undetermined")
         trace = None

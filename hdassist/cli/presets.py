@@ -16,6 +16,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from hdassist.preset.schema import ResolvedField
     from hdassist.terminal.console import Style
 
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
@@ -45,8 +46,11 @@ def list_(options: TableOptions) -> None:
     Examples:
       hdassist presets list
       hdassist presets list --json
+
+    What each rests on: how many of its values are given, identified from measurements, or only assumed.
     """
     from hdassist.preset.library import load_preset, preset_names
+    from hdassist.preset.schema import counted
     from hdassist.terminal.answers import envelope
 
     drives = {name: load_preset(name) for name in preset_names()}
@@ -59,6 +63,7 @@ def list_(options: TableOptions) -> None:
                 "z_g": drive.gears.z_g,
                 "z_b": drive.gears.z_b,
                 "m_mm": drive.gears.m,
+                "values": counted(drive),
                 "description": drive.description,
             }
             for drive in drives.values()
@@ -66,10 +71,16 @@ def list_(options: TableOptions) -> None:
         _print_json(answer)
         return
     rows = [
-        (name, f"{drive.gears.z_g}/{drive.gears.z_b}", f"{drive.gears.m!r} mm", _first_sentence(drive.description))
+        (
+            name,
+            f"{drive.gears.z_g}/{drive.gears.z_b}",
+            f"{drive.gears.m!r} mm",
+            ", ".join(map(str, counted(drive).values())),
+            _first_sentence(drive.description),
+        )
         for name, drive in drives.items()
     ]
-    _print_table(("name", "teeth", "module", "description"), rows, options)
+    _print_table(("name", "teeth", "module", "given,\nidentified,\nassumed", "description"), rows, options)
 
 
 @app.command()
@@ -106,7 +117,7 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
         answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
         _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
     else:
-        cells = [(row.path, _value(row.value), row.unit, row.kind, row.ref) for row in rows]
+        cells = [(row.path, _value(row.value), row.unit, row.kind, _reference(row)) for row in rows]
         _print_table(("field", "value", "unit", "origin", "reference"), cells, options)
     for warning in drive.origin.warnings:
         warn(warning)
@@ -121,7 +132,7 @@ def validate(
     json: o.AsJson = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
-    """Check presets: everything that is wrong with each, at once.
+    """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
     \b
     Examples:
@@ -130,6 +141,7 @@ def validate(
 
     Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
     """
+    from hdassist.preset.schema import counted
     from hdassist.terminal.answers import combine, envelope, failure
     from hdassist.terminal.console import Style
     from hdassist.terminal.files import write_text
@@ -140,15 +152,17 @@ def validate(
         try:
             origin = (drive := drives.load(name)).origin
             answer = envelope("presets-validate", drive, warnings=origin.warnings)
-            answers.append(answer | {"file": name, "valid": True, "findings": []})
+            values = counted(drive)
+            answers.append(answer | {"file": name, "valid": True, "values": values, "findings": []})
+            verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
         except HdassistError as error:
             findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
             answer = failure("presets-validate", error, preset=name)
             answers.append(answer | {"file": name, "valid": False, "findings": findings})
+            verdict = "invalid"
             if not json:
                 complain(error)
         if not json:
-            verdict = "OK" if answers[-1]["valid"] else "invalid"
             write_text("-", Style.of(sys.stdout).text(f"{name}: {verdict}\n"), force=False)
             for warning in answers[-1]["warnings"]:
                 warn(warning)
@@ -158,23 +172,60 @@ def validate(
     raise typer.Exit(exit_code)
 
 
+Like = Annotated[
+    str | None, typer.Option("--like", metavar="PRESET", help="Drive to be like; vzp160 if anything else is asked for.")
+]
+PitchDiameter = Annotated[
+    str | None, typer.Option("--pitch-diameter", metavar="MM", help="Pitch diameter of the flexspline; 63, or '63 mm'.")
+]
+Teeth = Annotated[str | None, typer.Option("--teeth", metavar="Z_G/Z_B", help="Teeth of both wheels: 160/162.")]
+Ratio = Annotated[float | None, typer.Option("--ratio", metavar="N", help="Ratio, in place of the teeth.")]
+Torque = Annotated[str | None, typer.Option("--torque", metavar="N*M", help="Rated torque.")]
+GivenStiffness = Annotated[
+    str | None, typer.Option("--stiffness", metavar="K1,K2,K3", help="Torsional stiffnesses of a catalogue, N*m/rad.")
+]
+
+
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")],
+    *,
+    like: Like = None,
+    pitch_diameter: PitchDiameter = None,
+    teeth: Teeth = None,
+    ratio: Ratio = None,
+    torque: Torque = None,
+    stiffness: GivenStiffness = None,
     output: o.Target = "-",
     force: o.Force = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
 ) -> None:
-    """A commented preset to start from; its numbers are examples.
+    """A whole preset of a drive like another one; without options, a form whose numbers are examples.
 
     \b
     Examples:
+      hdassist presets new own --ratio 100 --torque 67 -o own.yaml
+      hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
+      hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
       hdassist presets new my-drive -o my-drive.yaml
+
+    What is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
+    The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
     """
+    from hdassist.preset.library import load_preset
+    from hdassist.preset.wishes import read_wish
     from hdassist.preset.write import new_preset
+    from hdassist.preset.write_similar import similar_preset
     from hdassist.terminal.files import write_text
 
-    write_text(output, new_preset(name), force)
+    asked = (like, pitch_diameter, teeth, ratio, torque, stiffness)
+    if all(each is None for each in asked):
+        text = new_preset(name)
+    else:
+        other = load_preset(like if like is not None else "vzp160")
+        wish = read_wish(other, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque, stiffness=stiffness)
+        text = similar_preset(name, other, wish)
+    write_text(output, text, force)
 
 
 @app.command()
@@ -250,6 +301,14 @@ def _value(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key}: {_value(item)}" for key, item in value.items()) or "-"
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def _reference(row: ResolvedField) -> str:
+    """Where a value comes from, its plausible range first."""
+    if row.range is None:
+        return row.ref
+    bounds = f"{_value(row.range[0])} to {_value(row.range[1])}"
+    return f"{bounds}; {row.ref}" if row.ref else bounds
 
 
 def _first_sentence(text: str) -> str:

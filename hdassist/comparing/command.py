@@ -58,6 +58,7 @@ def command(
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell.
     """
     from dataclasses import replace
+    from functools import partial
 
     from hdassist.comparing.compare import RecordConvention, compare, estimate_states, torque_of, zero_of
     from hdassist.comparing.page import answer
@@ -65,6 +66,7 @@ def command(
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.model.kinematics import Kinematics
     from hdassist.readers.trace import read_trace
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
     from hdassist.terminal.runs import Answer, give, run_each
@@ -77,16 +79,16 @@ def command(
     )  # fmt: skip
     drive = drives.load(preset, *o.torque_overrides(torque))
     M_g = torque_of(drive)
-    form = traces.form()
+    form, said = traces.form(), dict.fromkeys(drive.origin.warnings)
 
     def one(name: str) -> Answer:
         trace = read_trace(name, form, abs(Kinematics.of(drive).u))
         convention = asked if zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
         with out.progress(f"{drive.name}, {trace.file}", estimate_states()) as progress:
-            result = compare(
+            analysis = partial(
+                compare,
                 trace,
-                drive,
-                M_g,
+                M_g=M_g,
                 convention=convention,
                 orders=orders,
                 drift=traces.drift,
@@ -94,9 +96,11 @@ def command(
                 seed=seed,
                 progress=progress,
             )
+            result = in_wide_enough_window(drive, analysis)
+        said.update(dict.fromkeys(result.drive.origin.warnings))
         return answer(result, plots=plot)
 
     answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
-    for text in drive.origin.warnings:
+    for text in said:
         warn(text)
     raise typer.Exit(give("compare", answers, options, out))

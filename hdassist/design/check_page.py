@@ -10,10 +10,13 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.design.check import DesignCheck, OperatingPoint
+from hdassist.error.unknown_range import HIGH, LOW
 from hdassist.model.geometry import Geometry
+from hdassist.model.unknown import names
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
 from hdassist.terminal.answers import Json, certificate_object, envelope
+from hdassist.terminal.basis import basis_objects, basis_table, unknown_objects
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
@@ -51,6 +54,19 @@ POINT: tuple[Quantity[OperatingPoint], ...] = (
 def _slope(name: str) -> Callable[[OperatingPoint], float | None]:
     return lambda point: getattr(point.sensitivity, name) if point.sensitivity else None
 
+
+def _over(share: float | None) -> Callable[[OperatingPoint], float | None]:
+    """F'_ior that a share of the drawn drives stay below; the worst of them without a share."""
+    return lambda p: None if p.over is None else p.over.worst if share is None else p.over.quantile(share)
+
+
+UNKNOWN: tuple[Quantity[OperatingPoint], ...] = (
+    Quantity("unknown_range.low_arcsec", "5 % stay below", "arcsec", ".2f", _over(LOW)),
+    Quantity("unknown_range.median_arcsec", "half stay below", "arcsec", ".2f", _over(0.5)),
+    Quantity("unknown_range.high_arcsec", "95 % stay below", "arcsec", ".2f", _over(HIGH)),
+    Quantity("unknown_range.worst_arcsec", "greatest", "arcsec", ".2f", _over(None)),
+    Quantity("unknown_range.draws", "drives drawn", "", "d", lambda p: len(p.over.F_ior_arcsec) if p.over else None),
+)
 
 SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
     Quantity(f"sensitivity.{name}_arcsec_per_um", words, "arcsec/um", "+.2f", _slope(name))
@@ -97,7 +113,9 @@ def to_json(check: DesignCheck, seed: int) -> Json:
             "cycle_cam_revolutions": k.cycle_cam_revolutions,
         },
         "pitch": pitch_object(check.measured),
-        "operating_points": [as_object((*POINT, *SLOPES), point) for point in check.points],
+        "operating_points": [as_object((*POINT, *UNKNOWN, *SLOPES), point) for point in check.points],
+        "unknown": unknown_objects(check.unknown),
+        "rests_on": basis_objects(check.rests_on, [point.M_g for point in check.points]),
         "certificate": certificate_object(check.certificate, check.cross_checks),
         "seed": seed,
         "verdict": str(check.verdict),
@@ -106,14 +124,19 @@ def to_json(check: DesignCheck, seed: int) -> Json:
 
 def figures(check: DesignCheck) -> Figures:
     """One row per torque."""
-    rows = [[check.drive.name, *(q.value(point) for q in (*POINT, *SLOPES))] for point in check.points]
-    return ["preset", *(q.key for q in (*POINT, *SLOPES))], rows
+    shown = (*POINT, *UNKNOWN, *SLOPES)
+    rows = [[check.drive.name, *(q.value(point) for q in shown)] for point in check.points]
+    return ["preset", *(q.key for q in shown)], rows
 
 
 def summary_line(check: DesignCheck) -> str:
     """The answer alone: torque, F'_ior, verdict."""
-    lines = (f"{p.M_g:g} N*m: F'_ior {p.error.F_ior_arcsec:.2f} arcsec, {p.verdict}" for p in check.points)
-    return "\n".join(lines)
+    return "\n".join(
+        f"{p.M_g:g} N*m: F'_ior "
+        + (f"{p.over.low:.2f} to {p.over.high:.2f}" if p.over else f"{p.error.F_ior_arcsec:.2f}")
+        + f" arcsec, {p.verdict}"
+        for p in check.points
+    )
 
 
 def _heading(check: DesignCheck, style: Style) -> Text:
@@ -145,11 +168,16 @@ def _geometry(check: DesignCheck, style: Style) -> Table:
     return grid
 
 
-def _points(check: DesignCheck, style: Style) -> Iterator[Table]:
+def _points(check: DesignCheck, style: Style) -> Iterator[RenderableType]:
     moving = "phi_g" if check.kinematics.fixed == "rigid" else "phi_b"
     still = "phi_b" if moving == "phi_g" else "phi_g"
     shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
     yield from _columns(check, style, "kinematic error", shown)
+    if any(point.over for point in check.points):
+        yield Text(style.text(f"not known, and 0 above: {names(check.unknown)}"))
+        yield from _columns(check, style, "F'_ior over what is not known", UNKNOWN)
+    if check.rests_on:
+        yield basis_table(check.drive, check.rests_on, [point.M_g for point in check.points], style)
     if any(point.sensitivity for point in check.points):
         yield from _columns(check, style, "what a micrometre more does to F'_ior", SLOPES)
 

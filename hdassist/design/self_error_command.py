@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
 
 
 @o.with_groups
@@ -18,12 +23,15 @@ def command(preset: o.Preset, drives: o.LoadedDriveOptions, options: o.FigureOpt
     """
     from hdassist.design.self_error_page import answer
     from hdassist.error.self_error import self_error
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
 
     out = options.open()
 
     def one(name: str) -> Answer:
-        drive = drives.load(name)
+        return in_wide_enough_window(drives.load(name), of)
+
+    def of(drive: Drive) -> Answer:
         torques = drive.operation.M_g
         with out.progress(drive.name, len(torques) * drive.numerics.n_phase**2) as progress:
             return answer(drive, self_error(drive, torques, progress=progress))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
 
 
 @o.with_groups
@@ -35,12 +38,15 @@ def command(
     """
     from hdassist.design.stiffness_page import answer
     from hdassist.error.stiffness import estimate_states, stiffness
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
 
     out = options.open()
 
     def one(name: str) -> Answer:
-        drive = drives.load(name)
+        return in_wide_enough_window(drives.load(name), of)
+
+    def of(drive: Drive) -> Answer:
         with out.progress(drive.name, estimate_states()) as progress:
             result = stiffness(drive, T_1=t1, T_2=t2, T_max=to, cross_check=cross_check, progress=progress)
         return answer(drive, result, plots=plot)

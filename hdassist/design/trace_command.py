@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.model.wheels import MeasuredTeeth
+    from hdassist.preset.fields import Drive
 
 
 @o.with_groups
@@ -42,6 +46,7 @@ def command(
     from hdassist.design.trace_page import answer
     from hdassist.error.trace import trace
     from hdassist.model.kinematics import Kinematics
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.wheels import PitchFiles
 
@@ -51,6 +56,9 @@ def command(
     def one(name: str) -> Answer:
         drive = drives.load(name, *o.torque_overrides(torque))
         measured = files.read(drive)
+        return in_wide_enough_window(drive, lambda drive: of(drive, measured))
+
+    def of(drive: Drive, measured: MeasuredTeeth | None) -> Answer:
         with out.progress(drive.name, revolutions * Kinematics.of(drive).teeth_fixed) as progress:
             result = trace(
                 drive,

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from hdassist.error.orders import LEGEND, Order
 from hdassist.error.trace import Trace
+from hdassist.model.unknown import told
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.console import Style, table
@@ -40,7 +41,7 @@ def answer(drive: Drive, trace: Trace, *, seed: int, plots: bool) -> Answer:
         summary_line=lambda: summary_line(trace),
         figures=lambda: figures(trace),
         about=drive.name,
-        warnings=drive.origin.warnings,
+        warnings=_warnings(drive),
         proof=trace.error.certificate,
     )
 
@@ -78,7 +79,7 @@ def to_json(drive: Drive, trace: Trace, seed: int) -> Json:
     error = trace.error
     moving = "phi_g0_deg" if error.kinematics.fixed == "rigid" else "phi_b0_deg"
     return {
-        **envelope("trace", drive, 0, drive.origin.warnings),
+        **envelope("trace", drive, 0, _warnings(drive)),
         "pitch": pitch_object(trace.measured),
         "M_g_Nm": error.M_g,
         moving: trace.start_deg,
@@ -103,3 +104,7 @@ def figures(trace: Trace) -> Figures:
 def summary_line(trace: Trace) -> str:
     """The answer alone: the range."""
     return f"{trace.error.range_arcsec:.2f} arcsec"
+
+
+def _warnings(drive: Drive) -> tuple[str, ...]:
+    return (*drive.origin.warnings, *told(drive))

@@ -62,6 +62,10 @@ class Stiffness:
         """Twist of the output against the fixed wheel, the cam held."""
         return self.contact_arcsec + self.tube_arcsec
 
+    def weaker(self, segment: int) -> float:
+        """Stiffness [N*m/rad] of a segment (1: K_1) on the side where it is less."""
+        return min(side[segment - 1].stiffness for side in (self.positive, self.negative))
+
     def twist_at(self, torque: float) -> float:
         """Twist [arcsec] at a torque [N*m] that is one of the curve's."""
         return float(self.twist_arcsec[int(np.argmin(np.abs(self.torque - torque)))])

@@ -32,7 +32,7 @@ def tooth_phases(drive: Drive) -> tuple[float, float]:
     Of a run-out, the phase of its tangential part.
     """
     turn = MARK_TO_PHASE[drive.mounting.mark_kind]
-    return float(np.radians(drive.phases.xi_g + turn)), float(np.radians(drive.phases.xi_b + turn))
+    return float(np.radians(drive.number("phases.xi_g") + turn)), float(np.radians(drive.number("phases.xi_b") + turn))
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class ToothDeviations:
     b: Array | None = None
 
 
-_IN_TEETH = {  # what measured teeth hold already
+IN_TEETH = {  # what measured teeth hold already
     wheel: (f"tolerances.F_i{k}", *(f"harmonics.a_{wheel}{n}" for n in ORDERS)) for k, wheel in enumerate("gb", 1)
 }
 
@@ -156,7 +156,7 @@ def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviat
         return system.gaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
     measured = {"g": teeth.g, "b": teeth.b}
     rest = drive.with_values(
-        {size: 0.0 for wheel, values in measured.items() if values is not None for size in _IN_TEETH[wheel]}
+        {size: 0.0 for wheel, values in measured.items() if values is not None for size in IN_TEETH[wheel]}
     )
     result = gaps(rest, system, states)
     flanks = system.flanks

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
 from hdassist.model.nominal import Array as Array
-from hdassist.model.nominal import NominalCurve, nominal_shape
+from hdassist.model.nominal import NominalCurve, Shape, nominal_shape
 from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
@@ -150,12 +150,14 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, sample
     )
 
 
-def flank_point(geometry: Geometry, r_y: Array, theta: Array, side: Array) -> tuple[Array, Array]:
+def flank_point(
+    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: Shape | None = None
+) -> tuple[Array, Array]:
     """Polar place (rho [mm], phi [rad]) of the flank point at tooth radius r_y of the tooth at theta.
 
-    The section's origin lies at radius r_m + w and angle theta + v/r_m.
+    The section's origin lies at radius r_m + w and angle theta + v/r_m; shape, its (w, v, chi) where they are known.
     """
-    w, v, chi = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
+    w, v, chi = shape or nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)
     psi = geometry.flexspline.half_angle(r_y)
     along, across = side * r_y * np.sin(psi), r_y * np.cos(psi) - geometry.r_m
     tangential = along * np.cos(chi) + across * np.sin(chi)
@@ -180,11 +182,12 @@ def _lowest_active_radius(geometry: Geometry, theta: Array, side: Array) -> tupl
     """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
     low = np.full_like(theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
     high = np.full_like(theta, geometry.r_ag)
-    reaches = flank_point(geometry, high, theta, side)[0] >= geometry.r_ab
-    inside = flank_point(geometry, low, theta, side)[0] >= geometry.r_ab
+    shape = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)  # once: it takes most of the time
+    reaches = flank_point(geometry, high, theta, side, shape)[0] >= geometry.r_ab
+    inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
     below, above = low.copy(), high.copy()
     for _ in range(BISECTIONS):
         middle = (below + above) / 2
-        over = flank_point(geometry, middle, theta, side)[0] >= geometry.r_ab
+        over = flank_point(geometry, middle, theta, side, shape)[0] >= geometry.r_ab
         above, below = np.where(over, middle, above), np.where(over, below, middle)
     return np.where(inside, low, above), reaches

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 NominalCurve = Literal["linear", "inextensible"]
+Shape = tuple[Array, Array, Array]
 
 HARMONICS = 32  # of the arc length; the eighth is below 1e-16 of the first for any wave a drive could have
 ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round
 
 
-def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "linear") -> tuple[Array, Array, Array]:
+def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "linear") -> Shape:
     """Shape (w, v, chi) of the rim on a cam of wave W_0 [mm], mid-line radius r_m [mm].
 
     linear: the bending mode n = 2 of a ring, w = W_0 cos 2 theta. inextensible: the closed curve
@@ -30,14 +31,14 @@ def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "l
     return _linear(theta, W_0, r_m) if curve == "linear" else _inextensible(theta, W_0, r_m)
 
 
-def _linear(theta: Array, W_0: float, r_m: float) -> tuple[Array, Array, Array]:
+def _linear(theta: Array, W_0: float, r_m: float) -> Shape:
     w = W_0 * np.cos(2 * theta)
     v = -W_0 / 2 * np.sin(2 * theta)
     chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m
     return w, v, chi
 
 
-def _inextensible(theta: Array, W_0: float, r_m: float) -> tuple[Array, Array, Array]:
+def _inextensible(theta: Array, W_0: float, r_m: float) -> Shape:
     r_0, wave, ripple = _closed_curve(W_0, r_m)
     k = 2 * np.arange(1, HARMONICS)
     phi = np.asarray(theta, dtype=float)

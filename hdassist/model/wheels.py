@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.deviations import ToothDeviations
+from hdassist.model.deviations import IN_TEETH, ToothDeviations
 from hdassist.preset.fields import Drive
 
 MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands
@@ -70,6 +70,11 @@ class MeasuredTeeth:
         turned = replace(wheel, mark_deg=wheel.mark_deg + rotation_deg)
         return replace(self, b=turned) if drive.mounting.fixed == "rigid" else replace(self, g=turned)
 
+    def without_harmonics(self, drive: Drive) -> Drive:
+        """The drive with its measured wheels as if they had no deviation: what else it has, and leaves open."""
+        held = {"g": self.g, "b": self.b}
+        return drive.with_values({path: 0.0 for name, wheel in held.items() if wheel for path in IN_TEETH[name]})
+
     def in_drive(self, drive: Drive) -> tuple[Drive, ToothDeviations]:
         """What kinematic_error takes: the drive with its cam offsets turned by the rests, and a deviation per tooth.
 
@@ -85,5 +90,5 @@ class MeasuredTeeth:
             teeth = (wheel.mark_deg - MAJOR) / 360 * z
             found[name] = np.roll(wheel.pitch.deviation, round(teeth))
             angle = f"phases.phi_h{name}"
-            turned[angle] = drive.value(angle) - (teeth - round(teeth)) * 360 / z
+            turned[angle] = drive.number(angle) - (teeth - round(teeth)) * 360 / z
         return drive.with_values(turned), ToothDeviations(**found)

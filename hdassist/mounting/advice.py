@@ -5,29 +5,37 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
 
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivities
 from hdassist.errors import UsageError
+from hdassist.model.unknown import Unknown, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
-from hdassist.mounting.ovality import Ovality, unknown_ovality
 from hdassist.mounting.positions import Choice, MountingCurve, Position, rotated
-from hdassist.mounting.robust import Criterion, Robust, robust, sample_states
+from hdassist.mounting.robust import LEAST_PROBABILITY, Criterion, Robust, is_open, robust, sample_states
+from hdassist.mounting.stays import Stays, stays_best
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 
 LEAST_GAIN = 0.01  # of the error: a smaller one is not worth a turn
+TRIALS = 3  # positions to begin trials with
+
+Order = Literal["turn", "leave", "none"]
 
 
 @dataclass(frozen=True)
 class Advice:
     """Advice on one drive.
 
-    robust: the positions under the preset's uncertainties, None without any; others: the best position under each
-    of the preset's alternatives; now and best: what a micrometre does where the wheel stands and at the chosen
-    position, one for each torque, empty where it cannot be had; measured: wheels in place of first harmonics, for which
-    there is the curve alone; ovality: what that of the fixed wheel could do where the preset does not give it.
+    robust: the positions over what is uncertain or not known, None without any of it, or where it was not sampled;
+    others: the best position under each of the preset's alternatives; now and best: what a micrometre does where the
+    wheel stands and at the chosen position, one for each torque, empty where it cannot be had; measured: wheels in
+    place of first harmonics, for which there is the curve alone; unknown: deviations that are not known; rests_on:
+    assumptions that the choice hinges on most; needed: probability of a gain for which a turn is ordered.
     """
 
     drive: Drive
@@ -37,7 +45,9 @@ class Advice:
     now: tuple[Sensitivity, ...]
     best: tuple[Sensitivity, ...]
     measured: MeasuredTeeth | None = None
-    ovality: Ovality | None = None
+    unknown: tuple[Unknown, ...] = ()
+    rests_on: tuple[Stays, ...] = ()
+    needed: float = LEAST_PROBABILITY
 
     @property
     def chosen(self) -> Position:
@@ -52,16 +62,53 @@ class Advice:
     @property
     def gain(self) -> float:
         """What the chosen position takes off the error of the present one, as a share, for the torque served worst."""
-        return -self.chosen.change_from(self.curve.current)
+        return self.robust.gain if self.robust else -self.chosen.change_from(self.curve.current)
+
+    @property
+    def any_hole(self) -> bool:
+        """Whether nothing is known of the direction that decides: any hole may then be the best one."""
+        return bool(self.unknown and self.deciding)
+
+    @property
+    def deciding(self) -> tuple[str, ...]:
+        """Directions that decide, and are not known at all."""
+        return unknown_turn(self.drive)
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the curve means anything: without the size of the offset that stands still it is flat."""
+        size = "tolerances.e_hb" if self.drive.mounting.fixed == "rigid" else "tolerances.e_hg"
+        return not self.any_hole or self.drive.value(size) is not None
+
+    @property
+    def order(self) -> Order:
+        """What is ordered: to turn the wheel, to leave it; or nothing, where what is not known could reverse it.
+
+        A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; a forbidden position
+        is always left.
+        """
+        if self.any_hole or (self.unknown and not self.robust):
+            return "none"
+        if self.chosen == self.curve.current:
+            return "leave"
+        if not self.curve.usable[0]:
+            return "turn"
+        if self.gain <= LEAST_GAIN:
+            return "leave"
+        return "none" if self.robust and self.robust.probability_gain < self.needed else "turn"
+
+    @property
+    def to_measure(self) -> tuple[Position, ...]:
+        """Usable positions, three that lie apart as far as they can, in which trials would tell."""
+        places = [int(place) for place in np.flatnonzero(self.curve.usable)]
+        wanted = [120.0 * k for k in range(TRIALS)]
+        near = [min(places, key=lambda p: abs((self.curve.rotation_deg[p] - at + 180) % 360 - 180)) for at in wanted]
+        return tuple(self.curve.at(place) for place in dict.fromkeys(near))
 
     @property
     def worth_turning(self) -> bool:
-        """Whether the gain is more than nothing, and than its uncertainty; a forbidden position is always left."""
-        if self.chosen == self.curve.current:
-            return False
-        if not self.curve.usable[0]:
-            return True
-        return self.gain > LEAST_GAIN and (self.robust is None or self.robust.worth_turning)
+        """Whether a turn is ordered."""
+        return self.order == "turn"
 
     @property
     def choice(self) -> Choice:
@@ -87,7 +134,7 @@ def estimate_states(
 ) -> int:
     """Number of states that an advice solves, about, for a progress bar."""
     curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured)
-    if measured or not searchable(drive):
+    if measured or not searchable(drive) or unknown_turn(drive):
         return curve
     others = SEARCHED * (len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS) + 2 * SEARCHES)
     return curve + len(torques) * (others + sample_states(drive, samples, len(rotations) + 1))
@@ -103,6 +150,7 @@ def advise(
     weights: Sequence[float] | None = None,
     samples: int = 200,
     criterion: str = "expected",
+    needed: float = LEAST_PROBABILITY,
     cross_check: str | None = "CLARABEL",
     seed: int = 0,
     executor: Executor | None = None,
@@ -112,9 +160,10 @@ def advise(
 
     Arguments: torques [N*m]; rotations_deg, positions to try [deg], 0 first, where the wheel stands; measured, wheels
     in place of first harmonics; every_state, solve all states instead of searching; weights of the torques, one each;
-    samples of what the preset gives an uncertainty for, and the criterion that chooses among positions in them:
-    expected, worst or quantile:Q; cross_check, solver of some states again; seed of samples and of those states;
-    executor, to spread the work over (the numbers do not depend on it); progress, told how many states were solved. An
+    samples of what is not known or has an uncertainty, and the criterion that chooses among positions in them:
+    expected, worst or quantile:Q; needed, probability of a gain for which a turn is ordered; cross_check, solver of
+    some states again; seed of samples and of those states; executor, to spread the work over (the numbers do not depend
+    on it); progress, told how many states were solved. An
     interrupt ends the work early: the advice has what was done. Raises UsageError for positions, weights or a criterion
     that cannot be meant, and for samples of a drive with measured teeth; UntrustedError where an answer cannot be
     trusted.
@@ -138,10 +187,11 @@ def advise(
         executor=executor,
         progress=progress,
     )
-    if curve.interrupted or measured:
-        return Advice(drive, curve, None, (), (), (), measured)
+    unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
+    if curve.interrupted or measured or unknown_turn(drive):
+        return Advice(drive, curve, None, (), (), (), measured, unknown, needed=needed)
     sampled = None
-    if drive.uncertainty and samples:
+    if is_open(drive) and samples and searchable(drive):
         sampled = robust(
             drive, curve, samples=samples, criterion=criterion, seed=seed, executor=executor, progress=progress
         )
@@ -150,8 +200,10 @@ def advise(
     cases = [(rotated(drive, p.rotation_deg), M_g) for p in (curve.current, chosen) for M_g in torques]
     slopes = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
     many = len(torques)
-    oval = unknown_ovality(drive, curve, chosen, executor=executor, progress=progress)
-    return Advice(drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]), ovality=oval)
+    held = stays_best(drive, curve, chosen, executor=executor, progress=progress)
+    return Advice(
+        drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]), None, unknown, held, needed
+    )  # fmt: skip
 
 
 def _apart(one: Position, other: Position) -> float:

@@ -143,7 +143,7 @@ def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
     drive, turned = facts.choice.drive, facts.choice.target.rotation_deg
     rigid = drive.mounting.fixed == "rigid"
     measured = facts.measured and facts.measured.fixed(drive)
-    mark = measured.mark_deg if measured else drive.phases.xi_b if rigid else drive.phases.xi_g
+    mark = measured.mark_deg if measured else drive.number("phases.xi_b" if rigid else "phases.xi_g")
     if turned % 360:
         yield SeatMark("now", mark % 360, "a", say("pointer.now"))
         yield SeatMark("after", (mark % 360 + turned) % 360, "b", say("pointer.after"))

@@ -115,7 +115,7 @@ def give_with_card(
     """Say the warnings of an answer, write it and its card; returns the exit code.
 
     Arguments: command, for the schema; answer; card that was asked for; facts that it tells, in the language of its
-    texts, None where the work was interrupted: then there is no card; options; out.
+    texts, None where the work was interrupted or nothing can be ordered: then there is no card; options; out.
     """
     from hdassist.terminal.output import note, warn
     from hdassist.terminal.runs import give
@@ -128,7 +128,7 @@ def give_with_card(
     if card and facts:
         card.write(facts(card.say))
     elif card:
-        note("no card: the work was interrupted")
+        note("no card: the work was interrupted" if code == 130 else "no card: nothing can be ordered")
     return code
 
 

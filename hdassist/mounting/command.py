@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -24,7 +25,13 @@ def command(
         typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360; without it the holes alone."),
     ] = None,
     choosing: ChoiceOptions,
-    samples: Annotated[int, typer.Option(min=0, help="Samples of what is uncertain (0: none).")] = 200,
+    samples: Annotated[int, typer.Option(min=0, help="Samples of what is uncertain or not known (0: none).")] = 200,
+    probability: Annotated[
+        float, typer.Option(min=0, max=1, help="Probability of a gain for which a turn is ordered.")
+    ] = 0.95,
+    assume_phases: Annotated[
+        bool, typer.Option("--assume-phases", help="Take what the preset does not give as 0; the card says so.")
+    ] = False,
     every_state: Annotated[
         bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
     ] = False,
@@ -54,9 +61,10 @@ def command(
     The fixed wheel is the rigid wheel (circular spline) or the flexspline. Turns are counter-clockwise seen from the
     side of the cam (wave generator), from where the wheel stands. The best position is that in which the torque served
     worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. What the
-    preset gives an uncertainty (k = 2) for is sampled. Where the wheel stands and at the advised position every state
-    is solved and proven, elsewhere the extremes are searched for. -q prints the hole (or the angle) alone, 0 for
-    "leave it".
+    preset gives an uncertainty (k = 2) for, or does not know, is sampled; where that could reverse the order there is
+    none, no card, and exit code 6: --assume-phases takes what is not known as 0, on your word. Where the wheel stands
+    and at the advised position every state is solved and proven, elsewhere the extremes are searched for. -q prints the
+    hole (or the angle) alone, 0 for "leave it", unknown where nothing can be ordered.
 
     Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
 
@@ -66,8 +74,10 @@ def command(
     Ctrl-C ends the work early and prints what is done (exit code 130).
     """
     from hdassist.errors import UsageError
+    from hdassist.model.unknown import with_zeros
     from hdassist.mounting.advice import advise, estimate_states
     from hdassist.mounting.page import answer, card_facts
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.wheels import PitchFiles
     from hdassist.terminal.workers import workers
@@ -78,28 +88,31 @@ def command(
     card_file = CardFile.open(card, options, out)
     files = PitchFiles.asked([preset], pitch)
     drive = drives.load(preset)
+    drive = with_zeros(drive) if assume_phases else drive
     measured = files.read(drive)
     torques, rotations, weights = drive.operation.M_g, _rotations(drive, step), choosing.numbers()
     begun = time.monotonic()
     total = estimate_states(drive, torques, rotations, every_state=every_state, samples=samples, measured=measured)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
-        advice = advise(
-            drive,
-            torques,
-            rotations,
+        analysis = partial(
+            advise,
+            torques=torques,
+            rotations_deg=rotations,
             measured=measured,
             every_state=every_state,
             weights=weights,
             samples=samples,
             criterion=choosing.criterion,
+            needed=probability,
             cross_check=cross_check,
             seed=seed,
             executor=executor,
             progress=progress,
         )
+        advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
-    facts = None if advice.curve.interrupted else lambda say: card_facts(advice, say)
+    facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: card_facts(advice, say)
     raise typer.Exit(give_with_card("mount", answer(advice, seed=seed, plots=plot), card_file, facts, options, out))
 
 

@@ -11,18 +11,23 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.error.sensitivity import Sensitivity
+from hdassist.model.unknown import names
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import CardFacts
-from hdassist.mounting.ovality import Ovality
 from hdassist.mounting.positions import Chances, MountingCurve, Position
 from hdassist.mounting.robust import Robust
-from hdassist.mounting.seat_page import TRADE, instruction, seat_text
+from hdassist.mounting.seat_page import TRADE, instruction, place, seat_text, wheel
+from hdassist.mounting.stays import Stays
+from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import unit_of
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
+from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
+from hdassist.verdict import Verdict
 
 SHOWN = 6  # positions that the table of uncertainty lists, best first
 
@@ -65,25 +70,53 @@ def answer(advice: Advice, *, seed: int, plots: bool) -> Answer:
 
 
 def exit_code(advice: Advice) -> int:
-    """Exit code of the command: 130 where it was interrupted."""
-    return 130 if advice.curve.interrupted else 0
+    """Exit code of the command: 130 where it was interrupted, 6 where nothing can be ordered."""
+    if advice.curve.interrupted:
+        return 130
+    return Verdict.INCONCLUSIVE.exit_code if advice.order == "none" else 0
+
+
+def what_to_do(advice: Advice, say: Texts | None = None) -> str:
+    """The order; where none can be given, why, and what to measure."""
+    say = say or texts()
+    if advice.order != "none":
+        return instruction(advice.choice, say)
+    holes = bool(advice.drive.mounting.holes)
+    fixed, where = wheel(advice.drive, say), ", ".join(place(p, say) for p in advice.to_measure)
+    trials = " ".join(f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_measure)
+    measure = say("instruction.measure", where=where, command=f"hdassist trials {advice.drive.name} {trials}")
+    if sampled := advice.robust:
+        change = say.percent(-advice.gain, "+")
+        chances = (say.percent(sampled.probability_gain), say.percent(advice.needed))
+        why = say(
+            "instruction.unsure", wheel=fixed, gain=chances[0], needed=chances[1], best=place(advice.chosen, say),
+            change=change,
+        )  # fmt: skip
+    else:
+        key = "instruction.any_hole" if advice.any_hole else "instruction.unknown"
+        fields = ", ".join(advice.deciding) if advice.any_hole else names(advice.unknown)
+        why = say(key, wheel=fixed, fields=fields)
+    return f"{why} {measure}"
 
 
 def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableType:
     """The instruction, the seat, a plot per torque, and tables of the positions."""
     drive, result = advice.drive, advice.curve
     words = f"{drive.name}: turning the fixed {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
-    parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(instruction(advice.choice)))]
-    if plots:
+    parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(what_to_do(advice)))]
+    if plots and not advice.any_hole:
         parts.append(Text(seat_text(advice.choice, style)))
+    if plots and advice.has_curve:
         parts += [Text(drawn) for drawn in _curves(advice, style)]
-    parts += [_positions(advice, style), _torques(result, style)]
+    parts += [] if advice.any_hole else [_positions(advice, style)]
+    if advice.has_curve:
+        parts.append(_torques(advice, style))
     if advice.robust:
         parts.append(_uncertain(advice, advice.robust, style))
     if advice.now:
         parts.append(_slopes(advice, style))
-    if advice.ovality:
-        parts.append(Text(style.text(_ovality(advice, advice.ovality))))
+    if advice.rests_on:
+        parts.append(_rests_on(advice, style))
     turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
     parts += [Text(style.text(turns)), Text(_proof(result))]
     return Group(*(line for part in parts for line in (part, Text(""))))
@@ -137,13 +170,14 @@ def _where(position: Position) -> tuple[str, str]:
     return "-" if position.hole is None else f"{position.hole}", f"{position.rotation_deg:g}"
 
 
-def _torques(result: MountingCurve, style: Style) -> Table:
-    heads = ("torque, N·m", "now, arcsec", "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
+def _torques(advice: Advice, style: Style) -> Table:
+    result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
+    heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
     grid = _grid(style, "each torque alone", *heads, words=0)
     grid.columns[0].no_wrap = True
     for k, M_g in enumerate(result.torques):
         found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
-        grid.add_row(f"{M_g:g}", f"{result.current.F_ior_arcsec[k]:.2f}", *found)
+        grid.add_row(f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *found)
     return grid
 
 
@@ -152,6 +186,12 @@ def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
     if any(sampled.standard_error_arcsec):
         errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
         title += f"; interpolated, standard error {errors} arcsec"
+    if advice.unknown:
+        title += f"\nnot known: {names(advice.unknown)}"
+    for M_g, ratios in zip(advice.curve.torques, sampled.ratios.T, strict=True):
+        low, high = np.quantile(ratios, (0.05, 0.95))
+        title += f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
+    title += f"\nthe advised one lies up to {np.quantile(sampled.losses, 0.95):.0%} above the best (95 %)"
     heads = ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %")
     grid = _grid(style, title, *heads, words=0)
     low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
@@ -171,18 +211,20 @@ def _slopes(advice: Advice, style: Style) -> Table:
     return grid
 
 
-def _ovality(advice: Advice, oval: Ovality) -> str:
-    """What an ovality that is not given could do, and how to come to know."""
-    ratios = "; ".join(
-        f"at {M_g:g} N·m the worst hole has {low:.1f} to {high:.1f} times the error of the best, not {without:.1f}"
-        for M_g, low, high, without in zip(advice.curve.torques, oval.low, oval.high, oval.without, strict=True)
-    )
-    return (
-        f"Not known: the ovality of the fixed {TRADE[advice.drive.mounting.fixed]} ({oval.field}). With "
-        f"{oval.amplitude_um:.2g} um of it in any direction (8 % of half its deviation, assumed) {ratios}, and the "
-        f"advised position is up to {oval.loss:.0%} above the best one. Give it (0 for a wheel known to be round), or "
-        "measure F'_ior in a few positions: hdassist trials."
-    )
+def _rests_on(advice: Advice, style: Style) -> Table:
+    """A row an assumption: the best position at both ends of its range, and what the advised one loses there."""
+    title = "rests on what is assumed: does the position stay the best?"
+    grid = _grid(style, title, "assumed", "from", "best", "lost", "to", "best", "lost")
+    for held in advice.rests_on:
+        path = held.assumption.path
+        words = f"{path} {advice.drive.number(path):g} {unit_of(field_table()[path])}".rstrip()
+        cells = [
+            cell
+            for end, best, loss in zip(held.ends, held.best, held.loss, strict=True)
+            for cell in (f"{end:.4g}", place(best), f"{loss:.0%}")
+        ]
+        grid.add_row(style.text(words), *cells)
+    return grid
 
 
 def to_json(advice: Advice, seed: int) -> Json:
@@ -192,8 +234,10 @@ def to_json(advice: Advice, seed: int) -> Json:
         **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
         "complete": not result.interrupted,
         "pitch": pitch_object(advice.measured),
-        "instruction": instruction(advice.choice),
+        "instruction": what_to_do(advice),
+        "order": advice.order,
         "turn": advice.worth_turning,
+        "measure": [asdict(p) for p in advice.to_measure] if advice.order == "none" else [],
         "curves": [
             {
                 "M_g_Nm": M_g,
@@ -204,32 +248,33 @@ def to_json(advice: Advice, seed: int) -> Json:
             for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         ],
         "rotation_deg": result.rotation_deg.tolist(),
-        "current": _position(result.current, advice.now),
-        "recommended": _position(advice.chosen, advice.best),
-        "second": None if second is None else _position(second),
-        "worst": _position(result.worst),
+        "current": None if advice.any_hole else _position(result.current, advice.now),
+        "recommended": _position(advice.chosen, advice.best) if advice.order != "none" else None,
+        "best_bet": _position(advice.chosen) if not advice.any_hole else None,
+        "second": None if second is None or advice.any_hole else _position(second),
+        "worst": None if advice.any_hole else _position(result.worst),
         "weights": None if result.weights is None else list(result.weights),
         "uncertainty": _robust(advice, advice.robust) if advice.robust else None,
         "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
-        "ovality": _ovality_object(advice.ovality),
-        "gain": advice.gain,
+        "unknown": unknown_objects(advice.unknown),
+        "rests_on": [_stays_object(held) for held in advice.rests_on],
+        "gain": None if advice.any_hole else advice.gain,
+        "probability_needed": advice.needed,
         "certificate": certificate_object(result.certificate, result.cross_checks),
         "seed": seed,
     }
 
 
-def _ovality_object(oval: Ovality | None) -> Json | None:
-    if oval is None:
-        return None
+def _stays_object(held: Stays) -> Json:
+    ends = zip(held.ends, held.best, held.loss, strict=True)
     return {
-        "field": oval.field,
-        "assumed_amplitude_um": oval.amplitude_um,
-        "worst_over_best": list(oval.without),
-        "worst_over_best_low": list(oval.low),
-        "worst_over_best_high": list(oval.high),
-        "worst_direction_deg": oval.worst_deg,
-        "loss": oval.loss,
-        "certificate": certificate_object(oval.certificate, ()),
+        "field": held.assumption.path,
+        "assumed_range": [held.assumption.low, held.assumption.high],
+        "computed_range": list(held.ends),
+        "effect": [
+            {"value": end, "best_hole": best.hole, "best_rotation_deg": best.rotation_deg, "loss": loss}
+            for end, best, loss in ends
+        ],
     }
 
 
@@ -248,6 +293,8 @@ def _robust(advice: Advice, sampled: Robust) -> Json:
         "criterion": sampled.criterion.name,
         "standard_error_arcsec": list(sampled.standard_error_arcsec),
         "fields": dict(advice.drive.uncertainty),
+        "worst_over_best": np.quantile(sampled.ratios, (0.05, 0.5, 0.95), axis=0).T.tolist(),
+        "loss_95_percent": float(np.quantile(sampled.losses, 0.95)),
         "probability_gain": sampled.probability_gain,
         "positions": [
             {
@@ -279,6 +326,8 @@ def figures(advice: Advice) -> Figures:
 def summary_line(advice: Advice) -> str:
     """The answer alone: the hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
     target = advice.choice.target
+    if advice.order == "none":
+        return "unknown"
     return f"{target.rotation_deg:g}" if target.hole is None else f"{target.hole}"
 
 
@@ -293,7 +342,7 @@ def card_facts(advice: Advice, say: Texts) -> CardFacts:
         chances = Chances(len(sampled.merits), best[sampled.recommended], best.get(0), sampled.probability_gain)
     return CardFacts(
         choice=advice.choice,
-        cam_deg=getattr(drive.phases, cam) if getattr(drive.tolerances, offset) else None,
+        cam_deg=drive.number(f"phases.{cam}") if drive.number(f"tolerances.{offset}") else None,
         measured=advice.measured,
         chances=chances,
         weights=advice.curve.weights,

@@ -215,5 +215,5 @@ def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None) -> float:
     rigid = drive.mounting.fixed == "rigid"
     if measured and (wheel := measured.fixed(drive)):
         xi_g = xi_b = wheel.mark_deg
-    phase = xi_b - drive.phases.phi_hb if rigid else xi_g - drive.phases.phi_hg
+    phase = xi_b - drive.number("phases.phi_hb") if rigid else xi_g - drive.number("phases.phi_hg")
     return float(np.mod(round(float(phase), 9), 360.0))

@@ -13,9 +13,9 @@ from hdassist.error.table import DEVIATIONS, STATES, ErrorTable, error_tables, t
 from hdassist.errors import UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
+from hdassist.model.unknown import draw, unknowns
 from hdassist.mounting.positions import MountingCurve, merit, rotated
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import least_of
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
 LEAST_PROBABILITY = 0.95  # of a gain, for a turn to be worth making
@@ -55,7 +55,7 @@ class Robust:
     """Usable positions of a curve over samples of what is uncertain.
 
     places: of the positions on the curve, shape (positions,); F_ior_arcsec, shape (samples, torques, positions);
-    merits, shape (samples, positions), as the curve's relative; now, the present position's merit, shape (samples,);
+    merits, shape (samples, positions), against the mean of the present position, whose own are now, shape (samples,);
     standard_error_arcsec of F_ior_arcsec at each torque where it was interpolated, else 0, shape (torques,).
     """
 
@@ -94,9 +94,19 @@ class Robust:
         return float(np.mean(self.merits[:, self.best] < self.now))
 
     @property
-    def worth_turning(self) -> bool:
-        """Whether the gain is more than the uncertainty."""
-        return self.probability_gain >= LEAST_PROBABILITY
+    def gain(self) -> float:
+        """What the choice takes off the mean error of the present position, as a share of it."""
+        return float(1 - self.merits[:, self.best].mean() / self.now.mean())
+
+    @property
+    def losses(self) -> Array:
+        """How far the choice lies above the best position of each sample, as a share, shape (samples,)."""
+        return np.asarray(self.merits[:, self.best] / self.merits.min(axis=1) - 1)
+
+    @property
+    def ratios(self) -> Array:
+        """F'_ior of the worst position over that of the best one, shape (samples, torques)."""
+        return np.asarray(self.F_ior_arcsec.max(axis=2) / self.F_ior_arcsec.min(axis=2))
 
     def loss(self, place: int) -> float:
         """Expected loss of another place on the curve against the choice, as a share of the present error."""
@@ -123,14 +133,14 @@ def robust(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Robust:
-    """Sample the fields that the preset gives an uncertainty for, and look at each usable position of a curve.
+    """Sample what a preset does not know, or gives an uncertainty for, and look at each usable position of a curve.
 
-    Uncertainties are expanded ones (k = 2) of normal distributions, cut where a field ends. Executor and progress as
-    in mounting_curve. Raises UsageError without uncertainties, for an unknown criterion, or with rolling balls;
-    UntrustedError where an answer cannot be trusted.
+    Uncertainties are expanded ones (k = 2) of normal distributions, cut where a field ends; what is not known is drawn
+    evenly. Executor and progress as in mounting_curve. Raises UsageError where all is known, for an unknown criterion,
+    or with rolling balls; UntrustedError where an answer cannot be trusted.
     """
     how = Criterion.of(criterion)
-    if not drive.uncertainty:
+    if not is_open(drive):
         raise UsageError("the preset gives no uncertainty", "like --set uncertainty.phases.xi_b=10")
     if not searchable(drive):
         raise UsageError("uncertainty needs locked balls", "bearing.ball_motion: locked")
@@ -138,7 +148,9 @@ def robust(
     rotations = [0.0, *(float(curve.rotation_deg[p]) for p in places)]
     drives = draw(drive, samples, seed)
     if interpolates(drive, samples, len(rotations)):
-        [table] = error_tables([(drive, drives)], curve.torques, executor=executor, progress=progress)
+        # compared in every position, as it is used
+        span = [rotated(sample, rotations[k % len(rotations)]) for k, sample in enumerate(drives)]
+        [table] = error_tables([(drive, span)], curve.torques, executor=executor, progress=progress)
         found = np.array([_interpolated(sample, table, rotations) for sample in drives])
         proof, errors = sum((r.certificate for r in table), EMPTY), tuple(r.standard_error for r in table)
     else:
@@ -151,8 +163,13 @@ def robust(
                 progress(certificate.states)
         found = np.array(F_ior)
     # found: samples, torques, positions with the present one first
-    merits = merit(np.moveaxis(found, 1, 0), curve.F_ior_arcsec[:, 0], curve.weights)
+    merits = merit(np.moveaxis(found, 1, 0), found[:, :, 0].mean(axis=0), curve.weights)
     return Robust(how, places, found[:, :, 1:], merits[:, 1:], merits[:, 0], seed, proof, errors)
+
+
+def is_open(drive: Drive) -> bool:
+    """Whether there is anything to sample: what is not known, or has an uncertainty."""
+    return bool(drive.uncertainty) or bool(unknowns(drive))
 
 
 def interpolates(drive: Drive, samples: int, positions: int) -> bool:
@@ -163,25 +180,10 @@ def interpolates(drive: Drive, samples: int, positions: int) -> bool:
 
 def sample_states(drive: Drive, samples: int, positions: int) -> int:
     """Number of states that the samples take at one torque, about, for a progress bar."""
-    if not drive.uncertainty or not samples:
+    if not is_open(drive) or not samples:
         return 0
     searched = samples * positions * SEARCHED
     return STATES if interpolates(drive, samples, positions) else searched
-
-
-def draw(drive: Drive, samples: int, seed: int) -> list[Drive]:
-    """Drives drawn from the uncertainties of a preset."""
-    rng = np.random.default_rng(seed)
-    paths = sorted(drive.uncertainty)
-    deviations = rng.standard_normal((samples, len(paths)))
-    drawn = []
-    for row in deviations:
-        values = {
-            path: max(drive.number(path) + drive.uncertainty[path] / 2 * float(z), least_of(field_table()[path]))
-            for path, z in zip(paths, row, strict=True)
-        }
-        drawn.append(drive.with_values(values))
-    return drawn
 
 
 def _sampled(task: tuple[Drive, Sequence[float], Sequence[float]]) -> tuple[list[list[float]], Certificate]:

@@ -34,6 +34,14 @@ def turn(position: Position, say: Texts | None = None) -> str:
     return say("turn.holes", holes=say.holes(round(abs(way) / per_hole)), angle=angle, direction=direction)
 
 
+def place(position: Position, say: Texts | None = None) -> str:
+    """A position in words: its hole, or the angle of the turn where the seat has none."""
+    say = say or texts()
+    if position.hole is None:
+        return say.angle(position.rotation_deg)
+    return say("place.hole", hole=position.hole)
+
+
 def instruction(choice: Choice, say: Texts | None = None, *, room: float = inf) -> str:
     """One sentence: what to do with the wheel; and what it brings, where there is room for that at each torque."""
     say = say or texts()

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, PrivateAttr, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
+from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
     CLOSED,
     Line,
@@ -103,57 +104,6 @@ class Contact(Section):
     c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
 
 
-class Tolerances(Section):
-    """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
-
-    F_i1: float = field("tangential composite deviation F'_i1 of the flexspline", "um", 0.0, 75.0, ge=0, le=1000)
-    F_i2: float = field("tangential composite deviation F'_i2 of the rigid wheel", "um", 0.0, 75.0, ge=0, le=1000)
-    e_hb: float = field("cam offset that stands still with the rigid wheel", "um", 0.0, 80.0, ge=0, le=1000)
-    e_hh: float = field("cam offset that turns with the cam", "um", 0.0, 30.0, ge=0, le=1000)
-    e_hg: float = field("cam offset that goes with the flexspline", "um", 0.0, ge=0, le=1000)
-    e_b: float = field(
-        "offset of the rigid wheel's pitch circle from its pilot (half its run-out)", "um", 0.0, ge=0, le=1000
-    )
-
-
-class Phases(Section):
-    """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
-
-    xi_g: float = field("phase (or mark, see mounting.mark_kind) of the flexspline", "deg", 0.0, ge=-3600, le=3600)
-    xi_b: float = field("phase (or mark, see mounting.mark_kind) of the rigid wheel", "deg", 0.0, ge=-3600, le=3600)
-    phi_hb: float = field("direction of e_hb", "deg", 0.0, ge=-3600, le=3600)
-    phi_hh: float = field("direction of e_hh, from the minor axis of the cam", "deg", 0.0, ge=-3600, le=3600)
-    phi_hg: float = field("direction of e_hg", "deg", 0.0, ge=-3600, le=3600)
-    phi_eb: float = field("direction of e_b, the mark of its greatest run-out", "deg", 0.0, ge=-3600, le=3600)
-
-
-def _amplitude(order: int, whose: str) -> Any:
-    return field(f"amplitude of order {order} of {whose}", "um", None, ge=0, le=1000)
-
-
-def _phase(size: str) -> Any:
-    return field(f"phase of {size}, as xi_b of the first harmonic", "deg", None, ge=-3600, le=3600)
-
-
-class Harmonics(Section):
-    """Deviations of the teeth of higher order, along the pitch circle; not given means not known, computed as 0."""
-
-    a_g2: float | None = _amplitude(2, "the flexspline's teeth")
-    a_g3: float | None = _amplitude(3, "the flexspline's teeth")
-    a_g4: float | None = _amplitude(4, "the flexspline's teeth")
-    a_b2: float | None = _amplitude(2, "the rigid wheel's teeth (ovality)")
-    a_b3: float | None = _amplitude(3, "the rigid wheel's teeth")
-    a_b4: float | None = _amplitude(4, "the rigid wheel's teeth")
-    a_s2: float | None = _amplitude(2, "the rigid wheel's teeth, pressed on them by its seat")
-    xi_g2: float | None = _phase("a_g2")
-    xi_g3: float | None = _phase("a_g3")
-    xi_g4: float | None = _phase("a_g4")
-    xi_b2: float | None = _phase("a_b2")
-    xi_b3: float | None = _phase("a_b3")
-    xi_b4: float | None = _phase("a_b4")
-    xi_s2: float | None = _phase("a_s2")
-
-
 class Mounting(Section):
     """How the drive is built in."""
 
@@ -229,6 +179,7 @@ class Source(Section):
 
     kind: Literal["given", "assumed", "identified"] = field("how sure the value is")
     ref: str = field("page, figure, standard or reason", default="")
+    range: tuple[float, float] | None = field("plausible range of the value, in the field's unit", default=None)
 
 
 @dataclass(frozen=True)
@@ -320,7 +271,7 @@ class Drive(BaseModel):
         return getattr(getattr(self, section), name)
 
     def number(self, path: str) -> float:
-        """Value of a field that holds a number, by path; 0 where it is not given and has no default."""
+        """Value of a field that holds a number, by path; 0 where it is not known."""
         return float(self.value(path) or 0.0)
 
     def allows(self, path: str, value: float) -> bool:
@@ -403,9 +354,33 @@ def _read_alternative(table: Any) -> Any:
 def _read_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
     if path not in field_table():
         return Unread("names no field", _near_path(path, field_table(), table), at_key=True)
+    if isinstance(entry, dict) and "range" in entry:
+        return entry | {"range": read_range(path, entry["range"])}
     if isinstance(entry, dict | Unread | Source):
         return entry
     return Unread("must be a table of keys", "like {kind: given, ref: page 6}")
+
+
+def read_range(path: str, bounds: Any) -> tuple[float, float] | Unread | None:
+    """A plausible range as a preset gives it, in the unit of its field, by path; else why it is none."""
+    info = field_table()[path]
+    unit = unit_of(info)
+    if bounds is None or isinstance(bounds, Unread):
+        return bounds
+    if path not in measures():
+        return Unread("only single measures have a range")
+    if not isinstance(bounds, list | tuple) or len(bounds) != 2:
+        return Unread("must be two numbers, the lower one first", "like [0, 20]")
+    low, high = (read_number(bound, unit) for bound in bounds)
+    if isinstance(low, Unread):
+        return low
+    if isinstance(high, Unread):
+        return high
+    if not low < high:
+        return Unread("the lower one must stand first")
+    if not (in_range(info, low) and in_range(info, high)):
+        return Unread(f"reaches beyond what the field takes: {range_of(info, unit)}")
+    return low, high
 
 
 def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:

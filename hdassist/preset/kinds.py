@@ -53,12 +53,30 @@ class Section(BaseModel):
         return read_value(cls.model_fields[str(info.field_name)], value)
 
 
-def field(meaning: str, unit: str = "", default: Any = ..., example: Any = None, **limits: float) -> Any:
-    """Declare a field: what it means, its unit, its default (none: required), an example, its range."""
+UNKNOWN = "unknown"  # what a preset may write for a value that it does not know
+
+
+def field(
+    meaning: str,
+    unit: str = "",
+    default: Any = ...,
+    example: Any = None,
+    *,
+    unknown: bool = False,
+    **limits: float,
+) -> Any:
+    """Declare a field: meaning, unit, default (none: required), an example, whether it may be unknown, range."""
     examples = None if example is None else [example]
+    extra = {"unit": unit, UNKNOWN: unknown}
     return Field(  # type: ignore[call-overload]
-        default, description=meaning, examples=examples, json_schema_extra={"unit": unit}, **limits
+        default, description=meaning, examples=examples, json_schema_extra=extra, **limits
     )
+
+
+def may_be_unknown(info: FieldInfo) -> bool:
+    """Whether a field is unknown where a preset does not give it."""
+    extra = info.json_schema_extra
+    return isinstance(extra, dict) and extra.get(UNKNOWN) is True
 
 
 def is_number(key: str) -> bool:
@@ -77,6 +95,8 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, Unread) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
+    if value == UNKNOWN and may_be_unknown(info):
+        return None
     if value is None and not info.is_required() and kind not in ("numbers", "holes"):
         what = "a whole number" if kind == "count" else "a number"
         return Unread(f"must be {what}", f"leave the key out for its default, {info.default}")

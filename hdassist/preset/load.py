@@ -11,8 +11,20 @@ from pydantic import ValidationError
 from hdassist.errors import PresetError, UsageError
 from hdassist.preset import overrides as sets
 from hdassist.preset import yamltext
-from hdassist.preset.fields import SCHEMA, Drive, Harmonics, Origin, Source, field_table, sections, spreads
+from hdassist.preset.deviations import Harmonics
+from hdassist.preset.fields import (
+    SCHEMA,
+    Drive,
+    Origin,
+    Source,
+    field_table,
+    measures,
+    read_range,
+    sections,
+    spreads,
+)
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
+from hdassist.preset.plausible import remarks
 from hdassist.preset.rules import conflicts
 from hdassist.preset.yamltext import OVERRIDE, Document, Findings, Path, Unread, in_order, near, shown
 
@@ -65,10 +77,15 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
         problems = error.errors(include_url=False, include_context=False)
         for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
             _translate(problem["loc"], problem["type"], problem["input"], findings)
-    for conflict, involved in conflicts(_valid(drive, data, findings)):
+    valid = _valid(drive, data, findings)
+    _check_ranges(valid, data, findings)
+    for conflict, involved in conflicts(valid):
         paths = [tuple(path.split(".")) for path in (conflict.path, *involved)]
         path = next((p for p in paths if findings.where(p)[0] == OVERRIDE), paths[0])
         findings.add(path, conflict.message, conflict.hint, conflict.got)
+    for field in drive.uncertainty if drive else ():
+        if drive and drive.value(field) is None:
+            findings.add(("uncertainty", field), "an uncertainty of a value that is not given", f"give {field} as well")
     return drive, findings
 
 
@@ -90,6 +107,19 @@ def _settle_spreads(findings: Findings, data: dict[str, Any]) -> None:
             data["uncertainty"] = table = table | {path: spread}
         elif path in table and beside_wins == own_wins:
             findings.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
+
+
+def _check_ranges(valid: dict[str, Any], data: dict[str, Any], findings: Findings) -> None:
+    """A value lies in the range that its source calls plausible; one on the command line is tried, and need not."""
+    table = data.get("source")
+    for path, entry in table.items() if isinstance(table, dict) else ():
+        place = ("source", path, "range")
+        bounds = read_range(path, entry.get("range")) if isinstance(entry, dict) and path in measures() else None
+        tried = findings.where(tuple(path.split(".")))[0] == OVERRIDE
+        value = None if tried or findings.is_bad(place) else valid.get(path)
+        if isinstance(bounds, tuple) and value is not None and not bounds[0] <= value <= bounds[1]:
+            got = f"{plain(bounds[0])} to {plain(bounds[1])}"
+            findings.add(place, f"the value {plain(value)} lies outside its range", "correct one of them", got)
 
 
 def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
@@ -179,6 +209,8 @@ def _warn(drive: Drive, findings: Findings) -> None:
     _warn_of_limits(drive, findings)
     _warn_of_amplitudes(drive, findings)
     _warn_of_curve(drive, findings)
+    for remark in remarks(drive):
+        findings.warn(tuple(remark.path.split(".")), remark.message, remark.usual)
 
 
 def _warn_of_limits(drive: Drive, findings: Findings) -> None:

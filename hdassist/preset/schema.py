@@ -8,7 +8,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections
-from hdassist.preset.kinds import Section, bounds_of, choices_of, is_optional, kind_of, unit_of
+from hdassist.preset.kinds import UNKNOWN, Section, bounds_of, choices_of, is_optional, kind_of, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
@@ -31,10 +31,13 @@ def preset_schema() -> Schema:
         properties[name] = _section(tables[name], info) if name in tables else said
     properties["uncertainty"] |= _measures({"type": "number", "minimum": 0})
     properties["alternatives"] |= {"type": ["array", "null"], "items": _measures({"type": "number"})}
+    bounds = {"type": ["array", "null"], "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
+    source = _without(("title", "unit"), schema["$defs"]["Source"])
+    source["properties"]["range"] = {"description": source["properties"]["range"]["description"]} | bounds
     properties["source"] |= {
         "type": ["object", "null"],
         "propertyNames": {"enum": [path for path, _ in fields()]},
-        "additionalProperties": _without(("title", "unit"), schema["$defs"]["Source"]),
+        "additionalProperties": source,
     }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -78,6 +81,8 @@ def _field(info: FieldInfo) -> Schema:
         return about | ({"anyOf": [*one, limits]} if kind == "limits" else limits)
     if is_optional(info):
         one.append({"type": "null"})
+    if may_be_unknown(info):
+        one.append({"const": UNKNOWN})
     if kind == "number":
         one.append({"type": "string", "pattern": spread_pattern(unit)})
     return about | (one[0] if len(one) == 1 else {"anyOf": one})
@@ -103,9 +108,10 @@ def _without(keys: tuple[str, ...], said: Any) -> Any:
 
 @dataclass(frozen=True)
 class ResolvedField:
-    """One field: path, value in its unit, kind of origin, reference, meaning.
+    """One field: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.
 
-    Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override.
+    Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override; unknown,
+    whose value is None.
     """
 
     path: str
@@ -114,6 +120,7 @@ class ResolvedField:
     kind: str
     ref: str
     meaning: str
+    range: tuple[float, float] | None
 
 
 def resolved(drive: Drive) -> list[ResolvedField]:
@@ -123,10 +130,18 @@ def resolved(drive: Drive) -> list[ResolvedField]:
         section, name = path.split(".")
         table = getattr(drive, section)
         source = drive.source.get(path)
-        kind, ref = (str(source.kind), source.ref) if source is not None else ("given", "")
+        kind, ref, bounds = (str(source.kind), source.ref, source.range) if source is not None else ("given", "", None)
         if is_overridden(path, drive.origin.overrides):
-            kind, ref = "override", "--set"
+            kind, ref, bounds = "override", "--set", None
+        elif may_be_unknown(info) and getattr(table, name) is None:
+            kind, ref, bounds = UNKNOWN, "", None
         elif name not in table.model_fields_set:
             kind = "default"
-        rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description)))
+        rows.append(ResolvedField(path, getattr(table, name), unit_of(info), kind, ref, str(info.description), bounds))
     return rows
+
+
+def counted(drive: Drive) -> dict[str, int]:
+    """How many fields that a preset gives are given, identified, or only assumed."""
+    kinds = [row.kind for row in resolved(drive)]
+    return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}

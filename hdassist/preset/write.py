@@ -10,7 +10,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.errors import DataError, UsageError
-from hdassist.preset.fields import SCHEMA, sections
+from hdassist.preset.fields import SCHEMA, fields, read_range, sections
 from hdassist.preset.kinds import Section, plain, unit_of
 from hdassist.preset.load import load_text
 from hdassist.preset.yamltext import Path, read, resolve
@@ -25,25 +25,30 @@ def new_preset(name: str) -> str:
     commented out, with its default.
     Raises UsageError: a name that a preset cannot have.
     """
-    if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
-        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
+    require_name(name)
     lines = [
         "# A preset to start from. EVERY NUMBER BELOW IS AN EXAMPLE: put in those of your drive.",
         '# A bare number is in the unit beside it; a text with a unit, such as "75 um", is converted.',
         "# Lines that are commented out show what else can be given, with the value used without them.",
         f"schema: {SCHEMA}",
-        f"name: {_text(name)}",
+        f"name: {quoted(name)}",
         "description: Example numbers, not yet those of a drive.",
     ]
     for section, model in sections():
         lines += ["", *_section(section, model)]
     lines += [
         "",
-        "# Where a value comes from: given, assumed or identified.",
-        "#source:",
-        '#  gears.z_g: {kind: given, ref: "drawing, sheet 1"}',
+        "# Where a value comes from: given, assumed or identified. Beside a value of yours write kind: given.",
+        "source:",
+        *(f'  {path}: {{kind: assumed, ref: "example"}}' for path, info in fields() if info.examples),
     ]
     return "\n".join(lines) + "\n"
+
+
+def require_name(name: str) -> None:
+    """Raise UsageError for a name that a preset cannot have."""
+    if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
+        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
 
 
 def _section(section: str, model: type[Section]) -> Iterator[str]:
@@ -53,12 +58,13 @@ def _section(section: str, model: type[Section]) -> Iterator[str]:
         value = info.examples[0] if info.examples else info.default
         if value is not None:
             entry = f"{'  ' if info.examples else '#  '}{name}: {_value(value)}"
-            yield f"{entry:<27} # {_about(info)}"
+            yield f"{entry:<27} # {about(info)}"
         else:
-            yield f"{f'#  {name}:':<27} # {_about(info)}"
+            yield f"{f'#  {name}:':<27} # {about(info)}"
 
 
-def _about(info: FieldInfo) -> str:
+def about(info: FieldInfo) -> str:
+    """Unit and meaning of a field, as a comment beside it says them."""
     unit = unit_of(info)
     return f"{unit}, {info.description}" if unit else str(info.description)
 
@@ -71,7 +77,7 @@ def _value(value: Any) -> str:
     return "{}" if isinstance(value, dict) else plain(value)
 
 
-def _text(text: str) -> str:
+def quoted(text: str) -> str:
     """A text as YAML: as it is where that is safe, else in quotes."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
     return text if word and isinstance(resolve(text), str) else json.dumps(text, ensure_ascii=False)
@@ -87,15 +93,18 @@ def with_found_values(
 ) -> str:
     """Text of a preset with identified values.
 
-    Arguments: text; file, its name in messages; values, by path, of fields that the text gives; ref, where they
-    come from; alternatives, other sets of such values; curve, the nominal shape that they were identified on, which
-    the text says from now on.
+    Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
+    where they come from; alternatives, other sets of such values; curve, the nominal shape that they were identified
+    on, which the text says from now on.
     Raises DataError where the text is not laid out so that it can be changed in place.
     """
     changed = text if text.endswith("\n") else text + "\n"
     for path, value in values.items():
         changed = _with_value(changed, file, path, f"{value:g}" if f"{value:g}" == repr(value) else repr(value))
-        changed = _with_source(changed, file, path, f"{{kind: identified, ref: {json.dumps(ref, ensure_ascii=False)}}}")
+        kept = _range_around(changed, file, path, value)
+        changed = _with_source(
+            changed, file, path, f"{{kind: identified, {kept}ref: {json.dumps(ref, ensure_ascii=False)}}}"
+        )
     if curve:
         changed = _with_curve(changed, file, curve)
     changed = _without_block(changed, file, ("alternatives",))
@@ -107,14 +116,24 @@ def with_found_values(
 
 
 def _with_value(text: str, file: str, path: str, written: str) -> str:
-    place = read(text, file).places.get(tuple(path.split(".")))
+    section, name = path.split(".")
+    place = read(text, file).places.get((section, name))
     lines = text.split("\n")
     if place is None:
-        raise DataError(f"{file}: {path} is not in the text", "write it into the preset")
+        return _with_key(text, file, section, f"{name}: {written}")
     row, column = place.value.line - 1, place.value.column - 1
     length = len(place.text) + 2 * place.quoted
     lines[row] = lines[row][:column] + written + lines[row][column + length :]
     return "\n".join(lines)
+
+
+def _range_around(text: str, file: str, path: str, value: float) -> str:
+    """The plausible range that the text gives a field, as it is written again; empty where the value is not in it."""
+    table = (read(text, file).data or {}).get("source")
+    entry = table.get(path) if isinstance(table, dict) else None
+    bounds = read_range(path, entry.get("range")) if isinstance(entry, dict) else None
+    inside = isinstance(bounds, tuple) and bounds[0] <= value <= bounds[1]
+    return f"range: [{bounds[0]!r}, {bounds[1]!r}], " if isinstance(bounds, tuple) and inside else ""
 
 
 def _with_source(text: str, file: str, path: str, entry: str) -> str:
@@ -131,22 +150,27 @@ def _with_source(text: str, file: str, path: str, entry: str) -> str:
 
 
 def _with_curve(text: str, file: str, curve: str) -> str:
-    places = read(text, file).places
-    table = places.get(("numerics",))
-    if ("numerics", "nominal_curve") in places:
+    if ("numerics", "nominal_curve") in read(text, file).places:
         return text
+    return _with_key(text, file, "numerics", f"nominal_curve: {curve}")
+
+
+def _with_key(text: str, file: str, section: str, entry: str) -> str:
+    """The text with a key more in a section, which is added where there is none."""
+    places = read(text, file).places
+    table = places.get((section,))
     if table is None:
-        return f"{text}\nnumerics:\n  nominal_curve: {curve}\n"
+        return f"{text}\n{section}:\n  {entry}\n"
     lines, row = text.split("\n"), table.value.line - 1
     line, column = lines[row], table.value.column - 1
     if line[column : column + 1] == "{":
         rest = line[column + 1 :]
         more = "" if rest.lstrip().startswith("}") else ", "
-        lines[row] = f"{line[: column + 1]}nominal_curve: {curve}{more}{rest.lstrip()}"
-    elif any(path[:1] == ("numerics",) and len(path) > 1 for path in places):  # a block begins with its first key
-        lines.insert(row, f"{' ' * column}nominal_curve: {curve}")
+        lines[row] = f"{line[: column + 1]}{entry}{more}{rest.lstrip()}"
+    elif any(path[:1] == (section,) and len(path) > 1 for path in places):  # a block begins with its first key
+        lines.insert(row, f"{' ' * column}{entry}")
     else:  # a key with nothing behind it
-        lines.insert(table.key.line, f"{' ' * (table.key.column + 1)}nominal_curve: {curve}")
+        lines.insert(table.key.line, f"{' ' * (table.key.column + 1)}{entry}")
     return "\n".join(lines)
 
 

@@ -12,6 +12,7 @@ from hdassist.errors import UntrustedError
 from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
+from hdassist.solve.window import EdgeOfWindowError
 
 CHUNK = 256  # states whose forces are held at once: in the cache
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
@@ -74,12 +75,15 @@ class Answers:
     """What is kept of solved states, shape (states,) unless said otherwise.
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
-    takes, shape (states, 2); tooth_force_N: greatest force on a flank.
+    takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
+    deviations, shape (states, scalars). As the energy has one second derivative, the pull grows with the torque as the
+    rotation grows with the scalars.
     """
 
     rotation_arcsec: Array
     zone_share: Array
     tooth_force_N: Array
+    pull_N: Array
     certificate: Certificate
 
 
@@ -102,7 +106,7 @@ def solve_states(
     """
     count = len(delta_p)
     rotation, force = np.empty(count), np.empty(count)
-    moment = np.empty((count, 2))
+    moment, pull = np.empty((count, 2)), np.empty((count, system.deviation_map.shape[1]))
     certificate = EMPTY
     for first in range(0, count, chunk):
         part = slice(first, min(first + chunk, count))
@@ -115,11 +119,12 @@ def solve_states(
         tangential = forces[:, : system.n_flanks] * system.lever
         moment[part] = np.stack([tangential[:, system.flanks.zone == z].sum(axis=1) for z in (0, 1)], axis=1)
         force[part] = flank.max(axis=1)
+        pull[part] = forces @ system.deviation_map
         worst = {f.name: float(getattr(proof, f.name).max()) for f in fields(Residuals)}
         certificate += Certificate(len(forces), fallbacks=fallbacks, **worst)
         if progress:
             progress(len(forces))
-    return Answers(rotation * ARCSEC, moment / torque, force, certificate)
+    return Answers(rotation * ARCSEC, moment / torque, force, pull, certificate)
 
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:
@@ -153,8 +158,8 @@ def _require_linear(
     at_edge = flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0)
     k = int(np.argmax(at_edge))
     if at_edge[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
-        raise UntrustedError(
+        raise EdgeOfWindowError(
             f"outside the limits of the linear model at {place(first + k)}: {at_edge[k]:.3g} N on the outermost "
             "tooth of the flank window",
-            "widen numerics.window, or lower the torque",
+            "widen numerics.window, like --set numerics.window=60, or lower the torque",
         )

@@ -1,4 +1,7 @@
-"""States sent through cvxpy to a solver that it knows: slow, independent of the engine, and so a check of it."""
+"""States sent through cvxpy to a solver that it knows: slow, independent of the engine, and so a check of it.
+
+Pages ask it for names alone: cvxpy, which takes a second, is imported where there is a programme.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +17,9 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import proven
-from hdassist.solve.cvx import cp
-from hdassist.solve.formulation import Formulation
+
+if TYPE_CHECKING:
+    from hdassist.solve.formulation import Formulation
 
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 
@@ -47,6 +51,8 @@ def require_solver(name: str) -> str:
 
 @cache  # cvxpy looks for every solver anew each time
 def _able() -> list[str]:
+    from hdassist.solve.cvx import cp
+
     return sorted(set(cp.installed_solvers()) & QUADRATIC)
 
 
@@ -56,6 +62,8 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
     Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
+    from hdassist.solve.cvx import cp
+
     name, stated = require_solver(solver), formulation.statement
     stated.gaps.value = formulation.gaps(delta_p)
     stated.load.value = formulation.load(torque)

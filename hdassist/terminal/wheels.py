@@ -82,8 +82,10 @@ class PitchFiles:
         teeth, F_i = (drive.gears.z_b, "F_i2") if name == "b" else (drive.gears.z_g, "F_i1")
         pitch = read_pitch(file, teeth, form=asked.pitch_form, sense=asked.pitch_sense, flank=asked.pitch_flank)
         notes = list(pitch.notes)
+        if mark is None and (given := drive.value(f"phases.xi_{name}")) is None:
+            raise UsageError(f"where the mark of {file} stands is not known", f"--mark-{name} 30, in deg")
         if mark is None:
-            mark = float(drive.value(f"phases.xi_{name}"))
+            mark = float(given)
             notes.append(
                 f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset; --mark-{name} says otherwise"
             )

@@ -27,6 +27,7 @@ from hdassist.trials.unknowns import direction_density, drawn_values, offset_fie
 
 Places = NDArray[np.int64]
 
+OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
 FINEST, COARSEST = 36, 8  # directions that a sample is taken in, at most and at least
 SEAT_STEP, SEAT_SAMPLES, SEAT_BINS = 2.0, 64, 8  # um that the wheel's centre is moved by, to see what its seat does
 
@@ -93,9 +94,10 @@ class Cloud:
 
     def evaluated(self, M_g: float, samples: Places, executor: Executor | None = None, off_um: complex = 0) -> Array:
         """F'_ior [arcsec] of samples in all directions, shape (samples, directions), from the table."""
-        count, turn = self.weight.shape[1], offset_fields(self.drive)[1]
+        count = self.weight.shape[1]
         values = {path: np.repeat(column[samples], count) for path, column in self.values.items()}
-        values[turn] = _directions(self.values[turn][samples], count).ravel()
+        standing = {offset_fields(self.drive)[1], *({OVALITY} if self.drive.mounting.fixed == "rigid" else ())}
+        values |= {path: _directions(self.values[path][samples], count).ravel() for path in standing & values.keys()}
         found = F_ior_of_many(self.drive, self.tables[M_g], values, count=self.turns, off_um=off_um, executor=executor)
         return found.reshape(-1, count)
 
@@ -155,13 +157,17 @@ def _drawn(drive: Drive, count: int, seed: int) -> tuple[dict[str, Array], Array
     open_, holes = open_fields(drive), drive.mounting.holes
     directions = holes * -(-COARSEST // holes) if 0 < holes <= FINEST else FINEST
     # a standing ovality that is known does not turn with the samples: each is taken in one direction, so there are more
-    fixed = drive.mounting.fixed == "rigid" and drive.number("harmonics.a_s2") != 0
+    fixed = drive.mounting.fixed == "rigid" and drive.number("harmonics.a_s2") != 0 and drive.value(OVALITY) is not None
     share = qmc.Sobol(len(open_) + 1, seed=seed).random(2 ** round(np.log2(count / (3 if fixed else directions))))
-    values = {path: drawn_values(drive, path, column) for path, column in zip(open_, share.T, strict=False)}
+    values = {
+        path: drawn_values(drive, path, reach, column)
+        for (path, reach), column in zip(open_.items(), share.T, strict=False)
+    }
     first = (360.0 if fixed else 360 / directions) * share[:, -1]
     weight = direction_density(drive, _directions(first, directions))
     if fixed:
         weight[:, 1:] = 0
+        values.setdefault(OVALITY, np.full(len(first), drive.number(OVALITY)))
     return {**values, offset_fields(drive)[1]: first}, weight / weight.sum()
 
 
@@ -175,7 +181,7 @@ def _span(drive: Drive, values: Mapping[str, Array], directions: int, compared: 
     some = [{path: float(column[k]) for path, column in values.items()} for k in range(compared)]
     some = [{**one, turn: one[turn] + 360 * (5 * k % directions) / directions} for k, one in enumerate(some)]
     widest = {path: float(column.max()) for path, column in values.items()}
-    off = {"tolerances.e_b": drive.tolerances.e_b + SEAT_STEP} if reseat else {}
+    off = {"tolerances.e_b": drive.number("tolerances.e_b") + SEAT_STEP} if reseat else {}
     return [drive.with_values(one) for one in (*some, {**widest, **off})]
 
 

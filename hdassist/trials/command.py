@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -66,6 +67,7 @@ def command(
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
+    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.workers import workers
     from hdassist.trials.advice import advise_from_trials
@@ -85,10 +87,10 @@ def command(
     begun = time.monotonic()
     total = len({*torques, rig.M_g}) * FULL.mesh.states
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
-        advice = advise_from_trials(
-            drive,
-            measured,
-            rig,
+        analysis = partial(
+            advise_from_trials,
+            trials=measured,
+            rig=rig,
             outcome=outcome,
             criterion=choosing.criterion,
             weights=weights,
@@ -98,6 +100,7 @@ def command(
             executor=executor,
             progress=progress,
         )
+        advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
     told = answer(advice, seed)

@@ -7,6 +7,7 @@ from scipy.stats import norm
 
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
+from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import least_of
 
@@ -21,30 +22,34 @@ def offset_fields(drive: Drive) -> tuple[str, str]:
     return f"tolerances.e_h{end}", f"phases.phi_h{end}"
 
 
-def open_fields(drive: Drive) -> list[str]:
-    """Fields of a drive that are not known, the direction of the standing offset left out.
+def open_fields(drive: Drive) -> dict[str, tuple[float, float]]:
+    """Fields of a drive that are not known, and their ranges; the direction of the standing offset is left out.
 
     The standing offset is anywhere up to WIDEST times the preset's, unless the preset gives an uncertainty for it; so
-    is the one that turns with the cam, in any direction. Other fields that have an uncertainty vary by it. Raises
-    UsageError where nothing is known of the size of the standing offset.
+    is the one that turns with the cam, in any direction. Other fields vary by the uncertainty that they have;
+    deviations that the preset does not give, over what they may be (model/unknown.py). Raises UsageError where nothing
+    is known of the size of the standing offset.
     """
     size, direction = offset_fields(drive)
-    if size not in drive.uncertainty and not drive.number(size) > 0:
+    ranges = {each.path: (each.low, each.high) for each in unknowns(drive)}
+    if size not in {*drive.uncertainty, *ranges} and not drive.number(size) > 0:
         raise UsageError(
             f"nothing is known of the size of the cam offset {size}",
             f"--set {size}=80 says that up to {WIDEST:g} times 80 um are likely",
         )
-    measured = set(drive.uncertainty) - {direction}
-    own = drive.tolerances.e_hh or any(drive.uncertainty[path] for path in measured - {size})
-    return sorted({size} | measured | ({"tolerances.e_hh", "phases.phi_hh"} if own else set()))
+    measured = {path: (0.0, 0.0) for path in drive.uncertainty if path != direction}
+    own = drive.tolerances.e_hh or any(drive.uncertainty[path] for path in set(measured) - {size})
+    wide = {path: (0.0, WIDEST * drive.number(path)) for path in (size, *(["tolerances.e_hh"] if own else []))}
+    found = wide | ({"phases.phi_hh": (0.0, 360.0)} if own else {}) | ranges | measured
+    return {path: found[path] for path in sorted(set(found) - {direction})}
 
 
-def drawn_values(drive: Drive, path: str, share: Array) -> Array:
-    """Values of an open field from shares of their probability."""
+def drawn_values(drive: Drive, path: str, reach: tuple[float, float], share: Array) -> Array:
+    """Values of an open field from shares of their probability, by its uncertainty, or evenly over its range."""
     if path in drive.uncertainty:
         off = drive.uncertainty[path] / 2 * norm.ppf(np.clip(share, OUTERMOST, 1 - OUTERMOST))
         return np.asarray(np.maximum(drive.number(path) + off, least_of(field_table()[path])))
-    return share * (360.0 if path.startswith("phases.") else WIDEST * drive.number(path))
+    return reach[0] + (reach[1] - reach[0]) * share
 
 
 def direction_density(drive: Drive, direction_deg: Array) -> Array:

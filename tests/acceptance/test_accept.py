@@ -18,7 +18,7 @@ from hdassist.acceptance.decision import GUARD, Limit, Margin, Value, decide, li
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.page import number, render
-from hdassist.acceptance.predictions import predict
+from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.acceptance.request import Request, TraceFile, read_measurements, stated_values
 from hdassist.design.check import check
 from hdassist.error.orders import orders
@@ -127,7 +127,7 @@ def predicted():
 
 def values(found):
     drive, predictions = found
-    return {(a.check.code, a.M_g): a.predicted(predictions).number for a in limits_of(drive)}
+    return {(a.check.code, a.M_g): a.predicted(predictions)[-1].number for a in limits_of(drive)}
 
 
 def test_predicted_values_are_those_of_the_other_commands(predicted):
@@ -441,7 +441,7 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
     drive = small(f"{name}=7")
     (limit,) = [limit for limit in limits_of(drive) if limit.M_g in (4.0, None)]
     assert (limit.check, limit.bound, limit.order) == (check, 7.0, 2.0 if check == ORDER else None)
-    assert limit.predicted(predicted[1]).number > 0
+    assert limit.predicted(predicted[1])[-1].number > 0
     assert limits_of(small(f"{name}=7 {check.unit}")) == limits_of(drive)
     columns = f"serial,preset,limit {name},{name if check != ORDER else 'order_2@4'}\n1,{SMALL},7,6±0.1\n"
     (tmp_path / "lot.csv").write_text(columns)
@@ -465,3 +465,31 @@ def test_codes_are_explained_and_in_the_docs():
     fields = {c.field for c in CHECKS}
     limits = set(type(small().acceptance).model_fields) - {"rule", "margin"}
     assert fields == limits
+
+
+def test_what_is_not_known_decides_nothing_that_it_could_reverse():
+    open_ = ("phases.phi_hb=unknown", "operation.M_g=4", "acceptance.margin=0")
+    drive = load_preset(SMALL, [*open_, "acceptance.F_ior=40"])
+    found = predict(drive, needed_for(limits_of(drive)))
+    low, high = (value.number for value in limits_of(drive)[0].predicted(found))
+    assert low < high
+    for bound, verdict in ((high + 0.1, "PASS"), (high - 0.1, "INCONCLUSIVE"), (low - 0.1, "FAIL")):
+        held = load_preset(SMALL, [*open_, f"acceptance.F_ior={bound}"])
+        result = accept(held, predictions=found)
+        assert result.verdict == verdict
+        assert [note.code for note in result.notes] == ["UNKNOWN"]
+        told = answer_of(Request(SMALL), result, "fail")
+        assert told.checks[0].decided_again(held.acceptance.rule, 0.0) == told.checks[0]
+    order = load_preset(SMALL, [*open_, "acceptance.order_amplitude={2: 1000}"])
+    assert accept(order).verdict == "INCONCLUSIVE"  # there is no range over it
+
+
+def test_the_margin_is_as_wide_as_what_is_assumed_spreads():
+    drive = load_preset(SMALL, ["source.cam.W_0={kind: assumed, range: [0.55, 0.63]}"])
+    for spread, told in ((0.6, Margin(100 * (np.exp(GUARD * 0.6) - 1), "spread")), (0.1, Margin(50.0, "assumed"))):
+        found = margin_of(drive, Predictions(30.0, {}, {}, None, spread=spread))
+        assert (found.percent, found.origin) == (pytest.approx(told.percent), told.origin)
+    limit = Limit(CODES["F_IOR"], 30.0, 4.0)
+    for found, verdict in ((14.9, "PASS"), (15.1, "INCONCLUSIVE"), (59.9, "INCONCLUSIVE"), (60.1, "FAIL")):
+        # by a margin of 100 % the drive may have twice the value, or the value be twice the drive's
+        assert decide(limit, Value(found, 0.0, "predicted"), "guard", 1.0).verdict == verdict

@@ -10,7 +10,9 @@ import pytest
 from hdassist import load_preset
 from hdassist.calibration.calibrate import calibrate
 from hdassist.calibration.evaluations import Evaluations
+from hdassist.calibration.page import to_json, warnings
 from hdassist.calibration.quantities import FINE, MEDIUM, ROUGH, Quantities
+from hdassist.calibration.shortfall import holding, in_the_way
 from hdassist.calibration.targets import read_targets
 from hdassist.design.trace_page import figures
 from hdassist.error.stiffness import stiffness
@@ -45,7 +47,7 @@ def cheap():
     curve = stiffness(drive_of().with_values(HIDDEN), T_1=2.0, T_2=6.0, T_max=7.0, cross_check=None)
     lines = [
         f"quantity: lost_motion, M_g: 7, value: {curve.twist_at(7.0) - curve.twist_at(-7.0)}, tolerance: 0.5",
-        f"quantity: torsional_stiffness, from: 2, to: 6, value: {curve.positive[1].stiffness}, tolerance: 0.1 %",
+        f"quantity: K_2, T_1: 2, T_2: 6, value: {curve.weaker(2)}, tolerance: 0.1 %",
     ]
     return targets_of(drive_of(), lines)
 
@@ -102,6 +104,31 @@ def test_targets_that_cannot_be_met_get_the_nearest(cheap):
     assert not found.best.all_met
     # both unknowns at the bound that gives the most twist
     assert found.best.values == pytest.approx((15, 2e-4), rel=0.1)
+
+
+def test_what_stood_in_the_way_is_named_with_its_number(cheap):
+    found = 1e4 * stiffness(drive_of("gears.j_n=2"), cross_check=None).weaker(1)
+    head = UNKNOWNS.replace("  gears.j_n: {low: 0, high: 15}\n", "").replace("high: 2e-4", "high: 7e-5")
+    soft = targets_of(drive_of(), [f"quantity: K_1, value: {found / 1e5}, tolerance: 5 %"], head)
+    result = calibrate(drive_of(), soft, Evaluations(drive_of(), soft), budget=8, starts=ONE)
+    assert result.held == (7e-5,)
+    (said,) = [text for text in warnings(result) if "missed" in text]
+    over = result.best.found[0] / (found / 1e5) - 1
+    assert f"is still {100 * over:.2g} % above its target" in said
+    assert "contact.c_t stands at its bound 7e-5; the values" in said
+    assert to_json(result)["unknowns"][0]["held_at"] == 7e-5
+    # what is missed with no bound in the way, and nothing at all
+    torn = targets_of(drive_of(), ["quantity: K_1, value: 100, tolerance: 1", "quantity: K_1, low: 6000"])
+    words = in_the_way(torn.unknowns, torn.targets, (100, 5400), (True, False), (None, None))
+    assert words == "K_1 5400 N*m/rad is still 10 % below its target 6000; no bound is in the way"
+    assert in_the_way(torn.unknowns, torn.targets, (100, 6000), (True, True), (15, None)) == ""
+
+
+def test_a_fit_that_does_not_come_to_rest_says_what_it_misses(cheap, monkeypatch):
+    monkeypatch.setattr("hdassist.calibration.calibrate.ROUNDS", 1)
+    far = targets_of(drive_of(), ["quantity: lost_motion, M_g: 7, value: 5000, tolerance: 1 %"])
+    with pytest.raises(UntrustedError, match=r"come to rest: lost_motion, M_g 7 N\*m \d+ arcsec is still \d\d % below"):
+        calibrate(drive_of(), far, Evaluations(drive_of(), far), budget=8, starts=ONE)
 
 
 def test_a_state_file_is_gone_on_with(cheap, tmp_path):
@@ -186,7 +213,7 @@ def test_the_state_of_another_preset_is_left_as_it_is(cheap, tmp_path):
 def test_nothing_computable_is_an_error(cheap):
     # a torque beyond the model at every point
     wild = targets_of(drive_of(), ["quantity: lost_motion, M_g: 5000, value: 10, tolerance: 1"])
-    with pytest.raises(UntrustedError, match="could be computed") as error:
+    with pytest.raises(UntrustedError, match=r"could be computed; as the preset has it: .*wind-up") as error:
         calibrate(drive_of(), wild, Evaluations(drive_of(), wild), budget=8)
     assert error.value.exit_code == 5
 
@@ -215,6 +242,32 @@ def test_quantities_are_those_of_the_commands(reference):
     ]
     for target in targets_of(reference, asked, head).targets:
         assert np.abs(quantities.off(target)).max() <= 1, target.words
+
+
+def test_stiffnesses_and_lost_motion_are_those_of_the_curve():
+    """The data sheet's quantities are read off the curve that `stiffness` draws, whose points change nothing."""
+    drive = drive_of("operation.rated=5")
+    asked = ["K_1", "K_2, T_1: 1.5, T_2: 4", "K_3", "lost_motion", "lost_motion, M_g: 3"]
+    lines = [f"quantity: {words}, value: 1, tolerance: 1" for words in asked]
+    quantities = Quantities(drive, ROUGH)
+    found = [quantities.value(target) for target in targets_of(drive, lines).targets]
+    curve, own = stiffness(drive), stiffness(drive, T_1=1.5, T_2=4, cross_check=None)
+    lost = 2 * stiffness(drive, T_max=3, cross_check=None).twist_at(3)
+    assert found == pytest.approx([curve.weaker(1), own.weaker(2), curve.weaker(3), curve.lost_motion_arcsec, lost])
+    assert curve.weaker(1) == min(curve.positive[0].stiffness, curve.negative[0].stiffness)
+
+
+def test_a_bound_holds_where_the_fit_would_go_on_beyond_it():
+    unknowns = targets_of(drive_of(), ["quantity: K_1, value: 1, tolerance: 1"]).unknowns
+
+    def held(point, *slopes):
+        return holding(unknowns, np.array(point), np.array([2.0]), np.array([slopes]))
+
+    assert held([0.0, 1.0], 1.0, -1.0) == (0.0, 2e-4)  # what is off falls outwards at both
+    assert held([0.0, 1.0], -1.0, 1.0) == (None, None)  # inwards: it came to rest elsewhere
+    assert held([1.0, 0.0], -1.0, 1.0) == (15.0, 1e-5)
+    assert held([0.5, 0.98], 1.0, -1.0) == (None, None)
+    assert held([0.0, 1.0], 1e-3, -1e-3) == (None, None)  # nothing to gain
 
 
 def test_extremes_over_the_phase_are_those_of_the_curve():

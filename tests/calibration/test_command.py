@@ -10,6 +10,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.terminal.files import held
 from tests.process import SMALL, run
+from tests.tutorial import require_told, told_by
 
 TARGETS = """\
 schema: hdassist.targets/1
@@ -89,3 +90,7 @@ def test_two_runs_do_not_share_a_state_file(tmp_path):
     assert done.returncode == 2
     assert "state.jsonl is being written by another run" in done.stderr
     assert not state.exists()
+
+
+def test_the_page_of_the_docs_runs(tmp_path):
+    require_told("calibrate.md", told_by("calibrate.md", tmp_path))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration.targets import KINDS, read_targets
+from hdassist.calibration.targets import KINDS, Unknown, read_targets
 from hdassist.errors import PresetError
 from hdassist.model.kinematics import Kinematics
 from tests.process import SMALL
@@ -48,7 +48,6 @@ def test_what_is_written_is_what_is_meant():
     ("old", "new", "place", "words"),
     [
         ("gears.j_n:", "gears.jn:", "4:3", "did you mean gears.j_n"),
-        ("gears.j_n:", "gears.alpha:", "4:3", "gives it no value to start from"),
         ("gears.j_n:", "gears.z_g:", "4:3", "names no measure"),
         ("low: 0,", "low: 8,", "4:14", "outside the bounds"),
         ("high: 15 um", "high: 500", "4:14", "beyond what a preset allows"),
@@ -79,6 +78,23 @@ def test_every_fault_has_its_place(old, new, place, words):
         read(GOOD.replace(old, new, 1))
     assert error.value.exit_code == 4
     assert [f for f in error.value.findings if str(f).startswith(f"rig.yaml:{place}") and words in str(f)], error.value
+
+
+def test_a_field_starts_from_its_default_and_takes_its_bounds_from_the_source():
+    def unknowns(line: str, *sets: str):
+        text = GOOD.replace("  gears.j_n: {low: 0, high: 15 um}\n", f"  {line}\n")
+        return read_targets(text.encode(), "rig.yaml", load_preset(SMALL, sets)).unknowns[0]
+
+    ranged = "source.gears.j_n={kind: assumed, range: [2, 12]}"
+    assert unknowns("contact.k_face: {low: 5, high: 20}").start == load_preset(SMALL).contact.k_face
+    assert unknowns("gears.j_n:", ranged) == Unknown("gears.j_n", 2, 12, False, 6)
+    assert unknowns("gears.j_n: {scale: log}", ranged).log
+    assert unknowns("gears.j_n: {high: 8}", ranged) == Unknown("gears.j_n", 2, 8, False, 6)
+    # a field that has neither value nor default starts in the middle
+    assert unknowns("bearing.d_ball: {low: 2, high: 4}").start == 3
+    assert unknowns("bearing.d_ball: {low: 2, high: 8, scale: log}").start == pytest.approx(4)
+    with pytest.raises(PresetError, match=r"missing key, and no range at source\.gears\.j_n of the preset"):
+        unknowns("gears.j_n: {low: 0}")
 
 
 @pytest.mark.parametrize("text", ["", "- 1", "schema: hdassist.targets/1", "schema: [", GOOD.split("targets:\n")[0]])
@@ -157,4 +173,4 @@ def test_a_trace_is_read_as_measure_reads_it(tmp_path):
 
 
 def test_every_kind_says_what_it_is():
-    assert all(kind.unit and kind.meaning and kind.needs for kind in KINDS.values())
+    assert all(kind.unit and kind.meaning and kind.keys for kind in KINDS.values())

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 
 from hdassist.cli import presets
 from hdassist.errors import DataError, HdassistError, PresetError, UsageError
-from hdassist.preset.fields import fields
+from hdassist.preset.fields import Drive, fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.load import load_text
 from hdassist.version import __version__
@@ -47,9 +47,12 @@ def bad(tmp_path: Path) -> str:
 def test_list_shows_each_preset_in_one_line() -> None:
     result = run("list")
     assert (result.exit_code, result.stderr) == (0, "")
-    for name, teeth, module in (("vzp160", "200/202", "0.8 mm"), ("synthetic-160-162", "160/162", "0.5 mm")):
+    for name, *cells in (
+        ("vzp160", "200/202", "0.8 mm", "30, 8, 17"),
+        ("synthetic-160-162", "160/162", "0.5 mm", "0, 0, 47"),
+    ):
         (line,) = (line for line in result.stdout.splitlines() if line.startswith(name))
-        assert teeth in line and module in line
+        assert all(cell in line for cell in cells)
     assert "Lyuminarsky and Ivanov (2019)." in result.stdout
     assert "Results hinge" not in result.stdout
 
@@ -58,7 +61,7 @@ def test_list_as_json() -> None:
     found = answer("list")
     assert found["schema"] == "hdassist.presets-list/1"
     assert [entry["preset"]["name"] for entry in found["presets"]] == preset_names()
-    assert {"z_g", "z_b", "m_mm", "description"} <= set(found["presets"][0])
+    assert {"z_g", "z_b", "m_mm", "values", "description"} <= set(found["presets"][0])
 
 
 def test_show_gives_the_bytes_as_they_are() -> None:
@@ -87,8 +90,9 @@ def test_resolved_as_json() -> None:
     torque = next(row for row in found["fields"] if row["path"] == "operation.M_g")
     assert torque == {
         "path": "operation.M_g", "value": [80], "unit": "N*m", "kind": "override", "ref": "--set",
-        "meaning": "torques on the flexspline, counter-clockwise positive",
+        "meaning": "torques on the flexspline, counter-clockwise positive", "range": None,
     }  # fmt: skip
+    assert next(row for row in found["fields"] if row["path"] == "gears.j_n")["range"] == [0, 20]
 
 
 class Terminal(io.StringIO):
@@ -114,13 +118,13 @@ def test_on_a_terminal_the_table_fits_and_cuts_no_number(columns: int, monkeypat
 
 def test_in_a_pipe_no_reference_is_wrapped() -> None:
     (line,) = (line for line in run("show", "vzp160", "--resolved").stdout.splitlines() if "contact.c_ball" in line)
-    assert line.rstrip().endswith("tangent at 100-1000 N; from Fig. 3")
+    assert line.rstrip().endswith("1.25e-05 to 2.857e-05; ISO/TS 16281 ball, tangent at 100-1000 N; from Fig. 3")
     assert len(line) > 80
 
 
 def test_ascii_has_no_other_characters(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
-    file.write_text(run("new", "x").stdout + 'source: {cam.W_0: {kind: given, ref: "±5 µm"}}\n', encoding="utf-8")
+    file.write_text(run("new", "x").stdout.replace('"example"', '"±5 µm"'), encoding="utf-8")
     result = run("show", str(file), "--resolved", "--ascii")
     assert result.stdout.isascii()
     assert "+-5 um" in result.stdout
@@ -128,13 +132,24 @@ def test_ascii_has_no_other_characters(tmp_path: Path) -> None:
 
 def test_validate_says_ok_on_stdout() -> None:
     result = run("validate", "vzp160", "synthetic-160-162")
-    assert (result.exit_code, result.stdout, result.stderr) == (0, "vzp160: OK\nsynthetic-160-162: OK\n", "")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout == "vzp160: OK, 17 values still assumed\nsynthetic-160-162: OK, 47 values still assumed\n"
+
+
+def test_what_is_assumed_is_counted_until_a_value_is_called_given() -> None:
+    form = run("new", "x").stdout
+    examples = form.count("kind: assumed")
+    assert run("validate", "-", stdin=form).stdout == f"-: OK, {examples} values still assumed\n"
+    given = form.replace("gears.z_g: {kind: assumed", "gears.z_g: {kind: given")
+    assert run("validate", "-", stdin=given).stdout == f"-: OK, {examples - 1} values still assumed\n"
+    assert run("validate", "-", stdin=form.replace("kind: assumed", "kind: given")).stdout == "-: OK\n"
+    assert answer("validate", "vzp160")["values"] == {"given": 30, "identified": 8, "assumed": 17}
 
 
 def test_validate_shows_every_error_of_every_preset(bad: str) -> None:
     result = run("validate", bad, "vzp160", "vzp161")
     assert result.exit_code == 4
-    assert result.stdout == f"{bad}: invalid\nvzp160: OK\nvzp161: invalid\n"
+    assert result.stdout == f"{bad}: invalid\nvzp160: OK, 17 values still assumed\nvzp161: invalid\n"
     line = Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
     assert f"{bad}:{line}:8: cam.W_0: the unit m could be mistaken" in result.stderr
     assert "gears.z_b: must be a whole number (got no)" in result.stderr
@@ -188,7 +203,7 @@ def test_errors_are_those_that_know_their_exit_code(arguments: list[str], error:
 def test_new_prints_a_valid_preset() -> None:
     result = run("new", "my drive")
     assert load_text(result.stdout, "f").name == "my drive"
-    assert run("validate", "-", stdin=result.stdout).stdout == "-: OK\n"
+    assert run("validate", "-", stdin=result.stdout).stdout.startswith("-: OK, ")
 
 
 def test_new_writes_a_file_once(tmp_path: Path) -> None:
@@ -231,4 +246,69 @@ def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -
     assert code == 0
     assert max(map(len, page.splitlines())) <= columns
     assert "synthetic-160-162" in page or "1830000" in page
-    assert ("wider terminal" in page) == (columns == 60 and "show" in command)
+    assert ("wider terminal" in page) == (columns == 60)
+
+
+def made(*arguments: str) -> Drive:
+    """The drive that `presets new` makes."""
+    result = run("new", "own", *arguments)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return load_text(result.stdout, "own")
+
+
+def test_new_takes_what_a_catalogue_says() -> None:
+    drive = made("--ratio", "100", "--torque", "67 Nm", "--pitch-diameter", "63.5")
+    assert (drive.gears.z_g, drive.gears.z_b, drive.operation.rated) == (200, 202, 67)
+    assert drive.operation.M_g == (6.7, 67)
+    sources = {path: drive.source[path].ref for path in ("gears.z_g", "gears.m", "operation.rated")}
+    assert sources == {
+        "gears.z_g": "--ratio 100, two waves",
+        "gears.m": "63.5 mm / 200 teeth; --pitch-diameter 63.5",
+        "operation.rated": "--torque 67",
+    }
+
+
+def test_new_is_like_another_drive() -> None:
+    drive = made("--like", "synthetic-160-162", "--teeth", "200/202")
+    assert drive.gears.m == 0.4
+    assert drive.source["flexspline.h_1"].ref.startswith("synthetic-160-162 x 1, as d")
+
+
+def test_the_ratio_is_that_of_the_drive_as_it_is_built_in(tmp_path: Path) -> None:
+    file = tmp_path / "b.yaml"
+    file.write_bytes(read_preset("vzp160")[0].replace(b"fixed: rigid ", b"fixed: flexspline "))
+    drive = made("--like", str(file), "--ratio", "100")
+    assert (drive.gears.z_b, drive.mounting.fixed) == (200, "flexspline")
+
+
+def test_new_keeps_the_stiffnesses_in_words() -> None:
+    text = run("new", "own", "--stiffness", "3.1e4, 5e4, 5.7 Nm/mrad").stdout
+    assert "# K1, K2, K3 given: 31000, 50000, 5700 N*m/rad" not in text  # they fall: refused
+    text = run("new", "own", "--stiffness", "3.1e4, 5e4, 57 Nm/mrad").stdout
+    assert "# K1, K2, K3 given: 31000, 50000, 57000 N*m/rad" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--teeth", "160/162", "--ratio", "100"], "--teeth 160/162 contradicts --ratio 100, which takes 200/202"),
+        (["--teeth", "160/163"], "--teeth 160/163: only drives with two waves"),
+        (["--teeth", "many"], "--teeth must be two whole numbers, like 160/162 (got many)"),
+        (["--ratio", "82.3"], "a ratio of 82.3 needs 164.6 teeth"),
+        (["--ratio", "nan"], "--ratio must be a number above 0"),
+        (["--ratio", "1e300"], "a ratio of 1e+300 needs"),
+        (["--torque", "67 N"], "--torque: the unit N could be mistaken"),
+        (["--torque", "-1"], "--torque must be above 0 N*m"),
+        (["--pitch-diameter", "63 m"], "--pitch-diameter: the unit m could be mistaken"),
+        (["--pitch-diameter", ""], "--pitch-diameter: must be a number (got nothing)"),
+        (["--pitch-diameter", "1e9"], "no such drive: gears.m would be 5e+06 mm"),
+        (["--pitch-diameter", "20", "--torque", "800"], "contradicts a pitch diameter of 20 mm"),
+        (["--stiffness", "3e4,5e4"], "--stiffness takes three numbers"),
+        (["--stiffness", "3e4,5e4,x"], "--stiffness: must be a number (got x)"),
+    ],
+)
+def test_what_new_cannot_make_is_wrong_usage(arguments: list[str], message: str) -> None:
+    result = run("new", "own", *arguments)
+    assert isinstance(result.exception, UsageError)
+    assert message in result.exception.message
+    assert result.stdout == ""

@@ -84,7 +84,7 @@ def test_harmonics_and_a_run_out_are_slopes_whose_error_is_measured(small: Drive
     span[-1] = span[-1].with_values(outermost | {"tolerances.e_b": 2.0})
     wide = error_tables([(small, span)], (4.0,))[0][0]
     assert wide.reach.others == (4, 5, 6, 7)
-    drives = oval(drawn(small, 30, 2), 4)
+    drives = oval(drawn(small, 15, 2), 4)
     search = CycleSearch(small, 4.0)
     exact = np.array([search.extremes(d).F_ior_arcsec for d in drives])
     missed = [wide.F_ior(deviation_scalars(d, *turns())) for d in drives] - exact

@@ -84,8 +84,8 @@ def test_noise_has_no_lines(turns, per_turn, memory):
 def test_full_cycles_with_a_line_are_held_and_not_passed(noise):
     # the short form of `python -m benchmarks.lines`
     group = Group("orders", 30, 1, noise)
-    told = row([look((group, seed)) for seed in range(30)])
-    assert told["rigs"] >= 28
+    told = row([look((group, seed)) for seed in range(15)])
+    assert told["rigs"] >= 14
     assert told["held"] >= 95
     assert told["any held"] >= 95
     assert told["false PASS"] <= 5

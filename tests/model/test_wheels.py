@@ -54,7 +54,10 @@ def test_the_rest_of_a_pitch_goes_to_the_cam_offset_that_stands_with_the_wheel()
 
 @pytest.mark.parametrize("fixed", FIXED)
 def test_a_measured_first_harmonic_is_the_presets_in_every_hole(fixed):
-    drive = load_preset(SMALL, [f"mounting.fixed={fixed}", "tolerances.e_hg=40", "phases.xi_g=180", "phases.xi_b=270"])
+    drive = load_preset(
+        SMALL,
+        [f"mounting.fixed={fixed}", "tolerances.e_hg=40", "phases.phi_hg=0", "phases.xi_g=180", "phases.xi_b=270"],
+    )
     measured = harmonic(drive, fixed, 33.0)
     phi_h, xi = ("phases.phi_hb", "phases.xi_b") if fixed == "rigid" else ("phases.phi_hg", "phases.xi_g")
     for rotation in seat_positions(drive):

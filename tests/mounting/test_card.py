@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from hdassist.errors import UsageError
+from hdassist.model.unknown import Unknown
 from hdassist.mounting import card_render
 from hdassist.mounting.card import Card
 from hdassist.mounting.card_svg import CENTRE, RING
+from hdassist.mounting.page import what_to_do
 from hdassist.mounting.seat_page import drawing, instruction, seat_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
@@ -22,6 +24,12 @@ from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
+
+
+UNKNOWN_TURN = replace(
+    advice_of(overrides=("phases.phi_hb=unknown",)), unknown=(Unknown("phases.phi_hb", 0.0, 360.0, "any direction"),)
+)
+UNSURE = replace(CARDS["not sure"], unknown=(Unknown("harmonics.a_g2", 0.0, 3.0, "assumed"),))
 
 
 def strings(value: object) -> list[str]:
@@ -266,6 +274,8 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
         seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
+    for open_ in (UNKNOWN_TURN, UNSURE, replace(UNSURE, robust=None)):
+        what_to_do(open_, texts("ru"))
     used.add("warning.unsettled")  # of the trials' report
     entries = set(texts("ru").entries)
     for_trials = {key for key in entries if key.startswith("trials.")}

@@ -11,6 +11,7 @@ import pytest
 
 from hdassist.calibration.targets import read_targets
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.preset.fields import field_table, measures
 from hdassist.preset.library import load_preset, preset_names, read_preset
 
 ROOT = Path(__file__).parents[2]
@@ -32,9 +33,21 @@ def test_every_preset_loads_without_a_warning_and_sources_every_value_it_gives(n
         for section in type(drive).model_fields
         if hasattr(getattr(drive, section), "model_fields_set")
         for field in getattr(drive, section).model_fields_set
+        if getattr(getattr(drive, section), field) is not None
     }
-    explained_by_the_comments = {"phases.xi_g"} if name.startswith("synthetic") else set()
-    assert given - explained_by_the_comments == set(drive.source)
+    assert given == set(drive.source)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_guesses_have_a_range_and_what_can_be_unknown_is_written(name: str) -> None:
+    drive = load_preset(name)
+    guesses = {path for path, entry in drive.source.items() if entry.kind != "given" and path in measures()}
+    without = {path for path in guesses if drive.source[path].range is None}
+    assert {path for path in without if path.partition(".")[0] in ("flexspline", "bearing", "cam", "supports")} == set()
+    assert {"gears.j_n", "contact.c_t", "contact.c_ball", "cam.W_0"} & without == set()
+    written = {f"{section}.{field}" for section in ("tolerances", "phases", "harmonics")
+               for field in getattr(drive, section).model_fields_set}  # fmt: skip
+    assert {p for p in field_table() if p.startswith(("tolerances.", "phases.", "harmonics.a_"))} <= written
 
 
 def test_the_synthetic_drive_says_what_it_is() -> None:
@@ -107,9 +120,9 @@ def test_closed_standard_input_is_said_plainly(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     ("name", "message", "hint"),
     [
-        ("vzp161", "no such preset or file: vzp161", "did you mean vzp160?"),
-        ("VZP160", "no such preset or file: VZP160", "did you mean vzp160?"),
-        ("qqqq", "no such preset or file: qqqq", "in the library: synthetic-160-162, vzp160"),
+        ("vzp161", "no such preset or file: vzp161", "did you mean vzp160"),
+        ("VZP160", "no such preset or file: VZP160", "did you mean vzp160"),
+        ("qqqq", "no such preset or file: qqqq", "size-65-100, synthetic-160-162, vzp160"),
         ("gone.yaml", "no such file: gone.yaml", "in the library:"),
         ("", "no such preset or file: an empty name", "in the library:"),
         (".", ". is a directory, not a preset", ""),

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import PresetError, UsageError
-from hdassist.preset.fields import Drive, Harmonics, fields
+from hdassist.preset.fields import Drive, fields
+from hdassist.preset.kinds import may_be_unknown
 from hdassist.preset.load import load_text
 
 BASE = """\
@@ -100,14 +101,14 @@ def test_limits_are_read_per_torque_for_all_and_with_units() -> None:
 
 
 def test_uncertainty_is_in_the_unit_of_the_field_it_names() -> None:
-    assert load(more="uncertainty: {phases.xi_b: 30 arcmin, cam.W_0: 5 um}\n").uncertainty == {
+    assert load(more="phases: {xi_b: 1}\nuncertainty: {phases.xi_b: 30 arcmin, cam.W_0: 5 um}\n").uncertainty == {
         "phases.xi_b": 0.5,
         "cam.W_0": 0.005,
     }
 
 
 def test_an_empty_section_is_one_without_keys() -> None:
-    assert load(more="tolerances:\nsource:\n").tolerances.F_i1 == 0
+    assert load(more="numerics:\nsource:\n").numerics.n_max == 40
 
 
 def test_optional_fields_may_be_empty() -> None:
@@ -209,8 +210,22 @@ def test_optional_fields_may_be_empty() -> None:
         ]),
         ([], "source: {cam.W_0: given}\n", ["my.yaml:9:19: source.cam.W_0: must be a table of keys "
          "(got given; like {kind: given, ref: page 6})"]),
-        ([], "source: {cam.W_0: {kind: given, page: '6'}}\n",
-         ["my.yaml:9:33: source.cam.W_0.page: unknown key (known: kind, ref)"]),
+        ([], "source: {cam.W_0: {kind: given, sheet: '6'}}\n",
+         ["my.yaml:9:33: source.cam.W_0.sheet: unknown key (known: kind, ref, range)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [1, 1.1 mm]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "the value 0.96 lies outside its range (got 1 to 1.1; correct one of them)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [1, 0.9]}}\n",
+         ["my.yaml:9:40: source.cam.W_0.range: the lower one must stand first (got a list)"]),
+        ([], "source: {cam.W_0: {kind: given, range: 1}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "must be two numbers, the lower one first (got 1; like [0, 20])"]),
+        ([], "source: {cam.W_0: {kind: given, range: [0.9, 1 N]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "unknown unit N (got a list; did you mean nm?)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [0.9, .inf]}}\n",
+         ["my.yaml:9:40: source.cam.W_0.range: must be a finite number (got a list)"]),
+        ([], "source: {cam.W_0: {kind: given, range: [0.9, 11]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+         "reaches beyond what the field takes: 0.01 to 10 mm (got a list)"]),
+        ([], "source: {gears.z_g: {kind: given, range: [190, 210]}}\n",
+         ["my.yaml:9:42: source.gears.z_g.range: only single measures have a range (got a list)"]),
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
@@ -293,7 +308,7 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
                 taken.add((path, value))
     may_be_empty = ("bearing.d_ball", "operation.rated", "acceptance.lost_motion", "acceptance.K_1", "acceptance.K_2",
                     "acceptance.K_3", "acceptance.margin",
-                    *(f"harmonics.{name}" for name in Harmonics.model_fields))  # fmt: skip
+                    *(path for path, info in fields() if may_be_unknown(info)))  # fmt: skip
     assert taken == {(path, "null") for path in may_be_empty}
 
 
@@ -333,9 +348,17 @@ def test_overrides_of_single_limits(overrides: list[str], limits: dict[str, floa
 
 
 def test_overrides_reach_names_with_a_dot_in_them() -> None:
-    drive = load(overrides=("uncertainty.phases.xi_b=10", "source.cam.W_0={kind: given, ref: sheet 1}"))
+    drive = load(
+        overrides=("phases.xi_b=1", "uncertainty.phases.xi_b=10", "source.cam.W_0={kind: given, ref: sheet 1}")
+    )
     assert drive.uncertainty == {"phases.xi_b": 10}
     assert drive.source["cam.W_0"].ref == "sheet 1"
+
+
+def test_a_range_is_in_the_unit_of_its_field_and_holds_no_value_back_that_is_tried() -> None:
+    more = "source: {cam.W_0: {kind: assumed, range: [900 um, 1]}}\n"
+    assert load(more=more).source["cam.W_0"].range == (0.9, 1)
+    assert load(more=more, overrides=("cam.W_0=0.89",)).cam.W_0 == 0.89
 
 
 def test_the_last_override_wins() -> None:
@@ -390,3 +413,19 @@ def test_the_frozen_reference_holds_the_numbers_of_the_paper() -> None:
     assert (drive.supports.C_1, drive.supports.C_2, drive.supports.C_3) == (1.3e6, 2.3e4, 8.4e3)
     assert (drive.phases.xi_g, drive.phases.xi_b, drive.operation.M_g) == (0, 260, (80, 800))
     assert drive.origin.warnings == ()
+
+
+def test_a_deviation_that_is_not_given_is_not_known() -> None:
+    for more in ("", "tolerances:\n", "tolerances: {F_i1: unknown}\n", "tolerances: {F_i1: }\n"):
+        drive = load(more=more)
+        assert drive.tolerances.F_i1 is None
+        assert drive.number("tolerances.F_i1") == 0
+    assert load(more="tolerances: {F_i1: 0}\n").tolerances.F_i1 == 0
+    assert load(overrides=("phases.xi_b=unknown",)).phases.xi_b is None
+    with pytest.raises(UsageError, match=r"cam\.W_0: must be a number"):
+        load(overrides=("cam.W_0=unknown",))
+
+
+def test_an_uncertainty_needs_a_value() -> None:
+    with pytest.raises(PresetError, match=r"my\.yaml:9:\d+: uncertainty\.phases\.xi_b: an uncertainty of a value that"):
+        load(more="uncertainty: {phases.xi_b: 10}\n")

@@ -81,6 +81,14 @@ def test_it_accepts_the_library(name: str) -> None:
         ("source", "{cam.W_1: {kind: given}}", {"cam.W_1": {"kind": "given"}}, False),
         ("source", "{cam.W_0: {kind: guessed}}", {"cam.W_0": {"kind": "guessed"}}, False),
         ("source", "{cam.W_0: {ref: x}}", {"cam.W_0": {"ref": "x"}}, False),
+        (
+            "source",
+            "{cam.W_0: {kind: given, range: [0.9, 1]}}",
+            {"cam.W_0": {"kind": "given", "range": [0.9, 1]}},
+            True,
+        ),
+        ("source", "{cam.W_0: {kind: given, range: 1}}", {"cam.W_0": {"kind": "given", "range": 1}}, False),
+        ("source", "{cam.W_0: {kind: given, range: [1]}}", {"cam.W_0": {"kind": "given", "range": [1]}}, False),
         ("phases.xi_b", "260±10 deg", "260±10 deg", True),
         ("flexspline.k_t", "1.4 ± 0.1", "1.4 ± 0.1", True),
         ("phases.xi_b", "260±10 um", "260±10 um", False),
@@ -100,17 +108,16 @@ def test_schema_and_validation_agree(path: str, written: str, value: Any, good: 
     assert valid is good
 
 
-SOURCES = """
-source:
+SOURCES = """source:
   gears.z_g: {kind: given, ref: sheet 1}
-  gears.m: {kind: assumed, ref: usual}
+  gears.m: {kind: assumed, ref: usual, range: [0.7, 900 um]}
   cam.W_0: {kind: identified, ref: measured}
   numerics.n_2: {kind: assumed, ref: enough}
 """
 
 
 def rows(*overrides: str) -> dict[str, ResolvedField]:
-    return {row.path: row for row in resolved(load_text(new_preset("x") + SOURCES, "f", overrides))}
+    return {row.path: row for row in resolved(load_text(TEXT.partition("source:")[0] + SOURCES, "f", overrides))}
 
 
 def test_every_field_has_one_row_with_its_declaration() -> None:
@@ -131,4 +138,6 @@ def test_kinds_of_origin() -> None:
     assert kinds["material.nu"] == ("override", "--set")
     assert kinds["numerics.n_2"] == ("default", "enough")
     assert kinds["gears.alpha"] == ("default", "")
+    assert found["gears.m"].range is None
     assert rows()["gears.m"].kind == "assumed"
+    assert rows()["gears.m"].range == (0.7, 0.9)

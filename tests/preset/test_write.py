@@ -89,6 +89,7 @@ def test_values_and_their_source_change_and_nothing_else():
     assert {path: drive.value(path) for path in FOUND} == FOUND
     rows = {row.path: row for row in resolved(drive)}
     assert all((rows[path].kind, rows[path].ref) == ("identified", 'rig "3"') for path in FOUND)
+    assert [rows[path].range for path in FOUND] == [(0, 20), (5e3, 1e5), (0.3e-5, 6e-5)]
     removed = [line[2:] for line in difflib.ndiff(VZP160.splitlines(), text.splitlines()) if line.startswith("- ")]
     added = [line[2:] for line in difflib.ndiff(VZP160.splitlines(), text.splitlines()) if line.startswith("+ ")]
     assert len(removed) == len(added) == 6
@@ -101,6 +102,11 @@ def test_a_preset_in_flow_style_and_without_sources():
     assert {path: found.value(path) for path in FOUND} == FOUND
     assert set(found.source) == set(FOUND)
     assert found.tolerances == load_preset(SMALL).tolerances
+
+
+def test_a_range_that_the_found_value_has_left_goes():
+    found = load_text(with_found_values(VZP160, "vzp160", {"gears.j_n": 21.0}, "rig"), "vzp160")
+    assert found.source["gears.j_n"].range is None
 
 
 def test_alternatives_are_written_and_replaced():
@@ -119,10 +125,25 @@ def test_twice_is_once():
 
 
 @pytest.mark.parametrize(
+    "layout", ["contact:\n  c_ball: 2e-5  # mm/N\n", "contact: {c_ball: 2e-5}\n", "contact:\n", ""]
+)
+def test_a_field_that_was_left_to_its_default_is_added(layout):
+    small = Path(SMALL).read_text(encoding="utf-8")
+    start = small.index("contact:")
+    rest = small[start:].partition("\n")[2]
+    while rest.startswith((" ", "#")):
+        rest = rest.partition("\n")[2]
+    found = load_text(with_found_values(small[:start] + layout + rest, "mine.yaml", {"contact.k_face": 9.5}, "rig"), "")
+    assert found.contact.k_face == 9.5
+    assert found.contact.c_ball == load_text(small[:start] + layout + rest, "").contact.c_ball
+    assert found.source["contact.k_face"].kind == "identified"
+
+
+@pytest.mark.parametrize(
     "text",
     [
         VZP160.replace("source:\n", "source: {gears.alpha: {kind: given}}\nother_source:\n"),
-        VZP160.replace("  j_n: 5.937        # um, clearance per flank\n", ""),
+        VZP160.replace("\ncam:", "\ncam: [1]\nother_cam:"),
     ],
 )
 def test_a_text_that_cannot_be_changed_is_refused(text):

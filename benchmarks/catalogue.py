@@ -1,0 +1,190 @@
+"""Presets of published sizes, made as `hdassist presets new` makes them: `python -m benchmarks.catalogue [--check]`.
+
+Writes presets/size-*.yaml and presets/mvz-*.yaml, their targets in docs/targets/, and the table of docs/presets.md:
+what hdassist says of the stiffness of each beside what its catalogue says; --no-table leaves that out. --check says
+what differs, but for the table.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hdassist import Drive, Stiffness, load_preset, stiffness
+from hdassist.preset.load import load_text
+from hdassist.preset.similarity import Entry, Wish
+from hdassist.preset.write_similar import similar_preset
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs/presets.md"
+BEGIN, END = "<!-- made by python -m benchmarks.catalogue -->\n", "<!-- end -->\n"
+MM_A_SIZE = 2.54
+STATIONS = 5  # along the face of coned flanks
+BEYOND = 1.5  # of T_2, end of the chord of K3, as hdassist stiffness has it
+
+HD = "Harmonic Drive CSF/CSG catalogue"
+SECOND_HAND = (
+    "K1 and K3 as in Schaeffler TPI 275, series RT1-H-CS, ratio 100, read second-hand; K2 from memory, not re-read"
+)
+EXAMPLE = "as in the example of Harmonic Drive's CHA manual 1018854 (12/2015), p. 68, which names no size"
+READ = f"{HD}, table of torsional stiffness, ratio 80 and more"
+MEMORY = "from memory, not re-read"
+TORQUES = f"T1, T2: {HD} of Harmonic Drive LLC, tables 41 and 42"
+RATED = (
+    "CSF, ratio 100, 2000 rpm; from memory, not re-read; as 1/1.3 of the CSG series, second-hand, "
+    "whose catalogue says 30 % more than CSF"
+)
+
+
+@dataclass(frozen=True)
+class Published:
+    """A size of a catalogue, ratio 100.
+
+    K1, K2, K3 [1e4 N*m/rad] with where they come from; T1, T2 [N*m]; rated torque [N*m]; accuracy [arcmin].
+    """
+
+    size: int
+    K: tuple[float, float, float]
+    T: tuple[float, float]
+    rated: float
+    accuracy: float
+    source: str
+    holes: tuple[int, str, str] | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of its preset."""
+        return f"size-{self.size}-100"
+
+
+SCREWS = "screws of the circular spline, in the manuals"
+SIZES = (
+    Published(14, (0.47, 0.61, 0.71), (2.0, 6.9), 7.8, 1.5, SECOND_HAND, (6, "given", SCREWS)),
+    Published(17, (1.0, 1.4, 1.6), (3.9, 12), 24, 1.5, SECOND_HAND, (12, "assumed", f"8 or 12 {SCREWS}")),
+    Published(20, (1.6, 2.5, 2.9), (7.0, 25), 40, 1, SECOND_HAND, (12, "given", SCREWS)),
+    Published(25, (3.1, 5.0, 5.7), (14, 48), 67, 1, SECOND_HAND, (12, "given", SCREWS)),
+    Published(32, (6.7, 11, 12), (29, 108), 137, 1, EXAMPLE, (12, "given", SCREWS)),
+    Published(40, (13, 20, 23), (54, 196), 265, 1, MEMORY, (12, "given", SCREWS)),
+    Published(45, (18, 29, 33), (76, 275), 353, 1, MEMORY, (12, "given", SCREWS)),
+    Published(50, (25, 40, 44), (108, 382), 470, 1, MEMORY, (12, "given", SCREWS)),
+    Published(58, (40, 61, 71), (168, 598), 696, 1, READ),
+    Published(65, (54, 88, 98), (235, 843), 951, 1, READ),
+)
+# Motor gear units MVz: their number is the inner diameter of the flexspline; no ratio, no stiffness is printed
+MVZ = {"mvz-80": (80.0, 100.0), "mvz-160": (160.0, 900.0)}
+MVZ_SOURCE = "proizwodim.ru/motor-reduktory_volnovye, table of MVz-80 and MVz-160 (TU U 29.1-24587406.003-2003)"
+
+
+def presets() -> Iterator[tuple[str, str]]:
+    """Name and text of each preset."""
+    like = load_preset("vzp160")
+    for each in SIZES:
+        d = round(MM_A_SIZE * each.size, 2)
+        said = {
+            "teeth": "ratio 100, two waves",
+            "diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
+            "torque": RATED,
+        }
+        others = {"mounting.holes": Entry(*each.holes)} if each.holes else {}
+        yield each.name, similar_preset(
+            each.name, like, Wish(200, d, each.rated, derived=True, said=said, others=others),
+            f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
+            f"Given are ratio and rated torque (Harmonic Drive CSF); targets in docs/targets/{each.name}.targets.yaml. "
+            "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
+        )  # fmt: skip
+    for name, (d, rated) in MVZ.items():
+        said = {
+            "diameter": f"inner diameter of the flexspline ({MVZ_SOURCE}), which is the pitch diameter of vzp160 too",
+            "torque": MVZ_SOURCE,
+        }
+        title = f"MVz-{d:g}"
+        yield name, similar_preset(
+            name, like, Wish(None, d, rated, derived=True, said=said),
+            f"Motor gear unit {title}, by similarity from vzp160. Nobody measured this model of it. "
+            "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
+        )  # fmt: skip
+
+
+def targets() -> Iterator[tuple[str, str]]:
+    """Name and text of the targets of each size."""
+    texts = dict(presets())
+    for each in SIZES:
+        drive = load_text(texts[each.name], each.name)
+        T_1, T_2 = each.T
+        chords = ((0, T_1), (T_1, T_2), (T_2, round(BEYOND * T_2, 2)))
+        free = ("gears.j_n", "flexspline.k_t", "contact.c_t", "contact.c_ball")
+        yield each.name, "\n".join([
+            f"# hdassist calibrate {each.name} --targets docs/targets/{each.name}.targets.yaml",
+            f"# K1 to K3: {each.source}.",
+            f"# {TORQUES}.",
+            f"# The catalogue's accuracy, {each.accuracy:g} arcmin over a turn, is not re-read and names no load.",
+            "schema: hdassist.targets/1",
+            f"name: catalogue size {each.size}, ratio 100",
+            "",
+            "unknowns:",
+            *(f"  {path}: {{low: {low!r}, high: {high!r}}}" for path in free for low, high in [_bounds(drive, path)]),
+            "",
+            "targets:",
+            *(f"  - {{quantity: torsional_stiffness, from: {a:g}, to: {b:g}, value: {K:g}e4, tolerance: 10 %}}"
+              for (a, b), K in zip(chords, each.K, strict=True)),
+            f"  - {{quantity: F_ior_max, M_g: {drive.operation.M_g[0]:g}, high: {60 * each.accuracy:g}}}",
+            "",
+        ])  # fmt: skip
+
+
+def _bounds(drive: Drive, path: str) -> tuple[float, float]:
+    bounds = drive.source[path].range
+    assert bounds is not None, path
+    return bounds
+
+
+def files() -> dict[Path, str]:
+    """Every file but the page, and its text."""
+    made = {ROOT / f"presets/{name}.yaml": text for name, text in presets()}
+    return made | {ROOT / f"docs/targets/{name}.targets.yaml": text for name, text in targets()}
+
+
+def table() -> str:
+    """K1, K2, K3 of each size beside its catalogue's, whole and coned flanks."""
+    lines = [
+        "| preset | catalogue K1, K2, K3 | hdassist | ratio | coned flanks | ratio | source of the catalogue's |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for each in SIZES:
+        cells = [", ".join(f"{K:g}" for K in each.K)]
+        for overrides in ([], [f"numerics.stations={STATIONS}"]):
+            drive = load_preset(each.name, overrides)
+            K = _stiffnesses(stiffness(drive, T_1=each.T[0], T_2=each.T[1], points=4, cross_check=None))
+            cells += [
+                ", ".join(f"{k:.3g}" for k in K),
+                ", ".join(f"{k / c:.2f}" for k, c in zip(K, each.K, strict=True)),
+            ]
+        lines.append(f"| `{each.name}` | {' | '.join(cells)} | {each.source} |")
+        sys.stderr.write(f"{lines[-1]}\n")
+    return "\n".join(lines) + "\n"
+
+
+def _stiffnesses(curve: Stiffness) -> list[float]:
+    """K1, K2, K3 [1e4 N*m/rad]."""
+    return [segment.stiffness / 1e4 for segment in curve.positive]
+
+
+def main() -> int:
+    """Write everything, or say what differs."""
+    if "--check" in sys.argv:
+        different = [path for path, text in files().items() if not path.exists() or path.read_text("utf-8") != text]
+        sys.stderr.writelines(f"{path.relative_to(ROOT)} is not what presets new makes\n" for path in different)
+        return int(bool(different))
+    (ROOT / "docs/targets").mkdir(exist_ok=True)
+    for path, text in files().items():
+        path.write_text(text, encoding="utf-8")
+    if "--no-table" not in sys.argv:
+        head, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
+        PAGE.write_text(f"{head}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

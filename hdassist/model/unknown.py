@@ -1,0 +1,127 @@
+"""What is not known of the deviations of a drive: which fields, how far they may go, and drives drawn from that.
+
+A size that is not given may be anything up to what its part may have; a direction that is not given, any direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtri
+
+from hdassist.model.deviations import Deviation, deviations_of
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import least_of
+
+CLASS = 9  # of ISO 1328-1:2013: F_p of the coarsest teeth that a drive is taken to have; the paper's drive is there
+# of the pitch diameter, um/mm, as the drive of Lyuminarsky et al. (2019) has them: 80 and 30 um at 160 mm
+STANDING, TURNING = 0.5, 0.2
+PILOT = 0.06  # of the pitch diameter, um/mm: 10 um at 160 mm, assumed
+EVEN, ODD = 0.08, 0.04  # of half of F'_i, of order 2 and of orders 3 and 4: 3 um of 37.5 and half of it, assumed
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A field that a preset does not give, by path: what it lies between, in the field's unit, and why."""
+
+    path: str
+    low: float
+    high: float
+    reason: str
+
+
+def unknowns(drive: Drive) -> tuple[Unknown, ...]:
+    """Deviations of a drive that are not known, and matter: a direction without a size does not."""
+    found = []
+    for each in deviations_of(drive.mounting.mark_kind):
+        size, direction = drive.value(each.size), drive.value(each.direction)
+        if size is None:
+            high, reason = _most(drive, each)
+            if not high:
+                continue
+            found.append(Unknown(each.size, 0.0, high, reason))
+        if (size is None or size > 0) and direction is None:
+            found.append(Unknown(each.direction, 0.0, 360.0 / each.order, "any direction"))
+    return tuple(found)
+
+
+def unknown_turn(drive: Drive) -> tuple[str, ...]:
+    """Directions that decide how the fixed wheel's deviations lie to those that stand still with its seat, if unknown.
+
+    Where all of the one side are, or all of the other, any hole is as good as any other; else none is returned.
+    """
+    rigid = drive.mounting.fixed == "rigid"
+    part, still = ("b", ("e_hb", "a_s2")) if rigid else ("g", ("e_hg",))
+    sides: tuple[list[str], list[str]] = ([], [])
+    for each in deviations_of(drive.mounting.mark_kind):
+        size = drive.value(each.size)
+        if each.part == part and (size is None or size > 0):
+            sides[each.size.split(".")[1] in still].append(each.direction)
+    open_ = [path for side in sides if all(drive.value(path) is None for path in side) for path in side]
+    return tuple(open_)
+
+
+def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:
+    """Drives drawn from what is not known of one, evenly, and from its uncertainties (k = 2), normally distributed.
+
+    Of more draws by the same seed the first are the same drives.
+    """
+    open_, uncertain = unknowns(drive), sorted(drive.uncertainty)
+    shares = np.random.default_rng(seed).random((count, len(open_) + len(uncertain)))
+    columns = {u.path: u.low + (u.high - u.low) * shares[:, k] for k, u in enumerate(open_)}
+    for path, share in zip(uncertain, shares[:, len(open_) :].T, strict=True):
+        spread = drive.uncertainty[path] / 2 * ndtri(share)
+        columns[path] = np.maximum(drive.number(path) + spread, least_of(field_table()[path]))
+    return listed(drive, columns, count)
+
+
+def with_zeros(drive: Drive) -> Drive:
+    """The drive with what is not known of its deviations taken as 0, and a warning that says so."""
+    open_ = unknowns(drive)
+    if not open_:
+        return drive
+    known = drive.with_values({u.path: 0.0 for u in open_})
+    told = f"assumed to be 0, not known: {', '.join(u.path for u in open_)}"
+    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told))
+    return known
+
+
+def listed(drive: Drive, columns: Mapping[str, Array], count: int) -> list[Drive]:
+    """A drive with one value after the other of some fields, shape (count,) each."""
+    return [drive.with_values({path: float(values[k]) for path, values in columns.items()}) for k in range(count)]
+
+
+def told(drive: Drive) -> tuple[str, ...]:
+    """A warning for what computes with 0 where a deviation is not known; none where all are."""
+    open_ = unknowns(drive)
+    return (f"not known, and computed as 0: {names(open_)}",) if open_ else ()
+
+
+def names(fields: Sequence[Unknown], most: int = 4) -> str:
+    """Paths of some fields, and how many more there are."""
+    paths = ", ".join(u.path for u in fields[:most])
+    return f"{paths} and {len(fields) - most} more" if len(fields) > most else paths
+
+
+def _most(drive: Drive, each: Deviation) -> tuple[float, str]:
+    """Greatest size [um] that a deviation is taken to have, and why."""
+    d, m = drive.gears.m * drive.gears.z_g, drive.gears.m
+    name = each.size.split(".")[1]
+    if name.startswith("F_i"):
+        F_p = (0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((CLASS - 5) / 2)
+        return F_p, f"F_p of class {CLASS}, ISO 1328-1:2013"
+    if name.startswith("e_h"):
+        still = name == ("e_hb" if drive.mounting.fixed == "rigid" else "e_hg")
+        share = STANDING if still else TURNING
+        return share * d, f"assumed: {share:g} um for each mm of the pitch diameter"
+    if name == "e_b":
+        return PILOT * d, f"assumed: {PILOT:g} um for each mm of the pitch diameter"
+    whole = "tolerances.F_i1" if each.part == "g" else "tolerances.F_i2"
+    share = EVEN if each.order == 2 else ODD
+    reach = drive.value(whole)
+    if reach is None:
+        reach = _most(drive, next(o for o in deviations_of("xi") if o.size == whole))[0]
+    return share * reach / 2, f"assumed: {share:.0%} of half of {whole.split('.')[1]}"

@@ -1,0 +1,310 @@
+"""A drive like a known one: what is given of it, and everything else by similarity, with its plausible range.
+
+Lengths grow with the pitch diameter d, the module is d over the teeth, the wave and the clearance of the teeth keep
+their size in modules, stiffnesses grow with d and compliances with 1/d (one modulus of elasticity), torques with d^3.
+Tolerances do not scale like that: they follow ISO 1328-1. Profile shifts keep the bore in proportion to d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import log10
+from typing import Any
+
+from hdassist.errors import UsageError
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import plain, range_of, unit_of
+from hdassist.preset.plausible import TORQUE_DENSITY
+
+REFERENCE = 160.0  # mm, pitch diameter at which the ranges below are stated
+# N*m/rad at the reference: K3 of catalogue sizes 20 to 65, ratio 80 and more, by d^3, is this to 3 %; of 17 and
+# 14 it is 10 and 28 % less
+CATALOGUE_K3 = 9.0e5
+FARTHEST_TORQUE = 3.0  # times beyond these densities: no such drive
+FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
+CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
+LEAST_PLAY = 10.0  # um, upper end of the range of j_n however fine the teeth are
+
+
+@dataclass(frozen=True)
+class Law:
+    """How a field grows, and between what bounds it may lie.
+
+    by: "same", "d" (length or stiffness), "1/d" (compliance), "sqrt d", "m" (in modules); bounds: in the unit of the
+    field at a pitch diameter of 160 mm, or, with of_value, as shares of the value; why, the reason of the bounds.
+    """
+
+    by: str
+    bounds: tuple[float, float] | None = None
+    why: str = ""
+    of_value: bool = False
+
+
+JUDGED = "range by judgement"
+LAWS: dict[str, Law] = {
+    "gears.alpha": Law("same"),
+    "gears.h_a": Law("same", (0.5, 0.7), "tips of short teeth come free"),
+    "gears.h_f": Law("same", (1.25, 1.35), "usual basic racks"),
+    "gears.j_n": Law("m", (0.0, 20.0), "tooth thinning, no drawing says it"),
+    "material.E": Law("same", (2.0e5, 2.12e5), f"steel; {JUDGED}"),
+    "material.nu": Law("same", (0.27, 0.31), f"steel; {JUDGED}"),
+    "flexspline.h_1": Law("d", (0.8, 1.25), JUDGED, of_value=True),
+    "flexspline.h_3": Law("d", (0.6, 1.1), JUDGED, of_value=True),
+    "flexspline.b_w": Law("d", (0.6, 1.1), JUDGED, of_value=True),
+    "flexspline.l": Law("d", (0.45, 1.05), f"short cups are half as long; {JUDGED}", of_value=True),
+    "flexspline.k_t": Law("same", (1.0, 1.8), "teeth stiffen the rim; no source found"),
+    "bearing.N": Law("same"),
+    "bearing.ring_b": Law("d", (20.0, 28.0), f"no table found; {JUDGED}"),
+    "bearing.ring_h": Law("d", (3.8, 5.0), "no table found; thinner rings have a larger self error"),
+    "bearing.d_ball": Law("d", (12.5, 16.0), f"used with rolling balls only; {JUDGED}"),
+    "bearing.g_b": Law("sqrt d", (0.0, 20.0), JUDGED),
+    "bearing.ball_motion": Law("same"),
+    "bearing.beta": Law("same", (0.0, 1.0), "any ball phase"),
+    "cam.W_0": Law("m", (0.8, 1.016), "1.00 to 1.27 modules; no catalogue prints it"),
+    "supports.C_1": Law("d", (2e5, 2e7), "seat in the housing"),
+    "supports.C_2": Law("d", (5e3, 1e5), "shell in series with its output support"),
+    "supports.C_3": Law("d", (1e3, 1e5), "cam on its shaft"),
+    "contact.c_t": Law("1/d", (0.3e-5, 6e-5), "the face width works near one edge only"),
+    "contact.k_face": Law("same", (6.8, 10.0), "of a tooth pair, by width"),
+    "contact.c_ball": Law("1/d", (1.25e-5, 2.857e-5), "ISO/TS 16281 ball, tangent at 100-1000 N at 160 mm"),
+    "contact.c_bore": Law("1/d", (2e-8, 5e-7), f"conformal seat; {JUDGED}"),
+}
+REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
+WORDS = {
+    "same": "as {like}",
+    "d": "{like} x {s:.4g}, as d",
+    "1/d": "{like} / {s:.4g}, as 1/d",
+    "sqrt d": "{like} x {root:.4g}, as the root of d",
+    "m": "{value:.4g} modules, as {like}",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Value of a field in its unit, how sure it is, its source, and its plausible range."""
+
+    value: Any
+    kind: str
+    ref: str
+    range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
+
+    derived: whether the diameter only follows from something else; said: where each comes from, by "teeth", "diameter",
+    "torque"; others: further fields, by path.
+    """
+
+    z_g: int | None = None
+    diameter: float | None = None
+    torque: float | None = None
+    stiffness: tuple[float, float, float] | None = None
+    derived: bool = False
+    said: Mapping[str, str] = field(default_factory=dict)
+    others: Mapping[str, Entry] = field(default_factory=dict)
+
+    def source(self, what: str) -> str:
+        """Where a thing that is given comes from."""
+        return self.said.get(what, "hdassist presets new")
+
+
+@dataclass(frozen=True)
+class Size:
+    """Pitch diameter [mm] of a new drive, where it comes from, and how much stiffer it is than others of its size."""
+
+    diameter: float
+    given: bool
+    why: str
+    stiffer: float = 1.0
+
+
+def F_p(d: float, m: float, accuracy: int) -> float:
+    """Total cumulative pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
+    return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((accuracy - 5) / 2))
+
+
+def rated_of(drive: Drive) -> float:
+    """Rated torque [N*m] of a drive; without one, the greatest of its torques."""
+    return drive.operation.rated or max(map(abs, drive.operation.M_g))
+
+
+def size_of(like: Drive, wish: Wish) -> Size:
+    """Pitch diameter of a drive that is like another one, from what is given of it.
+
+    A diameter counts as it is given; without one K3 says it by the cube law of catalogues, without that the torque
+    by the cube law, and with nothing it is that of the other drive.
+    Raises UsageError: a torque or a stiffness that no drive of such a size has.
+    """
+    d, own = wish.diameter, like.gears.m * like.gears.z_g
+    T, K = wish.torque, wish.stiffness
+    if K is not None and not 0 < K[0] <= K[1] <= K[2]:
+        raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
+    if d is not None:
+        size = Size(d, not wish.derived, wish.source("diameter"))
+    elif K is not None:
+        d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
+        size = Size(d, False, f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues")
+    elif T is not None:
+        d = rounded(own * (T / rated_of(like)) ** (1 / 3))
+        low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
+        why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
+        size = Size(d, False, why)
+    else:
+        size = Size(own, False, f"the pitch diameter of {like.name}, {own:g} mm")
+    if T is not None and (K is not None or wish.diameter is not None):
+        _require_torque(size.diameter, T)
+    if K is not None and wish.diameter is not None:
+        stiffer = K[2] / (CATALOGUE_K3 * (size.diameter / REFERENCE) ** 3)
+        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
+            raise UsageError(
+                f"K3 = {plain(K[2])} N*m/rad contradicts a pitch diameter of {size.diameter:g} mm: "
+                f"drives of that size have about {rounded(K[2] / stiffer, 2):g}",
+                "leave one of them out: the other one says it",
+            )
+        size = Size(size.diameter, size.given, size.why, stiffer)
+    return size
+
+
+def _require_torque(d: float, T: float) -> None:
+    low, high = (density * d**3 for density in TORQUE_DENSITY)
+    if not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
+        raise UsageError(
+            f"a rated torque of {plain(T)} N*m contradicts a pitch diameter of {d:.4g} mm: "
+            f"drives of that size have {rounded(low, 2):g} to {rounded(high, 2):g} N*m",
+            "leave one of them out: the other one says it",
+        )
+
+
+def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
+    """Fields of a drive that is like another one, by path: what is given of it as given, the rest as assumed.
+
+    Deviations but F'_i, offsets and all phases are not known and left out.
+    Raises UsageError: wishes that contradict each other.
+    """
+    size = size_of(like, wish)
+    d, s = size.diameter, size.diameter / (like.gears.m * like.gears.z_g)
+    z_g = wish.z_g or like.gears.z_g
+    m = rounded(d / z_g, 12)
+    sure = "given" if wish.z_g else "assumed"
+    teeth = wish.source("teeth") if wish.z_g else f"as {like.name}"
+    entries = {
+        "gears.z_g": Entry(z_g, sure, teeth),
+        "gears.z_b": Entry(z_g + 2, sure, teeth),
+        "gears.m": Entry(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
+    }
+    known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
+    if "contact.k_face" not in _given(like):
+        known.pop("contact.k_face")  # in place of c_t, and only where it was
+    entries |= {path: _scaled(like, path, law, s, m, size.stiffer) for path, law in known.items()}
+    entries |= _shifts(like, entries, d)
+    entries |= _tolerances(d, m)
+    entries |= _load(like, wish, s, d)
+    entries |= {path: Entry(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
+    entries |= wish.others
+    for path, entry in entries.items():
+        if isinstance(entry.value, float) and not like.allows(path, entry.value):
+            unit = unit_of(info := field_table()[path])
+            raise UsageError(
+                f"no such drive: {path} would be {entry.value:.3g} {unit}".rstrip(),
+                f"a preset takes {range_of(info, unit)}; other teeth, or another size",
+            )
+    return {path: entries[path] for path in field_table() if path in entries}
+
+
+def _given(drive: Drive) -> set[str]:
+    """Paths of the fields that a preset gives."""
+    return {path for path in field_table() if (p := path.split("."))[1] in getattr(drive, p[0]).model_fields_set}
+
+
+def _choices(like: Drive) -> list[str]:
+    """Fields that are no sizes: how the drive is built in, and how finely it is computed."""
+    differs = (path for path in _given(like) if path.startswith(("mounting.fixed", "numerics.")))
+    return [path for path in differs if like.value(path) != field_table()[path].default]
+
+
+def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> Entry:
+    """A field by its law, s times as large, of a module m [mm], stiffer than others of its size."""
+    value = like.value(path)
+    factor = {"same": 1.0, "d": s, "1/d": 1 / s, "sqrt d": s**0.5, "m": m / like.gears.m}[law.by]
+    d = s * like.gears.m * like.gears.z_g / REFERENCE
+    reach = {"same": 1.0, "d": d, "1/d": 1 / d, "sqrt d": d**0.5, "m": m / REFERENCE_MODULE}[law.by]
+    elastic = {"supports": stiffer, "contact": 1 / stiffer}.get(path.split(".")[0], 1.0)
+    if isinstance(value, float):
+        value = rounded(value * factor * elastic)
+    in_modules = like.value(path) / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
+    words = WORDS[law.by].format(like=like.name, s=s, root=s**0.5, value=in_modules)
+    if elastic != 1 and factor:
+        words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
+    bounds = None
+    if law.bounds and value is not None:
+        low, high = (bound * (value if law.of_value else reach) for bound in law.bounds)
+        if path == "gears.j_n":
+            high = max(high, LEAST_PLAY)
+        bounds = _around(like, path, value, rounded(low), rounded(high))
+    return Entry(value, "assumed", f"{words}; {law.why}" if law.why else words, bounds)
+
+
+def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
+    """Bounds that hold the value and are allowed; none where they leave nothing open."""
+    low, high = min(low, value), max(high, value)
+    return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
+
+
+def _shifts(like: Drive, entries: Mapping[str, Entry], d: float) -> dict[str, Entry]:
+    """Profile shifts that keep the bore in proportion to the pitch diameter, and the tips as far apart in modules."""
+    g = like.gears
+    bore = (g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) - 2 * like.flexspline.h_1) / (g.m * g.z_g)
+    m, z_g, h_f = (entries[path].value for path in ("gears.m", "gears.z_g", "gears.h_f"))
+    x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 3)
+    apart = round(g.x_b - g.x_g, 4)
+    return {
+        "gears.x_g": Entry(x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"),
+        "gears.x_b": Entry(round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come free"),
+    }
+
+
+def _tolerances(d: float, m: float) -> dict[str, Entry]:
+    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in CLASSES)
+    ref = f"F_p of class {CLASSES[0]}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {CLASSES[1]}"
+    if m < 1:
+        ref += "; GOST 9178-81 is the Russian series for such modules"
+    return {f"tolerances.{name}": Entry(usual, "assumed", ref, (0.0, coarse)) for name in ("F_i1", "F_i2")}
+
+
+def _load(like: Drive, wish: Wish, s: float, d: float) -> dict[str, Entry]:
+    own = rated_of(like)
+    rated = rounded(own * s**3, 3) if wish.torque is None else wish.torque
+    shares = tuple(rounded(torque / own * rated, 3) for torque in like.operation.M_g)
+    if wish.torque is None:
+        bounds = [rounded(density * d**3, 2) for density in TORQUE_DENSITY]
+        ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
+        rating = Entry(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
+    else:
+        rating = Entry(rated, "given", wish.source("torque"))
+    return {
+        "operation.M_g": Entry(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
+        "operation.rated": rating,
+    }
+
+
+def teeth_of_ratio(like: Drive, ratio: float) -> int:
+    """Teeth of the flexspline that make a ratio, built in as another drive is.
+
+    Raises UsageError where no whole number of teeth does.
+    """
+    z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
+    info = field_table()["gears.z_g"]
+    if z_g != round(z_g) or not like.allows("gears.z_g", z_g):
+        raise UsageError(
+            f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
+            f"two waves: twice the ratio, a whole number of teeth from {range_of(info)}",
+        )
+    return int(z_g)
+
+
+def rounded(value: float, digits: int = 4) -> float:
+    """A number with so many significant digits."""
+    return value if value == 0 else round(value, digits - 1 - int(log10(abs(value)) // 1))

@@ -1,0 +1,88 @@
+"""What is not known of a drive: which of its fields, how far they may go, and drives drawn from that."""
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.model.deviations import deviations_of
+from hdassist.model.unknown import draw, told, unknown_turn, unknowns, with_zeros
+from hdassist.preset.fields import fields
+from hdassist.preset.kinds import may_be_unknown
+from tests.process import SMALL
+
+
+def open_fields(*overrides: str) -> set[str]:
+    return {u.path for u in unknowns(load_preset(SMALL, list(overrides)))}
+
+
+def test_a_drive_that_gives_everything_leaves_nothing_open():
+    assert open_fields() == set()
+    assert unknowns(load_preset("vzp160")) == unknowns(load_preset("synthetic-160-162")) == ()
+
+
+def test_each_deviation_that_is_not_given_is_open_with_its_direction():
+    paths = {path for path, info in fields() if may_be_unknown(info)}
+    sizes = {each.size: each.direction for each in deviations_of("xi")}
+    assert paths == {*sizes, *sizes.values()}
+    for size, direction in sizes.items():
+        assert open_fields(f"{size}=unknown", f"{direction}=unknown") == {size, direction}
+        assert open_fields(f"{size}=unknown", f"{size}=0", f"{direction}=unknown") == set()  # nothing has no direction
+        if not direction.startswith("harmonics."):
+            assert open_fields(f"{size}=3", f"{direction}=unknown") == {direction}
+            assert open_fields(f"{size}=unknown", f"{direction}=20") == {size}
+
+
+def test_sizes_go_as_far_as_their_part_may_and_directions_around():
+    found = {u.path: u for u in unknowns(load_preset("vzp160", [
+        "tolerances.F_i1=unknown", "tolerances.e_hb=unknown", "harmonics.a_b2=unknown", "harmonics.a_b3=unknown",
+    ]))}  # fmt: skip
+    # ISO 1328-1:2013, class 9 is four classes from 5: 4 (0.002 d + 0.55 sqrt d + 0.7 m + 12), d = 160, m = 0.8
+    assert found["tolerances.F_i1"].high == pytest.approx(4 * (0.32 + 0.55 * 160**0.5 + 0.56 + 12))
+    assert found["tolerances.e_hb"].high == pytest.approx(80)  # the paper's own, at its size
+    assert found["harmonics.a_b2"].high == pytest.approx(3)
+    assert (found["harmonics.xi_b2"].high, found["harmonics.xi_b3"].high) == (180, 120)
+    assert all(u.low == 0 for u in found.values())
+
+
+def test_draws_fill_what_is_open_and_touch_nothing_else():
+    drive = load_preset(SMALL, ["phases.phi_hb=unknown", "tolerances.e_hb=unknown", "uncertainty.phases.xi_b=10"])
+    drawn = draw(drive, 4000, seed=3)
+    size, angle, mark = (
+        np.array([d.number(path) for d in drawn]) for path in ("tolerances.e_hb", "phases.phi_hb", "phases.xi_b")
+    )
+    for values, high in ((size, 15.0), (angle, 360.0)):
+        assert (values.min(), values.max()) == (pytest.approx(0, abs=0.01 * high), pytest.approx(high, rel=0.01))
+        assert values.mean() == pytest.approx(high / 2, rel=0.03)
+    assert (mark.mean(), mark.std()) == (pytest.approx(90, abs=0.3), pytest.approx(5, rel=0.05))
+    assert abs(np.corrcoef(size, angle)[0, 1]) < 0.05
+    back = {"phases.phi_hb": None, "tolerances.e_hb": None, "phases.xi_b": 90.0}
+    assert all(d.with_values(back) == drive for d in drawn[:20])
+    assert draw(drive, 10, seed=3) == drawn[:10] != draw(drive, 10, seed=4)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "open_"),
+    [
+        (["phases.phi_hb=unknown"], True),
+        (["phases.xi_b=unknown"], True),
+        (["phases.xi_b=unknown", "tolerances.F_i2=0"], False),  # a wheel without deviations has no direction
+        (["phases.xi_g=unknown", "phases.phi_hh=unknown"], False),
+        (["phases.phi_hb=unknown", "harmonics.a_s2=2", "harmonics.xi_s2=10"], False),  # the seat's ovality is known
+        (["phases.xi_b=unknown", "harmonics.a_b2=2", "harmonics.xi_b2=10"], False),
+        (["mounting.fixed=flexspline", "tolerances.e_hg=20", "phases.phi_hg=unknown"], True),
+        (["mounting.fixed=flexspline", "tolerances.e_hg=20", "phases.phi_hb=unknown"], False),
+        ([], False),
+    ],
+)
+def test_any_hole_is_as_good_where_one_of_the_two_directions_is_not_known(overrides, open_):
+    assert bool(unknown_turn(load_preset(SMALL, overrides))) is open_
+
+
+def test_zeros_in_place_of_the_unknown_are_said():
+    drive = load_preset(SMALL, ["phases.phi_hb=unknown", "harmonics.a_g3=unknown"])
+    assert told(drive) == ("not known, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
+    known = with_zeros(drive)
+    assert known.phases.phi_hb == known.harmonics.a_g3 == 0
+    assert (unknowns(known), told(known)) == ((), ())
+    assert known.origin.warnings[-1].startswith("assumed to be 0, not known: phases.phi_hb, harmonics.a_g3")
+    assert with_zeros(known) is known

@@ -1,0 +1,57 @@
+"""Presets of published sizes are what `hdassist presets new` makes, and their targets fit them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.catalogue import MM_A_SIZE, PAGE, ROOT, SIZES, files, presets
+from hdassist import load_preset, stiffness
+from hdassist.calibration.targets import read_targets
+from hdassist.preset.similarity import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
+
+
+def test_every_file_is_what_the_command_makes() -> None:
+    made = files()
+    assert {path for path, text in made.items() if path.read_text(encoding="utf-8") != text} == set()
+    names = {path.stem for path in made if path.parent.name == "presets"}
+    assert len(names) == 12
+    assert names == {file.stem for file in (ROOT / "presets").glob("*-*.yaml")} - {"synthetic-160-162"}
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: size.name)
+def test_targets_start_from_the_preset(size: object) -> None:
+    name = size.name  # type: ignore[attr-defined]
+    drive = load_preset(name)
+    found = read_targets((ROOT / f"docs/targets/{name}.targets.yaml").read_bytes(), name, drive)
+    assert [target.value for target in found.targets[:3]] == [pytest.approx(K * 1e4) for K in size.K]  # type: ignore[attr-defined]
+
+
+def test_catalogues_are_similar_to_themselves_as_the_rules_have_it() -> None:
+    d = MM_A_SIZE * np.array([size.size for size in SIZES])
+    K3 = np.array([size.K[2] for size in SIZES]) * 1e4 * (REFERENCE / d) ** 3 / CATALOGUE_K3
+    assert np.all(np.abs(K3[2:] - 1) < 0.03)
+    np.testing.assert_allclose(K3[:2], [0.72, 0.90], atol=0.01)
+    density = np.array([size.rated for size in SIZES]) / d**3
+    assert np.all((TORQUE_DENSITY[0] <= density) & (density * 1.3 <= TORQUE_DENSITY[1]))
+
+
+def test_they_say_what_they_are() -> None:
+    for name, _ in presets():
+        drive = load_preset(name)
+        assert "Nobody measured this model of it" in drive.description
+        assert drive.source["operation.rated"].kind == "given"
+        assert drive.source["gears.m"].kind == "assumed"
+
+
+def test_the_page_shows_what_comes_out_for_each_size() -> None:
+    """One row anew: K2 and K3 within 10 % of the catalogue, K1 half as much again."""
+    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| `size-")]
+    assert [row.split("`")[1] for row in rows] == [size.name for size in SIZES]
+    size, row = next((size, row) for size, row in zip(SIZES, rows, strict=True) if size.size == 25)
+    T_1, T_2 = size.T
+    found = stiffness(load_preset(size.name), T_1=T_1, T_2=T_2, points=4, cross_check=None).positive
+    K = [segment.stiffness / 1e4 for segment in found]
+    assert f"| {', '.join(f'{k:.3g}' for k in K)} |" in row
+    np.testing.assert_allclose(K[1:], size.K[1:], rtol=0.1)
+    assert 1.4 < K[0] / size.K[0] < 1.7

@@ -1,0 +1,174 @@
+"""Drives like a known one: they mesh, keep its proportions, say what is given, and contradictions are refused."""
+
+from __future__ import annotations
+
+from math import isclose
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdassist import kinematic_error, load_preset, stiffness
+from hdassist.errors import UsageError
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.preset.fields import Drive, field_table, measures
+from hdassist.preset.load import load_text
+from hdassist.preset.rules import conflicts
+from hdassist.preset.schema import counted, resolved
+from hdassist.preset.similarity import LAWS, F_p, Wish, rated_of, similar
+from hdassist.preset.write_similar import similar_preset
+
+LIKE = load_preset("vzp160")
+
+
+def made(like: Drive = LIKE, **wish: object) -> Drive:
+    return load_text(similar_preset("own", like, Wish(**wish)), "own")  # type: ignore[arg-type]
+
+
+def bore(drive: Drive) -> float:
+    """Bore of the flexspline [mm]."""
+    g = drive.gears
+    return g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) - 2 * drive.flexspline.h_1
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(20, 400), st.integers(60, 640))
+def test_any_size_and_ratio_makes_a_drive_that_meshes(d: float, z_g: int) -> None:
+    if not 0.05 <= d / z_g <= 5:  # no preset has such modules
+        with pytest.raises(UsageError, match="no such drive"):
+            made(z_g=z_g, diameter=d)
+        return
+    drive = made(z_g=z_g, diameter=d)
+    assert drive.origin.warnings == ()
+    assert isclose(drive.gears.m * drive.gears.z_g, d, rel_tol=1e-11)
+    assert isclose(bore(drive) / d, bore(LIKE) / 160, rel_tol=2e-5)
+    assert isclose(drive.cam.W_0 / drive.gears.m, 1.2, rel_tol=1e-3)
+
+
+@pytest.mark.parametrize("z_g", [60, 100, 200, 320])
+def test_each_end_of_each_range_is_a_drive_too(z_g: int) -> None:
+    drive = made(z_g=z_g, diameter=63.5)
+    values = {path: drive.value(path) for path in field_table()}
+    for path, source in drive.source.items():
+        for end in source.range or ():
+            assert not list(conflicts(values | {path: end})), (path, end)
+
+
+def test_nothing_but_the_size_changes_in_what_is_twice_as_large() -> None:
+    small, large = made(diameter=40.0), made(diameter=80.0)
+    for path, law in LAWS.items():
+        if path in small.source and isinstance(small.value(path), float) and small.value(path):
+            power = {"same": 0, "d": 1, "m": 1, "1/d": -1, "sqrt d": 0.5}[law.by]
+            assert isclose(large.value(path) / small.value(path), 2**power, rel_tol=1e-3), path
+    assert isclose(rated_of(large) / rated_of(small), 8, rel_tol=1e-2)
+
+
+def test_stiffness_grows_with_the_cube_of_the_diameter() -> None:
+    K = [np.array([s.stiffness for s in stiffness(made(diameter=d), points=2, cross_check=None).positive])
+         for d in (40.0, 80.0)]  # fmt: skip
+    np.testing.assert_allclose(K[1] / K[0], 8, rtol=0.01)
+
+
+@pytest.mark.parametrize(("z_g", "d"), [(60, 400.0 * 60 / 100), (165, 63.0), (640, 320.0)])
+def test_it_can_be_computed(z_g: int, d: float) -> None:
+    drive = made(z_g=z_g, diameter=d)
+    states = pitch_locked_states(Kinematics.of(drive), np.arange(0, z_g, z_g // 10), 0.3)
+    for torque in drive.operation.M_g:
+        found = kinematic_error(drive, torque, states=states, cross_check=None)
+        assert 0 < found.range_arcsec < found.wind_up_arcsec
+
+
+def test_what_was_asked_for_is_given_and_nothing_else() -> None:
+    drive = made(z_g=200, diameter=63.5, torque=67.0)
+    given_paths = {path for path, source in drive.source.items() if source.kind == "given"}
+    assert given_paths == {"gears.z_g", "gears.z_b", "gears.m", "operation.rated"}
+    assert {row.kind for row in resolved(drive)} <= {"given", "assumed", "default", "unknown"}
+    assert counted(drive)["given"] == 4
+    assert {path for path, s in made().source.items() if s.kind == "given"} == set()
+
+
+def test_each_guess_has_a_reason_and_those_that_are_measured_a_range() -> None:
+    drive = made(z_g=160, diameter=63.0)
+    coupled = {"gears.m", "gears.alpha", "gears.x_g", "gears.x_b"}  # moved one by one they make no drive
+    for path, source in drive.source.items():
+        assert source.ref
+        if source.kind == "assumed" and path in measures():
+            assert (source.range is None) == (path in coupled), path
+
+
+def test_every_field_of_parts_has_a_law() -> None:
+    parts = ("gears.", "material.", "flexspline.", "bearing.", "cam.", "supports.", "contact.")
+    chosen = {"gears.z_g", "gears.z_b", "gears.m", "gears.x_g", "gears.x_b"}
+    assert {path for path in field_table() if path.startswith(parts)} == chosen | set(LAWS)
+
+
+def test_what_nobody_knows_is_unknown_and_not_zero() -> None:
+    rows = {row.path: row for row in resolved(made(z_g=160, diameter=63.0))}
+    of_deviations = {path for path in rows if path.startswith(("tolerances.", "phases.", "harmonics."))}
+    unknown = {path for path, row in rows.items() if row.kind == "unknown"}
+    assert unknown == of_deviations - {"tolerances.F_i1", "tolerances.F_i2"}
+
+
+def test_ranges_are_those_of_the_known_drive_at_its_size() -> None:
+    entries = similar(LIKE, Wish())
+    for path in ("gears.j_n", "flexspline.k_t", "bearing.ring_h", "supports.C_2", "contact.c_t", "contact.c_ball"):
+        assert entries[path].range == LIKE.source[path].range
+        assert entries[path].value == LIKE.value(path)
+    assert entries["cam.W_0"].range == (0.8, 1.016)
+
+
+def test_tolerances_follow_the_standard() -> None:
+    assert [round(F_p(160, 0.8, accuracy)) for accuracy in (6, 7, 8, 9)] == [28, 40, 56, 79]
+    F_i1 = similar(LIKE, Wish())["tolerances.F_i1"]
+    assert (F_i1.value, F_i1.range) == (40, (0, 56))
+
+
+@pytest.mark.parametrize(
+    ("wish", "d"),
+    [
+        ({}, 160.0),
+        ({"torque": 100.0}, 80.0),  # an eighth of the 800 N*m at 160 mm
+        ({"stiffness": (3.1e4, 5e4, 5.7e4)}, 63.78),  # size 25 of catalogues: 63.5 mm
+        ({"stiffness": (54e4, 88e4, 98e4)}, 164.6),  # size 65: 165.1 mm
+        ({"diameter": 63.5, "stiffness": (3.1e4, 5e4, 5.7e4)}, 63.5),
+    ],
+)
+def test_the_size_follows_from_what_is_given(wish: dict[str, object], d: float) -> None:
+    drive = made(**wish)
+    assert isclose(drive.gears.m * drive.gears.z_g, d, rel_tol=1e-3)
+
+
+def test_a_stiffness_beside_a_diameter_stiffens_the_contacts_by_its_share() -> None:
+    plain, stiff = made(diameter=80.0), made(diameter=80.0, stiffness=(1e5, 1.9e5, 2.25e5))  # twice 9e5 / 8
+    for path in ("contact.c_t", "contact.c_ball", "contact.c_bore"):
+        assert isclose(stiff.value(path) * 2, plain.value(path), rel_tol=1e-3)
+    assert isclose(stiff.supports.C_2, 2 * plain.supports.C_2, rel_tol=1e-3)
+    assert stiff.flexspline == plain.flexspline
+    assert "x 2 for K3" in stiff.source["supports.C_2"].ref
+
+
+@pytest.mark.parametrize(
+    ("wish", "message"),
+    [
+        ({"diameter": 20.0, "torque": 800.0}, "a rated torque of 800 N*m contradicts a pitch diameter of 20 mm"),
+        ({"diameter": 160.0, "torque": 8.0}, "contradicts a pitch diameter of 160 mm"),
+        ({"diameter": 160.0, "stiffness": (3.1e4, 5e4, 5.7e4)}, "contradicts a pitch diameter of 160 mm"),
+        ({"torque": 800.0, "stiffness": (3.1e4, 5e4, 5.7e4)}, "800 N*m contradicts a pitch diameter of 63.78 mm"),
+        ({"stiffness": (5e4, 3e4, 6e4)}, "K1, K2, K3 must be above 0 and rise"),
+        ({"diameter": 20.0, "z_g": 640}, "gears.m would be 0.0312 mm"),
+    ],
+)
+def test_contradictions_are_refused(wish: dict[str, object], message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        made(**wish)
+    assert message in caught.value.message
+    assert caught.value.hint or "rise" in message
+
+
+@pytest.mark.parametrize("like", ["synthetic-160-162", "tests/data/small.yaml"])
+def test_it_is_like_any_other_drive(like: str) -> None:
+    other = load_preset(like)
+    drive = made(other, diameter=50.0)
+    assert isclose(drive.cam.W_0 / drive.gears.m, other.cam.W_0 / other.gears.m, rel_tol=1e-3)
+    assert (drive.bearing.d_ball is None) == (other.bearing.d_ball is None)
