@@ -269,6 +269,12 @@ COLUMNS = (
     "- *refused*: drives in which the tool says that nothing explains the trials (they count as not good).",
 )
 READING = (
+    "What it says: three trials settle hardly anything, six most of it. Missed is D2, a noise twice as large as",
+    "told without a repeat that would tell it: repeat a position. Six of the 80 drives of E show values that the",
+    "preset's drive cannot come to with any offset: they are refused, which counts as not good; of the others 92 of",
+    "100 are good. In D3 after three trials some F'_ior lie outside: an oval wheel moves them by more than the",
+    "misfit that is taken.",
+    "",
     "Traces of the error over the cam's turn could be given as trials once. On 15 such drives (five of A, D3 and E)",
     "two of them led to a good hole in 7, four values in 9, by the model of that time; in all five of D3 and two of",
     "E nothing explained the traces. So they were taken out.",

@@ -27,7 +27,7 @@ from hdassist.trials.unknowns import direction_density, drawn_values, offset_fie
 
 Places = NDArray[np.int64]
 
-SEAT_DIRECTION = "harmonics.xi_s2"
+OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
 FINEST, COARSEST = 36, 8  # directions that a sample is taken in, at most and at least
 SEAT_STEP, SEAT_SAMPLES, SEAT_BINS = 2.0, 64, 8  # um that the wheel's centre is moved by, to see what its seat does
 
@@ -96,9 +96,8 @@ class Cloud:
         """F'_ior [arcsec] of samples in all directions, shape (samples, directions), from the table."""
         count = self.weight.shape[1]
         values = {path: np.repeat(column[samples], count) for path, column in self.values.items()}
-        for path in (offset_fields(self.drive)[1], SEAT_DIRECTION):  # of what stands
-            if path in values:
-                values[path] = _directions(self.values[path][samples], count).ravel()
+        standing = {offset_fields(self.drive)[1], *({OVALITY} if self.drive.mounting.fixed == "rigid" else ())}
+        values |= {path: _directions(self.values[path][samples], count).ravel() for path in standing & values.keys()}
         found = F_ior_of_many(self.drive, self.tables[M_g], values, count=self.turns, off_um=off_um, executor=executor)
         return found.reshape(-1, count)
 
@@ -158,13 +157,17 @@ def _drawn(drive: Drive, count: int, seed: int) -> tuple[dict[str, Array], Array
     open_, holes = open_fields(drive), drive.mounting.holes
     directions = holes * -(-COARSEST // holes) if 0 < holes <= FINEST else FINEST
     # a standing ovality that is known does not turn with the samples: each is taken in one direction, so there are more
-    fixed = drive.mounting.fixed == "rigid" and drive.number("harmonics.a_s2") != 0
+    fixed = drive.mounting.fixed == "rigid" and drive.number("harmonics.a_s2") != 0 and drive.value(OVALITY) is not None
     share = qmc.Sobol(len(open_) + 1, seed=seed).random(2 ** round(np.log2(count / (3 if fixed else directions))))
-    values = {path: drawn_values(drive, path, column) for path, column in zip(open_, share.T, strict=False)}
+    values = {
+        path: drawn_values(drive, path, reach, column)
+        for (path, reach), column in zip(open_.items(), share.T, strict=False)
+    }
     first = (360.0 if fixed else 360 / directions) * share[:, -1]
     weight = direction_density(drive, _directions(first, directions))
     if fixed:
         weight[:, 1:] = 0
+        values.setdefault(OVALITY, np.full(len(first), drive.number(OVALITY)))
     return {**values, offset_fields(drive)[1]: first}, weight / weight.sum()
 
 

@@ -22,34 +22,34 @@ def offset_fields(drive: Drive) -> tuple[str, str]:
     return f"tolerances.e_h{end}", f"phases.phi_h{end}"
 
 
-def open_fields(drive: Drive) -> list[str]:
-    """Fields of a drive that are not known, the direction of the standing offset left out.
+def open_fields(drive: Drive) -> dict[str, tuple[float, float]]:
+    """Fields of a drive that are not known, and their ranges; the direction of the standing offset is left out.
 
     The standing offset is anywhere up to WIDEST times the preset's, unless the preset gives an uncertainty for it; so
-    is the one that turns with the cam, in any direction. Other fields that have an uncertainty vary by it, and what the
-    preset does not give is anything that it may be. Raises UsageError for a drive without a standing offset.
+    is the one that turns with the cam, in any direction. Other fields vary by the uncertainty that they have;
+    deviations that the preset does not give, over what they may be (model/unknown.py). Raises UsageError where nothing
+    is known of the size of the standing offset.
     """
-    (size, direction), open_ = offset_fields(drive), {each.path for each in unknowns(drive)}
-    if not {size} & {*drive.uncertainty, *open_} and not drive.number(size) > 0:
+    size, direction = offset_fields(drive)
+    ranges = {each.path: (each.low, each.high) for each in unknowns(drive)}
+    if size not in {*drive.uncertainty, *ranges} and not drive.number(size) > 0:
         raise UsageError(
             f"nothing is known of the size of the cam offset {size}",
             f"--set {size}=80 says that up to {WIDEST:g} times 80 um are likely",
         )
-    measured = set(drive.uncertainty) - {direction}
-    own = drive.number("tolerances.e_hh") or any(drive.uncertainty[path] for path in measured - {size})
-    turning = {"tolerances.e_hh", "phases.phi_hh"} if own else set()
-    return sorted({size} | measured | (open_ - {direction}) | turning)
+    measured = {path: (0.0, 0.0) for path in drive.uncertainty if path != direction}
+    own = drive.tolerances.e_hh or any(drive.uncertainty[path] for path in set(measured) - {size})
+    wide = {path: (0.0, WIDEST * drive.number(path)) for path in (size, *(["tolerances.e_hh"] if own else []))}
+    found = wide | ({"phases.phi_hh": (0.0, 360.0)} if own else {}) | ranges | measured
+    return {path: found[path] for path in sorted(set(found) - {direction})}
 
 
-def drawn_values(drive: Drive, path: str, share: Array) -> Array:
-    """Values of an open field from shares of their probability."""
+def drawn_values(drive: Drive, path: str, reach: tuple[float, float], share: Array) -> Array:
+    """Values of an open field from shares of their probability, by its uncertainty, or evenly over its range."""
     if path in drive.uncertainty:
         off = drive.uncertainty[path] / 2 * norm.ppf(np.clip(share, OUTERMOST, 1 - OUTERMOST))
         return np.asarray(np.maximum(drive.number(path) + off, least_of(field_table()[path])))
-    for unknown in unknowns(drive):
-        if unknown.path == path:
-            return unknown.low + (unknown.high - unknown.low) * share
-    return share * (360.0 if path.startswith("phases.") else WIDEST * drive.number(path))
+    return reach[0] + (reach[1] - reach[0]) * share
 
 
 def direction_density(drive: Drive, direction_deg: Array) -> Array:

@@ -12,6 +12,7 @@ from hdassist.error.search import CycleSearch
 from hdassist.error.table import ErrorTable, Mesh, Reach, turns
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import deviation_scalars
+from hdassist.model.unknown import unknowns
 from hdassist.mounting.losses import Losses
 from hdassist.mounting.positions import rotated
 from hdassist.mounting.robust import Criterion
@@ -70,17 +71,21 @@ def synthetic(F_ior: np.ndarray, weight: np.ndarray | None = None) -> Cloud:
     return Cloud(told(), M_G, {M_G: table}, 1, {}, weight / weight.sum(), F_ior)
 
 
+def require_turned(cloud: Cloud, drive: Drive, sample: int, direction: int, rotation: float) -> None:
+    """F'_ior of a sample with the wheel turned is that of its drive so turned, by the same table."""
+    values = {path: float(column[sample]) for path, column in cloud.values.items()}
+    values["phases.phi_hb"] += 360 * direction / cloud.weight.shape[1]
+    place = np.array([sample * cloud.weight.shape[1] + direction])
+    assert direction_of(cloud)[place][0] == pytest.approx(values["phases.phi_hb"])
+    turned = rotated(drive.with_values(values), rotation)
+    exact = cloud.tables[M_G].F_ior(deviation_scalars(turned, *turns(cloud.turns)))
+    assert cloud.at([rotation], place)[0, 0] == pytest.approx(float(exact), rel=1e-6)
+
+
 def test_turning_the_wheel_is_turning_all_that_stands_back(cloud: Cloud) -> None:
     """F'_ior of samples in other positions, which the cloud takes from other samples, against the wheel turned."""
-    table, turn = cloud.tables[M_G], 360 / cloud.weight.shape[1]
     for sample, direction, rotation in ((3, 0, 30.0), (40, 7, 120.0), (77, 11, 330.0)):
-        values = {path: float(column[sample]) for path, column in cloud.values.items()}
-        values["phases.phi_hb"] += direction * turn
-        place = np.array([sample * cloud.weight.shape[1] + direction])
-        assert direction_of(cloud)[place][0] == pytest.approx(values["phases.phi_hb"])
-        turned = rotated(told().with_values(values), rotation)
-        exact = table.F_ior(deviation_scalars(turned, *turns(cloud.turns)))
-        assert cloud.at([rotation], place)[0, 0] == pytest.approx(float(exact), rel=1e-6)
+        require_turned(cloud, told(), sample, direction, rotation)
     some = np.arange(0, cloud.weight.size, 97)
     assert cloud.at_torque(M_G, POSITIONS, some) == pytest.approx(cloud.at(POSITIONS, some))
     half = cloud.at([15.0], some)
@@ -232,11 +237,29 @@ def test_what_the_preset_knows_of_the_offset_counts() -> None:
 
 def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> None:
     few = Effort(512, Mesh((9, 5, 9, 9), 0), 12)
-    oval = cloud_of(told("harmonics.a_s2=3"), (M_G,), M_G, effort=few)
+    drive = told("harmonics.a_s2=3", "harmonics.xi_s2=20")
+    oval = cloud_of(drive, (M_G,), M_G, effort=few)
     assert not oval.weight[:, 1:].any()
     assert np.ptp(direction_of(oval).reshape(oval.weight.shape)[:, 0]) > 300
+    require_turned(oval, drive, 5, 0, 60.0)
     with_flexspline = told("harmonics.a_s2=3", "mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0")
     assert cloud_of(with_flexspline, (M_G,), M_G, effort=few).weight[:, 1:].all()
+
+
+def test_deviations_that_are_not_given_are_drawn_over_what_they_may_be() -> None:
+    drive = told(
+        "harmonics.a_s2=unknown", "harmonics.xi_s2=unknown", "tolerances.F_i2=unknown", "tolerances.e_hb=unknown"
+    )
+    found = cloud_of(drive, (M_G,), M_G, effort=Effort(512, Mesh((9, 5, 9, 9), 0), 12))
+    for each in unknowns(drive):
+        if each.path != "phases.phi_hb":
+            assert each.low <= found.values[each.path].min() < found.values[each.path].max() <= each.high
+    assert found.weight.all()  # an ovality of which nothing is known turns with the samples
+    values = {path: float(column[3]) for path, column in found.values.items()}
+    values |= {"phases.phi_hb": values["phases.phi_hb"] + 60, "harmonics.xi_s2": values["harmonics.xi_s2"] + 60}
+    turned = rotated(drive.with_values(values), 90.0)
+    exact = found.tables[M_G].F_ior(deviation_scalars(turned, *turns(found.turns)))
+    assert found.at([90.0], np.array([3 * HOLES + 2]))[0, 0] == pytest.approx(float(exact), rel=1e-6)
 
 
 def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
@@ -522,9 +545,10 @@ def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> Non
 def test_what_a_preset_does_not_give_is_open_in_trials_too() -> None:
     paths = ["tolerances.e_hb", "tolerances.e_hh", "phases.phi_hb", "harmonics.a_s2"]
     drive = load_preset(SMALL, [f"{path}=unknown" for path in paths])
-    assert {*paths, "harmonics.xi_s2"} - {"phases.phi_hb"} == set(open_fields(drive))
+    found = open_fields(drive)
+    assert {*paths, "harmonics.xi_s2"} - {"phases.phi_hb"} == set(found)
     ends = np.array([0.0, 1.0])
-    assert list(drawn_values(drive, "tolerances.e_hb", ends)) == [0, pytest.approx(0.5 * 30)]
-    assert list(drawn_values(drive, "harmonics.xi_s2", ends)) == [0, 180]
-    known = load_preset(SMALL)
-    assert list(drawn_values(known, "tolerances.e_hb", ends)) == [0, 2 * known.tolerances.e_hb]
+    for path, high in (("tolerances.e_hb", 0.5 * 30), ("harmonics.xi_s2", 180)):
+        assert list(drawn_values(drive, path, found[path], ends)) == [0, pytest.approx(high)]
+    known = open_fields(load_preset(SMALL))
+    assert known["tolerances.e_hb"] == (0, 60)
