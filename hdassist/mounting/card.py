@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from datetime import date
 from math import inf
 
+from hdassist.model.unknown import unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import FREE_STEP, Chances, Choice, Position
 from hdassist.mounting.seat_page import Seat, SeatMark, instruction, seat_of, turn, wheel
+from hdassist.preset.schema import counted
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels_page import wheels
@@ -19,6 +21,7 @@ WARNINGS = 4  # that a card has room for
 LETTERS = 240  # of one of them
 DIGITS = 12  # of a SHA-256
 TORQUES = 12  # that a card has room for
+FIELDS = 6  # that are not known, which are named
 BESIDE = 4  # torques whose values stand side by side
 
 
@@ -111,7 +114,8 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, s
     drive = facts.choice.drive
     gears, mounting, fixed = drive.gears, drive.mounting, wheel(drive, say)
     symbol, deviation = ("xi_b", "F'_i2") if mounting.fixed == "rigid" else ("xi_g", "F'_i1")
-    mark = say(f"card.mark_{mounting.mark_kind}", wheel=fixed, symbol=symbol, deviation=deviation)
+    kind = mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
+    mark = say(f"card.mark_{kind}", wheel=fixed, symbol=symbol, deviation=deviation)
     if measured := facts.measured and facts.measured.fixed(drive):
         mark = say("card.mark_tooth", wheel=fixed, tooth=measured.pitch.mark)
     seat = say("card.seat_free")
@@ -143,8 +147,10 @@ def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
     drive, turned = facts.choice.drive, facts.choice.target.rotation_deg
     rigid = drive.mounting.fixed == "rigid"
     measured = facts.measured and facts.measured.fixed(drive)
-    mark = measured.mark_deg if measured else drive.number("phases.xi_b" if rigid else "phases.xi_g")
-    if turned % 360:
+    mark = measured.mark_deg if measured else drive.value("phases.xi_b" if rigid else "phases.xi_g")
+    if mark is None:
+        pass  # nobody knows where it points
+    elif turned % 360:
         yield SeatMark("now", mark % 360, "a", say("pointer.now"))
         yield SeatMark("after", (mark % 360 + turned) % 360, "b", say("pointer.after"))
     else:
@@ -245,6 +251,11 @@ def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
             yield say("chance.not_sure", gain=say.percent(chances.gain))
     if facts.weights:
         yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
+    kinds, open_ = counted(choice.drive), unknowns(choice.drive)
+    yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
+    if open_:
+        paths = [each.path for each in open_[:FIELDS]] + ["..."] * (len(open_) > FIELDS)
+        yield say("chance.unknown", fields=", ".join(paths))
 
 
 def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:

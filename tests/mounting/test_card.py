@@ -27,7 +27,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 UNKNOWN_TURN = replace(
-    advice_of(overrides=("phases.phi_hb=unknown",)), unknown=(Unknown("phases.phi_hb", 0.0, 360.0, "any direction"),)
+    advice_of(overrides=("phases.phi_hb=unknown", "phases.xi_b=unknown")),
+    unknown=(Unknown("phases.phi_hb", 0.0, 360.0, "any direction"),),
 )
 UNSURE = replace(CARDS["not sure"], unknown=(Unknown("harmonics.a_g2", 0.0, 3.0, "assumed"),))
 
@@ -63,7 +64,8 @@ def test_the_facts():
         ("worst", "3", "31.44 / 12.62", "+56 %", "+179 %"),
     )
     assert "the wheel stands at hole 8: 4 holes (120 deg) clockwise" in made.checks.lines
-    assert made.chance.lines == made.warnings.lines == ()
+    assert made.chance.lines == ("Values of the preset: 43 given, 0 identified, 0 assumed.",)
+    assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
     assert made.foot[1] == f"hdassist {__version__}; preset small, sha256 {digest}; card made 2026-03-09"
     assert "one measurement" in made.foot[0]
@@ -101,7 +103,7 @@ def test_a_wheel_that_is_left_stays_on_its_hole():
     unsure = card(CARDS["not sure"])
     assert unsure.instruction == "Leave the rigid wheel as it is."
     assert unsure.others.rows[0][0] == "1 hole counter-clockwise; best, but not worth the turn"
-    assert len(unsure.chance.lines) == 2
+    assert len(unsure.chance.lines) == 3
 
 
 def test_a_free_angle_has_degrees_and_no_holes():
@@ -131,7 +133,7 @@ def test_chances_are_those_of_the_samples():
     advice = sampled(advice_of(), spread=0.2)
     found = advice.robust
     assert found is not None
-    (said,) = card(advice).chance.lines
+    said, _ = card(advice).chance.lines
     assert advice.worth_turning
     assert f"a probability of {found.probability_best[found.best]:.0%}".replace("%", " %") in said
     assert f"a gain with {found.probability_gain:.0%}".replace("%", " %") in said
@@ -274,6 +276,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
         seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
+    card(UNKNOWN_TURN, "ru", trials=TRIALS)
     for open_ in (UNKNOWN_TURN, UNSURE, replace(UNSURE, robust=None)):
         what_to_do(open_, texts("ru"))
     used.add("warning.unsettled")  # of the trials' report
@@ -319,3 +322,12 @@ def test_an_unknown_language_names_those_there_are(language):
     with pytest.raises(UsageError, match="no language") as refused:
         texts(language)
     assert refused.value.hint == "available: en, ru"
+
+
+def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
+    open_ = ("phases.xi_b=unknown", "harmonics.a_g2=unknown", "source.cam.W_0={kind: assumed}")
+    made = card(advice_of(overrides=open_), trials=TRIALS)
+    assert dict(made.subject)["mark"].startswith("not known where it points")
+    assert [p.kind for p in made.seat.pointers] == ["cam"]
+    assert "Values of the preset: 40 given, 0 identified, 1 assumed." in made.chance.lines
+    assert made.chance.lines[-1].endswith("phases.xi_b, harmonics.a_g2, harmonics.xi_g2.")
