@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from math import isclose
 from pathlib import Path
 from string import Template
 
@@ -30,13 +31,13 @@ def require_told(page: str, told: str) -> None:
 def _alike(printed: str, word: str) -> bool:
     parts = [re.split(r"(\d[\d.]*)", text) for text in (printed, word)]
     return len(parts[0]) == len(parts[1]) and all(
-        a == b or (k % 2 == 1 and abs(float(a.rstrip(".")) / float(b.rstrip(".")) - 1) < 0.01)
+        a == b or (k % 2 == 1 and isclose(float(a.rstrip(".")), float(b.rstrip(".")), rel_tol=0.01))
         for k, (a, b) in enumerate(zip(*parts, strict=True))
     )
 
 
 def told_by(page: str, folder: Path) -> str:
-    """What the commands of a page say, run in a folder one block after the other; each must succeed."""
+    """What the commands of a page say, run in a folder one block after the other; each must end as the page says."""
     text = (DOCS / page).read_text(encoding="utf-8")
     return "".join(_told(block, folder) for block in re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL))
 
@@ -53,10 +54,11 @@ def _told(block: str, folder: Path) -> str:
         if re.fullmatch(NAME, line):
             names.update([line.split("=", 1)])
             continue
+        line, _, code = line.partition("  # exit code ")
         line, _, file = line.partition(" > ")
         words = [Template(word).substitute(names) for word in shlex.split(line)]
         answer = run(*words[1:], cwd=folder)
-        assert answer.returncode == 0, answer.stderr
+        assert answer.returncode == int(code or 0), answer.stderr
         if file:
             (folder / file).write_text(answer.stdout)
         told += ("" if file else answer.stdout) + answer.stderr

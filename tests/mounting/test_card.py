@@ -330,4 +330,4 @@ def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     assert dict(made.subject)["mark"].startswith("not known where it points")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
     assert "Values of the preset: 40 given, 0 identified, 1 assumed." in made.chance.lines
-    assert made.chance.lines[-1].endswith("phases.xi_b, harmonics.a_g2, harmonics.xi_g2.")
+    assert made.chance.lines[-1].endswith("phases.xi_b, harmonics.a_g2, harmonics.xi_g2")
