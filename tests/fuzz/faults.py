@@ -72,8 +72,8 @@ CASES = {
         _case("check", "check small.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
         _case("mount", "mount small.yaml --set mounting.holes=3 --samples 0 --card card.html --csv a.csv -o a.json "
               "--json --force --jobs 2", "card.html a.csv a.json"),
-        _case("trials", "trials small.yaml h0:100 h1:95 h2:97 --set mounting.holes=3 --noise 30 --sure 0.01 --card card.html "
-              "--csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),
+        _case("trials", "trials small.yaml h0:100 h1:95 h2:97 --set mounting.holes=3 --noise 30 --sure 0.01 "
+              "--card card.html --csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),
         _case("measure", "measure run.csv --ratio 31 --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("compare", "compare small.yaml run.csv --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("trace", "trace small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
