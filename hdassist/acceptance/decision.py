@@ -153,7 +153,7 @@ class Margin:
             "assumed": "stiffnesses and clearances not calibrated",
             "spread": "over the plausible ranges of what is assumed (95 %)",
         }
-        return f"margin {self.percent:g} %, {why[self.origin]}"
+        return f"margin {self.percent:.4g} %, {why[self.origin]}"
 
 
 def margin_of(drive: Drive, predictions: Predictions | None = None) -> Margin:

@@ -111,15 +111,22 @@ def bound(limit: Limit) -> str:
 
 
 def how_to_decide(check: CheckRecord) -> str:
-    """How near its limit a prediction is that its margin leaves open, and what to measure; empty of any other check."""
+    """What leaves a prediction open, its margin or what is not known, and what to measure; empty of any other check."""
+    open_ = check.extent in ("open", "not known")
     near = check.value is not None and check.margin is not None and abs(check.margin) <= check.guard
-    if check.verdict != "INCONCLUSIVE" or check.basis != "predicted" or check.extent != "whole" or not near:
+    if (
+        check.verdict != "INCONCLUSIVE"
+        or check.basis != "predicted"
+        or not (open_ or (near and check.extent == "whole"))
+    ):
         return ""
     held, share = check.held_against, f"{100 * check.guard / abs(check.value or 1.0):.3g} %"
     torque = "" if held.M_g is None else f"{held.M_g:g}"
     name = held.check.field if held.order is None else f"order_{held.order:g}"
     value = f"--value {name}{torque and f'@{torque}'}=VALUE±U"
     option = f"--measured {torque}:FILE" if held.check.measured and torque else value
+    if open_:
+        return f"what is not known could take it across the limit: give it in the preset, or measure it, {option}"
     return f"{number(check.value or 0.0, held)} is within {share} of {held.bound:.6g}: measure it, {option}"
 
 
