@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import multiprocessing
 import os
 import signal
@@ -11,7 +12,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stderr, suppress
 from multiprocessing import connection
 from pathlib import Path
 
@@ -43,7 +44,8 @@ def workers(jobs: int) -> Iterator[Executor]:
         words = "a process that shared the work was ended from outside: there is no answer"
         raise UntrustedError(words, "was memory short? fewer --jobs take less of it") from None
     finally:
-        with _deaf():
+        # a thread of the pool that writes to a worker just killed says so in a traceback of its own
+        with _deaf(), redirect_stderr(io.StringIO()):
             if pool._pending_work_items:  # nobody waits for what is under way: a state may take for ever
                 for process in list((pool._processes or {}).values()):
                     process.kill()

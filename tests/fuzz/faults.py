@@ -27,6 +27,7 @@ from tests.process import CLEAN, COMMAND, SMALL
 
 MARK = "HDASSIST_MARK"
 OLD = "what was there before\n"
+STARTS = 0.1  # s: the interpreter itself starts, and what it says of an interrupt before it is its own
 GRACE = 5.0  # s for what was begun to end after its parent
 LONGEST = 300.0  # s of one run, on a machine that has other work
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
@@ -247,7 +248,7 @@ def _interrupt(case: Case, known: Usual, number: signal.Signals, code: int, mome
     with folder() as place:
         mark = secrets.token_hex(8)
         process = start(case, place, mark)
-        time.sleep(moment * known.seconds)
+        time.sleep(max(moment * known.seconds, STARTS))
         sent = time.monotonic()
         process.send_signal(number)
         out, err = process.communicate(timeout=LONGEST)
