@@ -6,6 +6,7 @@ which they are found, whoever began them.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -15,7 +16,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -184,12 +185,19 @@ def faults_of_files(case: Case, place: Path, old: Sequence[str], known: Usual, *
         elif name == case.grows:
             good = known.files[name].startswith(text)
         elif name in case.whole:
-            good = text == known.files[name] or (name in old and text == OLD)
+            good = text == known.files[name] or (name in old and text == OLD) or _says_why(name, text)
         else:
             good = not ended_in_order and name.endswith((".part", f"{case.grows}.lock"))
         if not good:
             said.append(f"{name}: {text[:60]!r} of {len(text)} characters")
     return said + [f"{name}: lost" for name in (*INPUTS, *old) if name not in found]
+
+
+def _says_why(name: str, text: str) -> bool:
+    """Whether a file is a whole answer that says why there is none."""
+    with suppress(ValueError):
+        return name.endswith(".json") and bool(json.loads(text)["error"]["message"])
+    return False
 
 
 def goes_on(case: Case, place: Path, known: Usual) -> list[str]:
