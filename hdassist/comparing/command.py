@@ -65,6 +65,7 @@ def command(
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.model.kinematics import Kinematics
+    from hdassist.model.unknown import told
     from hdassist.readers.trace import read_trace
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.answers import failure
@@ -79,7 +80,7 @@ def command(
     )  # fmt: skip
     drive = drives.load(preset, *o.torque_overrides(torque))
     M_g = torque_of(drive)
-    form, said = traces.form(), dict.fromkeys(drive.origin.warnings)
+    form, said = traces.form(), dict.fromkeys((*drive.origin.warnings, *told(drive)))
 
     def one(name: str) -> Answer:
         trace = read_trace(name, form, abs(Kinematics.of(drive).u))

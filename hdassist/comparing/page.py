@@ -13,6 +13,7 @@ from hdassist.comparing.record import OrderPair
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.orders import UNKNOWN
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import two_curves
@@ -270,7 +271,7 @@ def to_json(result: Comparison) -> Json:
     found, trace, best = result.found, result.measurement.trace, result.conclusion.best
     start, alignment = start_name(result), result.unchanged.alignment
     return {
-        **envelope("compare", result.drive, 0, [*result.drive.origin.warnings, *result.warnings]),
+        **envelope("compare", result.drive, 0, [*result.drive.origin.warnings, *told(result.drive), *result.warnings]),
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
         "notes": list(result.measurement.notes),
         "M_g_Nm": result.M_g,

@@ -10,9 +10,10 @@ from rich.text import Text
 
 from hdassist.error.orders import LEGEND, Order
 from hdassist.error.trace import Trace
-from hdassist.model.unknown import told
+from hdassist.model.unknown import told, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
+from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
@@ -80,6 +81,7 @@ def to_json(drive: Drive, trace: Trace, seed: int) -> Json:
     moving = "phi_g0_deg" if error.kinematics.fixed == "rigid" else "phi_b0_deg"
     return {
         **envelope("trace", drive, 0, _warnings(drive)),
+        "unknown": unknown_objects(unknowns(drive)),
         "pitch": pitch_object(trace.measured),
         "M_g_Nm": error.M_g,
         moving: trace.start_deg,

@@ -10,12 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.model.geometry import Array
+from hdassist.model.unknown import unknowns
 from hdassist.mounting.card import CardFacts, after_trials
 from hdassist.mounting.losses import GOOD
 from hdassist.mounting.positions import Position, hole_of, hole_words
 from hdassist.mounting.seat_page import TRADE, wheel
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, envelope
+from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
@@ -227,6 +229,7 @@ def to_json(advice: TrialAdvice, seed: int) -> Json:
         "second": ranked[1] if len(ranked) > 1 else None,
         "worst": ranked[-1],
         "gain": float(-advice.at(losses.best).change_from(now)),
+        "unknown": unknown_objects(unknowns(drive)),
         "settled": advice.settled,
         "probability_needed": advice.needed,
         "next": {**_place(drive, advice.next.rotation_deg), "probability_after": advice.next.probability_after},

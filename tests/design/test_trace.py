@@ -81,3 +81,11 @@ def test_a_solver_that_doubts_itself_says_nothing_on_stderr():
     result = run("trace", "vzp160", "-q", "--set", "contact.c_bore=1e-9")
     assert result.returncode == 0
     assert result.stderr == ""
+
+
+def test_what_is_not_known_is_said_where_it_counts_as_nothing():
+    done = run("trace", SMALL, "--torque", "4", "--set", "phases.phi_hb=unknown", "--json")
+    told = json.loads(done.stdout)
+    assert [each["field"] for each in told["unknown"]] == ["phases.phi_hb"]
+    assert told["warnings"] == ["not known, and computed as 0: phases.phi_hb"]
+    assert told["warnings"][0] in done.stderr

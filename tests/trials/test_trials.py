@@ -401,6 +401,7 @@ def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
     assert summary_line(advice) == (str(told_["best_bet"]["hole"]) if told_["settled"] else "unknown")
     assert told_["settled"] == (told_["best_bet"]["probability_good"] >= told_["probability_needed"])
     assert told_["instruction"] == instruction(advice)
+    assert told_["unknown"] == []
     assert instruction(advice).startswith("No order yet") != told_["settled"]
     assert exit_code(advice) == (0 if told_["settled"] else 6)
     facts = card_facts(advice, texts())
