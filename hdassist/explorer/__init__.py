@@ -1,0 +1,1 @@
+"""The explorer: a drive turned on the screen."""
