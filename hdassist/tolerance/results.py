@@ -44,6 +44,10 @@ class Header:
     seed: int | None = None
     version: str = __version__
 
+    def told(self) -> dict[str, Any]:
+        """The header as a JSON object."""
+        return dict(_HEADER.dump_python(self))
+
 
 _HEADER = TypeAdapter(Header)
 
@@ -54,7 +58,7 @@ class Results:
     def __init__(self, descriptor: int, path: str | None, header: Header, anew: bool) -> None:
         self.done = 0
         self._descriptor, self._path = descriptor, path
-        line = _line(_HEADER.dump_python(header))
+        line = _line(header.told())
         self._begin = len(line)
         there = b"" if anew else os.pread(descriptor, LONGEST, 0)
         if line.startswith(there) and there != line:  # nothing, or what a run that was killed has begun to write
@@ -228,7 +232,7 @@ def _header(start: bytes, path: str) -> Header:
 
 def _require_same(there: Header, here: Header, path: str) -> None:
     """Raise UsageError, with what differs, where the records of a file are not those of this header."""
-    before, now = (_flat(json.loads(_line(_HEADER.dump_python(header)))) for header in (there, here))
+    before, now = (_flat(json.loads(_line(header.told()))) for header in (there, here))
     told = [
         f"{key}: {shown(json.dumps(before.get(key)))} there, {shown(json.dumps(now.get(key)))} here"
         for key in sorted(before.keys() | now.keys())
