@@ -24,10 +24,10 @@ def heat(style: Style, x: Sequence[float], y: Sequence[float], z: Array, *, x_la
     units, y_label what is drawn as well. Returns lines without a final newline.
     """
     shades = ".:-=+*#%@" if style.ascii else "·░▒▓█"
-    numbers = [f"{value:g}" for value in y]
-    margin = max(7, *map(len, numbers))
+    up = _some(len(y), ROWS)[::-1]
+    margin = max(7, *(len(f"{y[k]:g}") for k in up))
     room = min(style.width, WIDEST) - margin - 2
-    across, up = _some(len(x), room), _some(len(y), ROWS)[::-1]
+    across = _some(len(x), room)
     cell = room // len(across)
     low, high = float(np.nanmin(z)), float(np.nanmax(z))
     step = (high - low) / len(shades) or 1.0
@@ -38,7 +38,7 @@ def heat(style: Style, x: Sequence[float], y: Sequence[float], z: Array, *, x_la
             NONE if np.isnan(value) else shades[min(int((value - low) / step), len(shades) - 1)]
             for value in z[across, k]
         )
-        lines.append(f"{numbers[k]:>{margin}} {side}{''.join(glyph * cell for glyph in row)}")
+        lines.append(f"{y[k]:>{margin}g} {side}{''.join(glyph * cell for glyph in row)}")
     lines.append(" " * (margin + 1) + corner + floor * (cell * len(across)))
     lines.append(" " * (margin + 2) + _x_numbers([x[k] for k in across], cell))
     lines.append(" " * (margin + 2) + style.text(x_label).center(cell * len(across)).rstrip())
@@ -56,7 +56,7 @@ def _x_numbers(values: Sequence[float], cell: int) -> str:
     line, free = "", 0
     for k, value in enumerate(values):
         number = f"{value:g}"
-        start = max(0, k * cell + (cell - len(number)) // 2)
+        start = max(0, min(k * cell + (cell - len(number)) // 2, cell * len(values) - len(number)))
         if start >= free:
             line = line.ljust(start) + number
             free = len(line) + 2
