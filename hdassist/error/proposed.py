@@ -10,7 +10,7 @@ proven; `python -m benchmarks.tolerance` compares with every state of random dri
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, partial
 
 import numpy as np
@@ -145,7 +145,7 @@ class _Hills:
     rank: Indices
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> _Hills:
-        return _Hills(*(each[chosen] for each in (self.row, self.sign, self.point, self.height, self.rank)))
+        return _Hills(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     def highest(self, value: Array, drives: int) -> Array:
         """Greatest of the values of each drive and sign, for each hill, shape (hills,)."""
@@ -181,8 +181,9 @@ def _hills(maps: Array, search: ProposedSearch) -> _Hills:
         rank = np.arange(len(order)) % tiles.shape[1]
         order, rank = order[rank < HILLS], rank[rank < HILLS]
         point = search.to_lattice(moved.T[order] * step)
-        found.append((row[order], np.full(len(order), sign), point, height[order], rank))
-    return _Hills(*(np.concatenate(each) for each in zip(*found, strict=True)))
+        found.append(_Hills(row[order], np.full(len(order), sign), point, height[order], rank))
+    both = {f.name: np.concatenate([getattr(hills, f.name) for hills in found]) for f in fields(_Hills)}
+    return _Hills(**both)
 
 
 class _Solved:
@@ -254,4 +255,4 @@ class _Solved:
         with np.errstate(divide="ignore", invalid="ignore"):
             top = np.stack([xy * q - 2 * yy * p, xy * p - 2 * xx * q], axis=1) / det[:, None]
         near = (xx < 0) & (det > 0) & (np.abs(top) <= 1.5 * self._search.finest).all(axis=1)
-        return np.where(near[:, None], top, self._around[value.argmax(axis=1)])
+        return np.asarray(np.where(near[:, None], top, self._around[value.argmax(axis=1)]))

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hdassist.error.proposed import Batch, ProposedSearch
+from hdassist.error.proposed import Batch, Indices, ProposedSearch
 from hdassist.error.search import searchable
 from hdassist.error.table import ErrorTable, Mesh, error_tables
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -41,8 +41,8 @@ Record = dict[str, Any]
 class Production:
     """Random drives of a preset, ready to be computed in any process: `records` is all there is to call.
 
-    drive; draws; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior [arcsec], one a torque, by
-    which the best position is chosen, None for by what it gains; tables of the error, one a torque.
+    drive; draws; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior [arcsec], one a
+    torque, by which the best position is chosen (None: by what it gains); tables of the error, one a torque.
     """
 
     drive: Drive
@@ -81,8 +81,8 @@ class Production:
     def records(self, first: int, last: int) -> list[Record]:
         """Records of drives first to last - 1, whatever else is or was computed.
 
-        Each has its number, its F'_ior [arcsec] at each torque as built and in its best position (hole or rotation),
-        the values drawn, and how it was proven; or why it has none.
+        Each has its F'_ior [arcsec] at each torque as built and in its best position, where that is, how it was proven,
+        or else why it has none; and the values drawn.
         """
         values = self.draws.values(first, last)
         found = []
@@ -92,8 +92,19 @@ class Production:
                 answer = self._answer(drawn)
             except HdassistError as error:
                 answer = {"refused": error.message}
-            found.append({"drive": k, **answer, "values": drawn})
+            found.append({**answer, "values": drawn})
         return found
+
+    def told(self) -> dict[str, Any]:
+        """What decides the records, beside preset, seed and version."""
+        return {
+            "overrides": list(self.drive.origin.overrides),
+            "torques_Nm": list(self.torques),
+            "rotations_deg": list(self.rotations),
+            "limits_arcsec": None if self.limits is None else list(self.limits),
+            "method": self.draws.method,
+            "scatter": [asdict(scatter) for scatter in self.draws.scatters],
+        }
 
     def estimates(self, first: int, last: int) -> Array:
         """F'_ior [arcsec] by the tables alone, shape (drives, torques, rotations), of drives first to last - 1."""
@@ -117,7 +128,7 @@ class Production:
         best = int(np.nanargmin(self._merit(exact, exact[:, 0])))
         return self._record(exact[:, 0], exact[:, best], best, proof)
 
-    def _promising(self, near: Array, exact: Array) -> Array:
+    def _promising(self, near: Array, exact: Array) -> Indices:
         """Positions that may be the best and are not solved yet, from F'_ior by the table and as solved so far."""
         solved = ~np.isnan(exact[0])
         if not solved.any():

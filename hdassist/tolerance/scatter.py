@@ -54,7 +54,7 @@ class Scatter:
         if self.kind == "normal":
             within = ndtr(-K) + share * (ndtr(K) - ndtr(-K))
             middle, sd = (self.low + self.high) / 2, (self.high - self.low) / (2 * K)
-            return np.clip(middle + sd * ndtri(within), self.low, self.high)
+            return np.asarray(np.clip(middle + sd * ndtri(within), self.low, self.high))
         if self.kind == "measured":
             place = np.minimum((share * len(self.values)).astype(np.int64), len(self.values) - 1)
             return np.asarray(self.values)[place]
