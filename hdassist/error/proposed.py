@@ -36,7 +36,7 @@ FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
-LEAST = 2.0  # arcsec: F'_ior that both are taken of at least
+LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDE = 2  # steps to the states of the first look around
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -39,7 +39,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Production:
-    """Random drives of a preset, ready to be computed in any process: `records` is all there is to call.
+    """Random drives of a preset: once it has tables, `records` can be called in any process.
 
     drive; draws; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior [arcsec], one a
     torque, by which the best position is chosen (None: by what it gains); tables of the error, one a torque.
@@ -50,7 +50,7 @@ class Production:
     torques: tuple[float, ...]
     rotations: tuple[float, ...]
     limits: tuple[float, ...] | None
-    tables: tuple[ErrorTable, ...] = field(repr=False)
+    tables: tuple[ErrorTable, ...] = field(default=(), repr=False)
 
     @classmethod
     def of(
@@ -61,22 +61,33 @@ class Production:
         *,
         mounting: bool = True,
         limits: Sequence[float] | None = None,
-        executor: Executor | None = None,
-        progress: Progress | None = None,
     ) -> Production:
-        """Production of a drive, its tables solved.
+        """Production of a drive, without tables yet.
 
         Arguments: torques M_g [N*m]; mounting, whether the wheel may be turned; limits [arcsec] of F'_ior, one a
-        torque; executor, to spread the work over; progress, told how many states were solved. Raises UntrustedError
-        where an answer cannot be trusted, UsageError for a drive whose cycle cannot be searched.
+        torque. Raises UsageError for a drive whose cycle cannot be searched.
         """
         if not searchable(drive):
             raise UsageError("with rolling balls the cycle cannot be searched", "set bearing.ball_motion=locked")
         rotations = seat_positions(drive, FREE_STEP) if mounting else [0.0]
-        span = [(drive, [draws.widest(drive)])]
-        (tables,) = error_tables(span, torques, mesh=READ_MESH, executor=executor, progress=progress)
-        chosen = None if limits is None else tuple(limits)
-        return cls(drive, draws, tuple(torques), tuple(rotations), chosen, tuple(tables))
+        return cls(drive, draws, tuple(torques), tuple(rotations), None if limits is None else tuple(limits))
+
+    def tabled(
+        self, *, mesh: Mesh = READ_MESH, executor: Executor | None = None, progress: Progress | None = None
+    ) -> Production:
+        """The same with its tables solved.
+
+        Arguments: mesh, how fine they are; executor, to spread the work over; progress, told how many states were
+        solved. Raises UntrustedError where an answer cannot be trusted.
+        """
+        span = [(self.drive, [self.draws.widest(self.drive)])]
+        (tables,) = error_tables(span, self.torques, mesh=mesh, executor=executor, progress=progress)
+        return replace(self, tables=tuple(tables))
+
+    @property
+    def table_states(self) -> int:
+        """States that tables take, about."""
+        return READ_MESH.states * len(self.torques) * 3  # each at the torque, and on both sides of it for slopes
 
     def records(self, first: int, last: int) -> list[Record]:
         """Records of drives first to last - 1, whatever else is or was computed.

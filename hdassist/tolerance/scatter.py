@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -132,8 +133,11 @@ class Draws:
         """Shares in 0..1, shape (drives, scatters), of drives first to last - 1."""
         if self.method == "sobol":
             sequence = qmc.Sobol(len(self.scatters), scramble=True, rng=np.random.default_rng(self.seed))
-            sequence.fast_forward(first)
-            return np.asarray(sequence.random(last - first))
+            if first:
+                sequence.fast_forward(first)
+            with catch_warnings():
+                simplefilter("ignore")  # that a number of them is no power of two
+                return np.asarray(sequence.random(last - first))
         rows = [
             np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(k,))).random(len(self.scatters))
             for k in range(first, last)

@@ -62,20 +62,19 @@ def command(
         require_limits(drive)
     limits = [drive.limit(M_g) for M_g in torques]
     own = [found.range_arcsec for found in self_error(drive, torques)]
+    production = Production.of(drive, draws, torques, mounting=mounting, limits=rooms(limits, own))
+    summary = Summary.of(torques, limits, own, positions=len(production.rotations), wanted=wanted)
+    header = Header(
+        command="tolerance", preset=drive.name, preset_sha256=drive.origin.sha256, seed=draws.seed,
+        options=production.told(),
+    )  # fmt: skip
     interrupted = False
-    with work.pools() as pool:
-        with pool() as (executor, _):
-            production = Production.of(
-                drive, draws, torques, mounting=mounting, limits=rooms(limits, own), executor=executor
-            )
-        summary = Summary.of(torques, limits, own, positions=len(production.rotations), wanted=wanted)
-        header = Header(
-            command="tolerance", preset=drive.name, preset_sha256=drive.origin.sha256, seed=draws.seed,
-            options=production.told(),
-        )  # fmt: skip
-        with open_results(results, header, force=options.force) as kept, out.progress(drive.name, count) as progress:
-            summary.add(islice(kept.records(), count))
-            progress(min(kept.done, count))
+    with work.pools() as pool, open_results(results, header, force=options.force) as kept:
+        summary.add(islice(kept.records(), count))
+        if kept.done < count:
+            with pool() as (executor, _), out.progress("table of the error", production.table_states) as progress:
+                production = production.tabled(executor=executor, progress=progress)
+        with out.progress(drive.name, count - kept.done) as progress:
             try:
                 for records in stream(production.records, count, done=kept.done, pool=pool):
                     kept.append(records)
