@@ -27,6 +27,7 @@ from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.tolerance import sweep_command as sweep
+from hdassist.tolerance import tolerance_command as tolerance
 from hdassist.trials import command as trials
 from hdassist.version import __version__
 
@@ -57,6 +58,7 @@ app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)
 app.command("stiffness")(stiffness.command)
 app.command("sweep")(sweep.command)
+app.command("tolerance")(tolerance.command)
 app.command("trace")(trace.command)
 app.command("trials")(trials.command)
 app.add_typer(presets.app, name="presets")
