@@ -26,6 +26,7 @@ from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
 from hdassist.tolerance import tolerance_command as tolerance
 from hdassist.trials import command as trials
@@ -56,6 +57,7 @@ app.command("explain")(explain.command)
 app.command("measure")(measure.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)
+app.command("sensitivity")(sensitivity.command)
 app.command("stiffness")(stiffness.command)
 app.command("sweep")(sweep.command)
 app.command("tolerance")(tolerance.command)
