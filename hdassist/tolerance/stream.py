@@ -6,12 +6,14 @@ that is waited for: memory does not grow with the number of items.
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from hdassist.errors import UntrustedError
@@ -68,7 +70,7 @@ class _Queue:
 
     def __init__(self, work: Work, total: int, done: int, seconds: float) -> None:
         self.taken = self.end = done
-        self._work, self._total, self._seconds = work, total, seconds
+        self._work, self._total, self._seconds = pickle.dumps(work), total, seconds
         self._chunks: deque[_Chunk] = deque()
         self._cost = self._counted = 0.0  # s and items of chunks that are done, the last ones counting most
 
@@ -114,11 +116,18 @@ def _is_done(answer: Future[Any]) -> bool:
     return answer.done() and not answer.cancelled() and answer.exception() is None
 
 
-def _timed(work: Work, first: int, last: int) -> tuple[float, list[dict[str, Any]]]:
-    """How long some items took [s], and their records."""
+def _timed(work: bytes, first: int, last: int) -> tuple[float, list[dict[str, Any]]]:
+    """How long some items took [s], and their records; work, pickled."""
     begun = time.perf_counter()
-    records = work(first, last)
+    records = _unpickled(work)(first, last)
     return time.perf_counter() - begun, records
+
+
+@lru_cache(maxsize=1)
+def _unpickled(work: bytes) -> Work:
+    """The work, made once in each process: what it keeps for later items stays from chunk to chunk."""
+    found: Work = pickle.loads(work)
+    return found
 
 
 class _Here(Executor):
