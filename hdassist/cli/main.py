@@ -26,6 +26,7 @@ from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.tolerance import allocate_command as allocate
 from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
 from hdassist.tolerance import tolerance_command as tolerance
@@ -50,6 +51,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("accept")(accept.command)
+app.command("allocate")(allocate.command)
 app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
 app.command("compare")(compare.command)
