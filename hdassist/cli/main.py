@@ -26,6 +26,7 @@ from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.reporting import command as report
 from hdassist.tolerance import allocate_command as allocate
 from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
@@ -58,6 +59,7 @@ app.command("compare")(compare.command)
 app.command("explain")(explain.command)
 app.command("measure")(measure.command)
 app.command("mount")(mount.command)
+app.command("report")(report.command)
 app.command("self-error")(self_error.command)
 app.command("sensitivity")(sensitivity.command)
 app.command("stiffness")(stiffness.command)

@@ -24,7 +24,7 @@ from hdassist.mounting.page import warnings as mount_warnings
 from hdassist.mounting.page import what_to_do
 from hdassist.mounting.seat_page import place
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
-from hdassist.preset.schema import ResolvedField
+from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import basis_objects, basis_table, unknown_objects
 from hdassist.terminal.console import Style, table
@@ -136,7 +136,8 @@ def _rows(result: DrivesComparison) -> Iterator[tuple[str, list[str]]]:
         held = any(point.limit_arcsec is not None for point in points)
         some_open = any(point.over for point in points)
         for quantity in (*POINT[1:2], *(UNKNOWN[:3] if some_open else ()), *(POINT[3:6] if held else ())):
-            yield f"{M_g:g} N·m: {quantity.words}", [quantity.text(point) for point in points]
+            zero = ", what is not known as 0" if some_open and quantity is POINT[1] else ""
+            yield f"{M_g:g} N·m: {quantity.words}{zero}", [quantity.text(point) for point in points]
         yield f"{M_g:g} N·m: in its best hole, arcsec", [_best(sheet.advice, k) for sheet in result.sheets]
     yield "best hole", [_hole(sheet) for sheet in result.sheets]
     yield from _segments(curves)
@@ -222,13 +223,7 @@ def _fields(result: DrivesComparison, style: Style) -> Table:
 
 
 def _value(row: ResolvedField) -> str:
-    if row.value is None:
-        return NOT_KNOWN if row.kind == NOT_KNOWN else "-"
-    if isinstance(row.value, tuple):
-        return ", ".join(f"{item:g}" for item in row.value)
-    if isinstance(row.value, dict):
-        return ", ".join(f"{key}: {item:g}" for key, item in row.value.items()) or "-"
-    return f"{row.value:.10g}" if isinstance(row.value, float) else str(row.value)
+    return NOT_KNOWN if row.kind == NOT_KNOWN else value_text(row.value)
 
 
 def to_json(result: DrivesComparison, seed: int) -> Json:
