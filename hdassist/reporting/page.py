@@ -159,7 +159,9 @@ def _errors(sheet: DriveSheet) -> Iterator[Block]:
             f"Error over the full cycle at {point.M_g:g} N·m", turns, point.error.error_arcsec,
             "cam angle phi_h, turns", f"error at {point.M_g:g} N·m, arcsec",
         )  # fmt: skip
-    yield _by_torque("over the full cycle", POINT, check.points)
+    still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
+    shown = [quantity for quantity in POINT if not quantity.label.strip().startswith(still)]
+    yield _by_torque("over the full cycle", shown, check.points)
     if any(point.over for point in check.points):
         yield Paragraph(f"Not known, and 0 above: {names(check.unknown)}.")
         yield _by_torque("F'_ior over what is not known", (POINT[0], *UNKNOWN), check.points)
@@ -170,6 +172,7 @@ def _errors(sheet: DriveSheet) -> Iterator[Block]:
 def _by_torque(title: str, shown: Iterable[Quantity[OperatingPoint]], points: Iterable[OperatingPoint]) -> Table:
     """A row a quantity, a column a torque: the first quantity is the head."""
     first, *rest = [(q.words.strip(), *(q.text(point) for point in points)) for q in shown]
+    rest = [row for row in rest if set(row[1:]) - {"-", str(Verdict.NO_LIMIT)}]
     return Table(title, first, tuple(rest), (False, *([True] * (len(first) - 1))))
 
 
@@ -195,14 +198,17 @@ def _curves(sheet: DriveSheet) -> Iterator[Figure]:
     """F'_ior over the positions of the wheel, at each torque."""
     advice, result = sheet.advice, sheet.advice.curve
     order, per = np.argsort(result.rotation_deg), 360 / result.holes if result.holes else 1.0
-    for k, M_g in enumerate(result.torques):
-        caption = f"F'_ior over the positions of the wheel at {M_g:g} N·m"
+    for k, point in enumerate(sheet.check.points):
+        caption, limit = f"F'_ior over the positions of the wheel at {point.M_g:g} N·m", point.limit_arcsec
         caption += "; bars: 5 to 95 % of what is uncertain or not known" if advice.robust else ""
+        if limit is not None:
+            caption += "; dashed: the limit less the self error"
+            limit -= point.self_error.range_arcsec
         yield _figure(
             caption, result.rotation_deg[order] / per, result.F_ior_arcsec[k, order],
-            "turned by, holes" if result.holes else "turned by, deg", f"F'_ior at {M_g:g} N·m, arcsec",
-            limit=sheet.drive.limit(M_g), whiskers=_whiskers(sheet, k, per), dots=_dots(sheet, k, per),
-            points=bool(result.holes), from_zero=True,
+            "turned by, holes" if result.holes else "turned by, deg", f"F'_ior at {point.M_g:g} N·m, arcsec",
+            limit=limit, whiskers=_whiskers(sheet, k, per), dots=_dots(sheet, k, per), points=bool(result.holes),
+            from_zero=True,
         )  # fmt: skip
 
 
