@@ -42,8 +42,9 @@ from hdassist.version import __version__
 
 STYLE = Style(ascii=False, codes=False, width=10_000)  # of tables that nobody cuts
 DRAWN = Style(ascii=False, codes=False, width=80)
+ZERO = "what is not known taken as 0"
 KINDS = {
-    NOT_KNOWN: "not given, and not known",
+    NOT_KNOWN: "not given (a direction of what is 0 does not matter)",
     "override": "set on the command line",
     "assumed": "assumed",
     "identified": "identified from measurements",
@@ -128,7 +129,7 @@ def _most(drive: Drive, effect: Effect, points: Iterable[OperatingPoint]) -> str
     unit = unit_of(field_table()[path])
     return (
         f"It rests most on {path} = {drive.number(path):g} {unit}".rstrip()
-        + f" (assumed, {low:.4g} to {high:.4g}): F'_ior {words}."
+        + f" (which may be {low:.4g} to {high:.4g}): F'_ior {words}."
     )
 
 
@@ -153,20 +154,20 @@ def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
 
 def _errors(sheet: DriveSheet) -> Iterator[Block]:
     check = sheet.check
+    taken = f", {ZERO}" if check.unknown else ""
     for point in check.points:
         turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
         yield _figure(
-            f"Error over the full cycle at {point.M_g:g} N·m", turns, point.error.error_arcsec,
+            f"Error over the full cycle at {point.M_g:g} N·m{taken}", turns, point.error.error_arcsec,
             "cam angle phi_h, turns", f"error at {point.M_g:g} N·m, arcsec",
         )  # fmt: skip
+    if any(point.over for point in check.points):
+        yield _by_torque("F'_ior over what is not known", (POINT[0], *UNKNOWN), check.points)
     still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
     shown = [quantity for quantity in POINT if not quantity.label.strip().startswith(still)]
-    yield _by_torque("over the full cycle", shown, check.points)
-    if any(point.over for point in check.points):
-        yield Paragraph(f"Not known, and 0 above: {names(check.unknown)}.")
-        yield _by_torque("F'_ior over what is not known", (POINT[0], *UNKNOWN), check.points)
+    yield _by_torque(f"over the full cycle{taken}", shown, check.points)
     if any(point.sensitivity for point in check.points):
-        yield _by_torque("what a micrometre more does to F'_ior", (POINT[0], *SLOPES), check.points)
+        yield _by_torque(f"what a micrometre more does to F'_ior{taken}", (POINT[0], *SLOPES), check.points)
 
 
 def _by_torque(title: str, shown: Iterable[Quantity[OperatingPoint]], points: Iterable[OperatingPoint]) -> Table:
@@ -195,20 +196,31 @@ def _mounting(sheet: DriveSheet) -> Iterator[Block]:
 
 
 def _curves(sheet: DriveSheet) -> Iterator[Figure]:
-    """F'_ior over the positions of the wheel, at each torque."""
+    """F'_ior over the positions of the wheel at each torque; over the phase where nobody knows how it stands."""
     advice, result = sheet.advice, sheet.advice.curve
-    order, per = np.argsort(result.rotation_deg), 360 / result.holes if result.holes else 1.0
+    per = 360 / result.holes if result.holes else 1.0
+    turned, x_label, over = (
+        result.rotation_deg / per,
+        "turned by, holes" if result.holes else "turned by, deg",
+        "positions",
+    )
+    if advice.any_hole:
+        turned, over = result.phase_deg, "phases"
+        x_label = "phase, deg, of the wheel's deviation against the cam offset"
+    order = np.argsort(turned)
     for k, point in enumerate(sheet.check.points):
-        caption, limit = f"F'_ior over the positions of the wheel at {point.M_g:g} N·m", point.limit_arcsec
-        caption += "; bars: 5 to 95 % of what is uncertain or not known" if advice.robust else ""
+        caption, limit = f"F'_ior over the {over} of the wheel at {point.M_g:g} N·m", point.limit_arcsec
+        if advice.robust:
+            caption += "; bars: 5 to 95 % of what is uncertain or not known"
+        if advice.unknown and not advice.any_hole:
+            caption += f"; line: {ZERO}"
         if limit is not None:
             caption += "; dashed: the limit less the self error"
             limit -= point.self_error.range_arcsec
         yield _figure(
-            caption, result.rotation_deg[order] / per, result.F_ior_arcsec[k, order],
-            "turned by, holes" if result.holes else "turned by, deg", f"F'_ior at {point.M_g:g} N·m, arcsec",
-            limit=limit, whiskers=_whiskers(sheet, k, per), dots=_dots(sheet, k, per), points=bool(result.holes),
-            from_zero=True,
+            caption, turned[order], result.F_ior_arcsec[k, order], x_label, f"F'_ior at {point.M_g:g} N·m, arcsec",
+            limit=limit, whiskers=_whiskers(sheet, k, per), dots=_dots(sheet, k, per),
+            points=bool(result.holes) and not advice.any_hole, from_zero=True,
         )  # fmt: skip
 
 
