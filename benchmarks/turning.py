@@ -15,8 +15,13 @@ PRESETS = ("vzp160", "synthetic-160-162")
 SEED = 0
 CHUNK = 10
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 640, 300, 48, 40, 30
-INK = {("as given", "as built"): ("#b03a2e", ""), ("as given", "best hole"): ("#b03a2e", "6 4"),
-       ("one class finer", "as built"): ("#1f618d", ""), ("one class finer", "best hole"): ("#1f618d", "6 4")}  # fmt: skip
+RED, BLUE, DASHES = "#b03a2e", "#1f618d", "6 4"
+INK = {
+    ("as given", "as built"): (RED, ""),
+    ("as given", "best hole"): (RED, DASHES),
+    ("one class finer", "as built"): (BLUE, ""),
+    ("one class finer", "best hole"): (BLUE, DASHES),
+}
 
 
 def chunk(task):
@@ -49,7 +54,8 @@ def figure(M_g: float, curves) -> str:
         return f"{LEFT + right * min(value / end, 1):.1f},{TOP + up * (1 - share):.1f}"
 
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="12">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" '
+        'font-size="12">',
         '<rect width="100%" height="100%" fill="white"/>',
     ]
     for share in (0, 0.25, 0.5, 0.75, 0.95):
