@@ -5,7 +5,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.rests_on import assumed_spread, rests_on
+from hdassist.error.rests_on import rests_on, weighed
 from hdassist.error.search import CycleSearch
 from hdassist.model.assumed import assumptions
 from hdassist.mounting.curve import mounting_curve
@@ -76,5 +76,7 @@ def test_the_spread_is_that_of_drives_drawn_from_the_ranges():
     for _ in range(40):
         there = drive.with_values({path: float(rng.uniform(*ends)) for path, ends in ranges.items()})
         drawn.append(np.log(CycleSearch(there, 4.0).extremes(there).F_ior_arcsec))
-    assert assumed_spread(drive, (4.0,)) == pytest.approx(np.std(drawn), rel=0.3)
-    assert assumed_spread(load_preset(SMALL, given), (4.0,)) is None
+    found = weighed(drive, (4.0,))
+    assert found is not None
+    assert found.spread == pytest.approx(np.std(drawn), rel=0.3)
+    assert weighed(load_preset(SMALL, given), (4.0,)) is None
