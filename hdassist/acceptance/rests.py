@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import ClosedRecord
+from hdassist.preset.kinds import short
 from hdassist.solve.throughcvxpy import CrossCheck
 
 
@@ -61,7 +62,7 @@ class RestsOnRecord(ClosedRecord):
         """In words: what F'_ior comes to at the torque where it moves most."""
         most = max(self.effect, key=lambda e: max(e.F_ior_arcsec) / max(min(e.F_ior_arcsec), 1e-3))
         (low, high), (least, greatest) = self.computed_range, sorted(most.F_ior_arcsec)
-        return f"{self.field} {low:.4g} to {high:.4g}: {least:.1f} to {greatest:.1f} at {most.M_g_Nm:g} N·m"
+        return f"{self.field} {short(low)} to {short(high)}: {least:.1f} to {greatest:.1f} at {most.M_g_Nm:g} N·m"
 
 
 def certificate_of(predictions: Predictions) -> CertificateRecord:

@@ -219,3 +219,8 @@ def least_of(info: FieldInfo) -> float:
 def plain(number: float) -> str:
     """Number as one would write it in a preset: 20, 0.05, 1e7."""
     return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")
+
+
+def short(number: float) -> str:
+    """The same in four digits."""
+    return plain(float(f"{number:.4g}"))

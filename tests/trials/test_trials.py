@@ -14,7 +14,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.losses import Losses
-from hdassist.mounting.positions import rotated
+from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.robust import Criterion
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY
@@ -24,12 +24,13 @@ from hdassist.trials.cloud import Cloud, Effort, cloud_of
 from hdassist.trials.draws import MISFITS, SCALE, drawn, kernel, require_reachable, told_noise
 from hdassist.trials.page import card_facts, exit_code, instruction, render, summary_line, to_json, warnings
 from hdassist.trials.posterior import Prediction, learnt, next_trial, prediction
-from hdassist.trials.trial import Rig, Trial, read_trial, trial_positions
+from hdassist.trials.rests import stays_good
+from hdassist.trials.trial import Rig, Trial, read_trial
 from hdassist.trials.unknowns import drawn_values, open_fields
 from tests.process import SMALL
 
 M_G, HOLES = 4.0, 12
-POSITIONS = trial_positions(HOLES, "all")
+POSITIONS = usable_positions(HOLES, "all")
 THIRDS = (0.0, 120.0, 240.0)
 KNOWN = {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}  # the cam's own offset, well measured
 RIG = Rig(M_G, noise_arcsec=0.5)
@@ -393,7 +394,8 @@ def test_an_outcome_is_kept_or_given_back() -> None:
 @pytest.fixture(scope="module")
 def advice() -> TrialAdvice:
     tried = trials(measured(50.0, 20.0), (*THIRDS, 60.0))
-    return advise_from_trials(load_preset(SMALL, ["operation.M_g=4"]), tried, RIG, effort=replace(FEW, samples=3072))
+    few = replace(FEW, samples=3072)
+    return advise_from_trials(load_preset(SMALL, ["operation.M_g=4"]), tried, RIG, effort=few, most=1)
 
 
 def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
@@ -408,6 +410,38 @@ def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
     assert facts.choice.chosen.F_ior_arcsec == tuple(told_["best_bet"]["F_ior_arcsec"]["expected"])
     assert facts.cam_deg == told_["offset"]["direction_deg"]
     assert len(told_["prediction_errors"]) == 3
+    assert facts.rests_on == advice.rests_on
+    assert [e["probability_good"] for e in told_["rests_on"][0]["effect"]] == [e.good for e in advice.rests_on[0].ends]
+
+
+def test_what_an_advice_rests_on_is_what_trials_say_of_the_drive_at_the_ends(advice: TrialAdvice) -> None:
+    """By a coarser cloud, against one as fine as the advice's own."""
+    (held,) = advice.rests_on
+    assert held.assumption.path == "gears.h_a"
+    for end in held.ends:
+        there = advice.drive.with_values({held.assumption.path: end.value})
+        fine = cloud_of(there, (M_G,), M_G, effort=replace(FEW, samples=3072))
+        _, losses = learnt(fine, advice.trials, RIG, POSITIONS)
+        assert end.good == pytest.approx(losses.probability_good[advice.losses.best], abs=0.15)
+        assert values_near(end.best_deg, POSITIONS[losses.best])
+
+
+def test_assumptions_are_told_by_what_they_change_and_where_nothing_explains_the_trials() -> None:
+    """Without clouds: a bearing with a clearance explains nothing, of teeth it depends a little."""
+    good, other = losses_of(20.0, 15.0, 15.5), losses_of(20.0, 15.0, 15.5, spread=0.05)
+
+    def teach(drive: Drive) -> tuple[None, Losses]:
+        if drive.bearing.g_b:
+            raise UntrustedError("nothing explains the trials")
+        return None, good if drive.gears.h_a == 0.6 else other
+
+    held = stays_good(load_preset(SMALL), good, M_G, lambda drive, effort: drive, teach)
+    assert [each.assumption.path for each in held][:2] == ["bearing.g_b", "gears.h_a"]
+    low, high = held[0].ends
+    assert (low.good, low.best_deg) == (good.probability_good[1], 30.0)
+    assert (high.value, high.good, high.best_deg, high.loss) == (3.75, None, None, None)
+    assert held[1].ends[0].good == other.probability_good[1] != held[2].ends[0].good
+    assert stays_good(load_preset(SMALL), good, M_G, lambda drive, effort: drive, teach, most=0) == ()
 
 
 def test_an_outcome_has_its_verdict_and_exit_code(advice: TrialAdvice) -> None:
@@ -469,7 +503,7 @@ def test_a_free_angle_and_many_holes() -> None:
     for holes, directions, count in ((0, 36, 72), (3, 9, 3), (100, 36, 100)):
         drive = told(f"mounting.holes={holes}")
         found = cloud_of(drive, (M_G,), M_G, effort=few)
-        positions = trial_positions(holes, "all")
+        positions = usable_positions(holes, "all")
         assert found.weight.shape[1] == directions
         _, losses = learnt(found, [Trial(positions[-1], 20.0)], RIG, positions)
         assert len(losses.probability_good) == count
