@@ -161,37 +161,37 @@ def _trials(advice: TrialAdvice, style: Style) -> Table:
 
 
 def _positions(advice: TrialAdvice, style: Style) -> Table:
-    losses, torques = advice.losses, " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
+    torques = " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
     title = f"positions, best first: F'_ior in arcsec at {torques} N·m; good: a loss below {GOOD:.0%}"
     rows = grid(style, title, "position", "good, %", "expected", "5 %", "95 %", "loss, %")
-    F_ior = [losses.F_ior_arcsec.mean(axis=1), *np.quantile(losses.F_ior_arcsec, list(LEVELS.values()), axis=1)]
-    for place in losses.ranked[:SHOWN]:
-        where, good = _where(advice, losses.rotations_deg[place]), f"{100 * losses.probability_good[place]:.0f}"
-        levels = (" / ".join(f"{v:.1f}" for v in level[:, place]) for level in F_ior)
-        rows.add_row(where, good, *levels, f"{100 * losses.expected_loss[place]:.1f}")
+    for told in (_position(advice, place) for place in advice.losses.ranked[:SHOWN]):
+        levels = (" / ".join(f"{v:.1f}" for v in values) for values in told["F_ior_arcsec"].values())
+        where, good, loss = _where(advice, told["rotation_deg"]), told["probability_good"], told["expected_loss"]
+        rows.add_row(where, f"{100 * good:.0f}", *levels, f"{100 * loss:.1f}")
     return rows
 
 
 def _basis(advice: TrialAdvice) -> str:
-    draws, cloud, (facing, spread) = advice.draws, advice.cloud, advice.direction
-    size, scale = np.abs(cloud.offset_um[draws.places]), draws.scale
-    toward = "direction open" if spread >= OPEN else f"towards {facing:.0f} deg, standard deviation {spread:.0f}"
+    draws, cloud, offset, scale = advice.draws, advice.cloud, _offset(advice), advice.draws.scale
+    toward, facing = "direction open", offset["direction_deg"]
+    if facing is not None:
+        toward = f"towards {facing:.0f} deg, standard deviation {offset['direction_sd_deg']:.0f}"
     errors = " / ".join(f"{cloud.tables[M_g].standard_error:.2f}" for M_g in advice.drive.operation.M_g)
     return (
         f"Positions are turns of the {TRADE[advice.drive.mounting.fixed]} from where it stood at 0, counter-clockwise "
-        f"seen from the cam side (that of the wave generator). Cam offset {size.mean():.0f} um, standard deviation "
-        f"{size.std():.0f}, {toward}; {draws.effective:.0f} effective samples of {cloud.weight.size}. The drive shows "
-        f"{scale.mean():.2f} of the computed F'_ior, standard deviation {scale.std():.2f} (before the trials 1.00, "
-        f"{SCALE:.2f}, assumed), and a misfit from hole to hole of {draws.misfit.mean():.0%} (0 to 12 %, assumed). "
+        f"seen from the cam side (that of the wave generator). Cam offset {offset['size_um']:.0f} um, standard "
+        f"deviation {offset['size_sd_um']:.0f}, {toward}; {draws.effective:.0f} effective samples of "
+        f"{cloud.weight.size}. The drive shows {scale.mean():.2f} of the computed F'_ior, standard deviation "
+        f"{scale.std():.2f} (before the trials 1.00, {SCALE:.2f}, assumed), and a misfit from hole to hole of "
+        f"{draws.misfit.mean():.0%} (0 to 12 %, assumed). "
         f"F'_ior interpolated, standard error {errors} arcsec."
     )
 
 
 def to_json(advice: TrialAdvice, seed: int) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
-    losses, draws, drive, (facing, spread) = advice.losses, advice.draws, advice.drive, advice.direction
-    cloud, certificate, rig = advice.cloud, advice.cloud.certificate, advice.rig
-    size = np.abs(cloud.offset_um[draws.places])
+    losses, draws, drive, rig = advice.losses, advice.draws, advice.drive, advice.rig
+    cloud, certificate = advice.cloud, advice.cloud.certificate
     positions = [_position(advice, place) for place in range(len(losses.rotations_deg))]
     ranked = [positions[place] for place in losses.ranked]
     return {
@@ -223,12 +223,7 @@ def to_json(advice: TrialAdvice, seed: int) -> Json:
         },
         "prediction_errors": [_prediction(drive, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,
-        "offset": {
-            "size_um": float(size.mean()),
-            "size_sd_um": float(size.std()),
-            "direction_deg": None if spread >= OPEN else facing,
-            "direction_sd_deg": None if spread >= OPEN else spread,
-        },
+        "offset": _offset(advice),
         "scale": float(draws.scale.mean()),
         "scale_sd": float(draws.scale.std()),
         "misfit": float(draws.misfit.mean()),
@@ -251,6 +246,14 @@ def _position(advice: TrialAdvice, place: int | None) -> Json:
     spread = {name: np.quantile(F_ior, level, axis=1).tolist() for name, level in LEVELS.items()}
     shares = {} if place is None else {name: float(getattr(losses, name)[place]) for name in SHARES}
     return {**asdict(at), "F_ior_arcsec": {"expected": list(at.F_ior_arcsec), **spread}, **shares}
+
+
+def _offset(advice: TrialAdvice) -> Json:
+    """What was learnt of the cam offset; the direction is null where it is open."""
+    size, (facing, spread) = np.abs(advice.cloud.offset_um[advice.draws.places]), advice.direction
+    direction = (facing, spread) if spread < OPEN else (None, None)
+    values = (float(size.mean()), float(size.std()), *direction)
+    return dict(zip(("size_um", "size_sd_um", "direction_deg", "direction_sd_deg"), values, strict=True))
 
 
 def _trial(drive: Drive, trial: Trial) -> Json:
@@ -276,13 +279,11 @@ def _outcome(advice: TrialAdvice) -> Json | None:
 
 def figures(advice: TrialAdvice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
-    losses = advice.losses
-    at = [advice.at(place) for place in range(len(losses.rotations_deg))]
-    shares = np.stack([getattr(losses, name) for name in SHARES], axis=1).tolist()
+    positions = [_position(advice, place) for place in range(len(advice.losses.rotations_deg))]
     rows = [
-        [M_g, position.rotation_deg, position.F_ior_arcsec[k], *share]
+        [M_g, told["rotation_deg"], told["F_ior_arcsec"]["expected"][k], *(told[name] for name in SHARES)]
         for k, M_g in enumerate(advice.drive.operation.M_g)
-        for position, share in zip(at, shares, strict=True)
+        for told in positions
     ]
     return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", *SHARES], rows
 
@@ -298,10 +299,9 @@ def summary_line(advice: TrialAdvice) -> str:
 
 def card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
-    facing, spread = advice.direction
     return CardFacts(
         advice.choice,
-        cam_deg=facing if spread < OPEN else None,  # else there is no direction to draw
+        cam_deg=_offset(advice)["direction_deg"],
         chances=advice.losses.chances,
         weights=advice.losses.weights,
         warnings=tuple(warnings(advice, say)),
