@@ -176,8 +176,10 @@ def advise_from_trials(
         with suppress(UntrustedError):  # its value alone is compared then
             _, after = teach(cloud, [*trials, outcome], rotations_deg=everywhere, executor=executor)
         verified = verification(after, predicted, list(others.values()), positions, rig.noise_arcsec)
-    teach_these = partial(teach, trials=trials, rotations_deg=positions)
-    held = stays_good(drive, losses, rig.M_g, make, teach_these, most=most, executor=executor)
+    again = partial(taught, trials=trials, rig=rig, rotations_deg=positions, criterion=criterion, seed=seed)
+    held = stays_good(
+        cloud, losses.best, effort.samples, partial(make, torques=()), again, most=most, executor=executor
+    )
     best = next_trial(draws, losses, seed)
     return TrialAdvice(cloud, rig, tuple(trials), draws, losses, best, predictions, verified, needed, held)
 
