@@ -20,7 +20,7 @@ from hdassist.trials.draws import Draws
 Make = Callable[..., Cloud]
 Teach = Callable[[Cloud], tuple[Draws, Losses]]
 
-COARSE, COUNT = Mesh((9, 5, 9, 9), 0), 16  # of tables that tell what an end of a range changes
+COARSE, COUNT = Mesh((9, 5, 9, 9), 0), 12  # of tables that tell what an end of a range changes
 
 
 def stays_good(
@@ -36,10 +36,9 @@ def stays_good(
     """What becomes of the choice over the ranges of the assumptions that move F'_ior most, the greatest change first.
 
     At both ends of each the same samples are drawn, coarser tables tell by how much their F'_ior changes, and the
-    trials teach of that: at their own torque alone. Arguments:
-    cloud, of the drive as told; best, place of the choice; samples, of the effort of the cloud; make, a cloud of a drive with an effort; teach, what trials
-    teach of it; most, how many assumptions; executor, to spread the work over. Raises UntrustedError where an answer
-    cannot be trusted.
+    trials teach of that: at their own torque alone. Arguments: cloud, of the drive as told; best, place of the choice;
+    samples, of the effort of the cloud; make, a cloud of a drive with an effort; teach, what trials teach of it; most,
+    how many assumptions; executor, to spread the work over. Raises UntrustedError where an answer cannot be trusted.
     """
     known = weighed(cloud.drive, (cloud.rig_M_g,), executor=executor) if most else None
     if known is None:
