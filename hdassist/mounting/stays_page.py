@@ -19,10 +19,7 @@ def stays_table(drive: Drive, held: Iterable[Stays], style: Style, *, trials: bo
 
     Argument: trials, whether that is the probability, in %, that it is good; else what it loses.
     """
-    title = (
-        "rests on what is assumed: does the position stay the best?"
-        + " (coarsely, at the torque of the trials)" * trials
-    )
+    title = "rests on what is assumed: does the position stay the best?" + " (at the torque of the trials)" * trials
     share = "good, %" if trials else "lost"
     rows = grid(style, title, "assumed", "from", "best", share, "to", "best", share)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from math import isfinite
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import Shaft, TraceForm
     from hdassist.terminal.output import Output
+    from hdassist.terminal.schedulers import Pool
 
 Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
 Presets = Annotated[list[str], typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin.")]
@@ -189,6 +191,26 @@ class CardOptions(OptionGroup):
         None
     )
     serial: Annotated[str | None, typer.Option(metavar="TEXT", help="Serial number on the card.")] = None
+
+
+@dataclass(frozen=True)
+class WorkOptions(OptionGroup):
+    """Where the work of many items is done."""
+
+    jobs: Jobs = 0
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Work on a dask cluster: tcp://HOST:PORT, or local to start one here."),
+    ] = None
+    scheduler_file: Annotated[
+        str | None, typer.Option(metavar="FILE", help="The same, its address in the file that its scheduler wrote.")
+    ] = None
+
+    def pools(self) -> AbstractContextManager[Pool]:
+        """What begins executors, for `stream`. Raises UsageError and DataError: a cluster that cannot be used."""
+        from hdassist.terminal.schedulers import pools
+
+        return pools(self.scheduler, self.scheduler_file, self.jobs)
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
