@@ -26,6 +26,8 @@ from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.tolerance import allocate_command as allocate
+from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
 from hdassist.tolerance import tolerance_command as tolerance
 from hdassist.trials import command as trials
@@ -49,6 +51,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("accept")(accept.command)
+app.command("allocate")(allocate.command)
 app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
 app.command("compare")(compare.command)
@@ -56,6 +59,7 @@ app.command("explain")(explain.command)
 app.command("measure")(measure.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)
+app.command("sensitivity")(sensitivity.command)
 app.command("stiffness")(stiffness.command)
 app.command("sweep")(sweep.command)
 app.command("tolerance")(tolerance.command)

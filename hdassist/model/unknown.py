@@ -106,13 +106,18 @@ def names(fields: Sequence[Unknown], most: int = 4) -> str:
     return f"{paths} and {len(fields) - most} more" if len(fields) > most else paths
 
 
+def pitch_deviation(drive: Drive, grade: int) -> float:
+    """Total cumulative pitch deviation F_p [um] of a drive's wheels in an accuracy class. Source: ISO 1328-1:2013."""
+    d, m = drive.gears.m * drive.gears.z_g, drive.gears.m
+    return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((grade - 5) / 2))
+
+
 def _most(drive: Drive, each: Deviation) -> tuple[float, str]:
     """Greatest size [um] that a deviation is taken to have, and why."""
-    d, m = drive.gears.m * drive.gears.z_g, drive.gears.m
+    d = drive.gears.m * drive.gears.z_g
     name = each.size.split(".")[1]
     if name.startswith("F_i"):
-        F_p = (0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((CLASS - 5) / 2)
-        return F_p, f"F_p of class {CLASS}, ISO 1328-1:2013"
+        return pitch_deviation(drive, CLASS), f"F_p of class {CLASS}, ISO 1328-1:2013"
     if name.startswith("e_h"):
         still = name == ("e_hb" if drive.mounting.fixed == "rigid" else "e_hg")
         share = STANDING if still else TURNING

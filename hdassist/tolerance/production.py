@@ -84,6 +84,10 @@ class Production:
         (tables,) = error_tables(span, self.torques, mesh=mesh, executor=executor, progress=progress)
         return replace(self, tables=tuple(tables))
 
+    def drawing(self, draws: Draws) -> Production:
+        """The same tables for other draws, which they span."""
+        return replace(self, draws=draws)
+
     @property
     def table_states(self) -> int:
         """States that tables take, about."""
