@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -19,6 +20,19 @@ if TYPE_CHECKING:
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
+@dataclass(frozen=True)
+class RowOptions(o.FigureOptions):
+    """How rows and what comes of them are given."""
+
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False,
+            help="Keep the rows in FILE as JSON Lines, to go on from; FILE.parquet: as Parquet.",
+        ),
+    ] = "-"  # fmt: skip
+
+
 @o.with_groups
 def command(
     preset: o.Preset,
@@ -30,7 +44,7 @@ def command(
     drives: o.LoadedDriveOptions,
     plot: o.Plot = True,
     work: o.WorkOptions,
-    options: o.FigureOptions,
+    options: RowOptions,
 ) -> None:
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
@@ -49,7 +63,6 @@ def command(
     has one.
     """
     from contextlib import ExitStack
-    from dataclasses import replace
 
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import require_writable, write_bytes
@@ -102,7 +115,7 @@ def command(
     raise typer.Exit(code)
 
 
-def _takes_stdout(options: o.FigureOptions) -> bool:
+def _takes_stdout(options: RowOptions) -> bool:
     """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
     import sys
 
