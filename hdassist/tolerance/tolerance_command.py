@@ -38,7 +38,8 @@ def command(
       hdassist tolerance vzp160
       hdassist tolerance vzp160 -n 10000 --limit 80:30 --yield 0.95 --json
       hdassist tolerance vzp160 --set tolerances.e_hb=40 --distribution uniform
-      hdassist tolerance vzp160 --scatter tolerances.F_i2=measured.csv --known phases.phi_hh
+      hdassist tolerance own.yaml --scatter tolerances.F_i2=measured.csv
+      hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
     Sizes of deviations lie between zero and the preset's tolerance, directions are any. A value with an uncertainty
