@@ -122,7 +122,7 @@ def main() -> None:
     try:
         with _stops_heard(came):
             _require_lines(sys.argv[1:])
-            sys.exit(app(standalone_mode=False))
+            sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
         error.show(told)
