@@ -18,7 +18,7 @@ import typer
 from hdassist.acceptance import command as accept
 from hdassist.acceptance import explain_command as explain
 from hdassist.calibration import command as calibrate
-from hdassist.cli import presets
+from hdassist.cli import doctor, presets
 from hdassist.cli.help import Command, Commands
 from hdassist.comparing import command as compare
 from hdassist.design import check_command as check
@@ -69,6 +69,7 @@ for _name, _command, _panel, _summary in (
     ("accept", accept.command, ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
     ("explain", explain.command, ACCEPTANCE, "what a check tests, what goes wrong, what to change"),
     ("calibrate", calibrate.command, DATA, "stiffnesses and clearances from measurements"),
+    ("doctor", doctor.command, DATA, "whether this installation can be relied on"),
 ):
     app.command(_name, cls=Command, rich_help_panel=_panel, short_help=_summary)(_command)
 app.add_typer(
