@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from itertools import islice
 from typing import Annotated
 
@@ -75,9 +76,12 @@ def command(
         if kept.done < count:
             with pool() as (executor, _), out.progress("table of the error", production.table_states) as progress:
                 production = production.tabled(executor=executor, progress=progress)
-        with out.progress(drive.name, count - kept.done) as progress:
+        with (
+            out.progress(drive.name, count - kept.done) as progress,
+            closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
+        ):
             try:
-                for records in stream(production.records, count, done=kept.done, pool=pool):
+                for records in chunks:
                     kept.append(records)
                     summary.add(records)
                     progress(len(records))
