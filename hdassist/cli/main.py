@@ -24,6 +24,7 @@ from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
+from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.trials import command as trials
@@ -51,6 +52,7 @@ app.command("calibrate")(calibrate.command)
 app.command("check")(check.command)
 app.command("compare")(compare.command)
 app.command("explain")(explain.command)
+app.command("explore")(explore.command)
 app.command("measure")(measure.command)
 app.command("mount")(mount.command)
 app.command("self-error")(self_error.command)

@@ -1,0 +1,270 @@
+"""The explorer's application: keys to actions, actions to another session, and answers to the screen."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.events import Resize
+from textual.widgets import ContentSwitcher, DataTable, Footer, Static
+
+from hdassist.explorer import state, words
+from hdassist.explorer.answers import Sure
+from hdassist.explorer.levers import is_knob, levers, stepped, text_of
+from hdassist.explorer.pictures import Plotted
+from hdassist.explorer.questions import (
+    FULL,
+    Effort,
+)
+from hdassist.explorer.screens import Explain, Form
+from hdassist.explorer.service import Service
+from hdassist.explorer.state import Session
+from hdassist.explorer.themes import THEMES
+from hdassist.explorer.trial_entry import read, rig_of
+from hdassist.explorer.widgets import CurvePlot, Levers, Seat, Turned
+from hdassist.explorer.writing import Writing
+from hdassist.preset.fields import field_table
+from hdassist.visible import visible
+
+NARROW, LOW = 100, 28  # columns and rows below which panes fold
+LEAST = (60, 18)  # columns and rows that the screen needs
+REST = 0.7  # s that the wheel rests in a position before that is proven
+
+
+class Explorer(Writing):
+    """A drive turned on the screen.
+
+    Arguments: session, what is shown at first; service, which computes; effort, how much.
+    """
+
+    CSS_PATH = "app.tcss"
+    TITLE = "hdassist explore"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left,h", "turn(-1)", "turn", key_display="←→"),
+        Binding("right", "turn(1)", "turn", show=False),
+        Binding("t", "trial", "trial"),
+        Binding("x", "drop_trial", "drop trial", show=False),
+        Binding("b", "best", "best", show=False),
+        Binding("0,home", "stand", "where it stands", show=False),
+        Binding("l", "levers", "levers"),
+        Binding("u,ctrl+z", "undo", "undo"),
+        Binding("r,ctrl+y", "redo", "redo", show=False),
+        Binding("p", "pin", "pin", show=False),
+        Binding("c", "card", "card"),
+        Binding("s", "save", "save"),
+        Binding("j", "json", "JSON", show=False),
+        Binding("g", "picture", "picture", show=False),
+        Binding("y", "copy", "copy command", show=False),
+        Binding("d", "theme", "dark or light", show=False),
+        Binding("question_mark", "explain", "explain", key_display="?"),
+        Binding("q", "quit", "quit"),
+    ]
+
+    def __init__(self, session: Session, service: Service, effort: Effort = FULL, dark: bool = True) -> None:
+        super().__init__(session, service, effort, dark)
+        self.head, self.command = Static(id="head"), Static(id="command", markup=False)
+        self.seat, self.plot, self.levers = Seat(id="seat"), CurvePlot(id="curve"), Levers(id="levers")
+        self.about, self.side = Static(id="about", markup=False), Vertical(id="side")
+        self.trials, self.advice = Static(id="trials", markup=False), Static(id="advice-text", markup=False)
+        self.too_small = Static(id="too-small")
+        for theme in THEMES:
+            self.register_theme(theme)
+        self.theme = THEMES[0 if dark else 1].name
+
+    def compose(self) -> ComposeResult:
+        """Head, the views, trials and advice, the command line, the keys."""
+        yield self.head
+        with ContentSwitcher(initial="seat-view", id="views"), Horizontal(id="seat-view"):
+            yield self.seat
+            yield self.plot
+            with self.side:
+                yield self.levers
+                yield self.about
+        with Horizontal(id="bottom"):
+            yield self.trials
+            with VerticalScroll(id="advice") as advice:
+                advice.border_title = "ADVICE"
+                yield self.advice
+        yield self.command
+        yield Footer(compact=True)
+        yield self.too_small
+
+    def on_mount(self) -> None:
+        """Ask the first questions."""
+        self.seat.border_title, self.levers.border_title, self.trials.border_title = (
+            "SEAT, cam side",
+            "LEVERS",
+            "TRIALS",
+        )
+        self.seat.focus()
+        self.ask_of_drive()
+        self.ask_of_trials()
+        self.draw()
+
+    def on_resize(self, event: Resize) -> None:
+        """Fold panes where there is little room; say so where there is too little."""
+        wide, high = event.size.width, event.size.height
+        narrow = wide < NARROW
+        self.set_class(narrow, "narrow")
+        self.set_class(high < LOW, "low")
+        tiny = wide < LEAST[0] or high < LEAST[1]
+        self.set_class(tiny, "tiny")
+        self.too_small.update(
+            f"{wide} x {high} is too small for the explorer: {LEAST[0]} x {LEAST[1]} at least. q quits."
+        )
+        self.side.set_class(narrow and not self.has_class("levers"), "folded")
+
+    # --- the screen
+
+    def wants_slopes(self) -> bool:
+        """Whether the levers are on the screen."""
+        return not self.side.has_class("folded")
+
+    def draw(self) -> None:
+        """Show the session and what is known of it."""
+        if not self.seat.is_attached:
+            return
+        session, known, of_trials, ink = self.session, self.known, self.of_trials, self.inks
+        plotted = self._plotted()
+        for picture in (self.seat, self.plot):
+            picture.show(plotted)
+        self.seat.drive = session.drive
+        self.plot.border_title = "F'_ior, arcsec" + (" · from trials, 90 % band" if plotted.curve and of_trials else "")
+        self.plot.border_subtitle = self._legend(plotted)
+        self.head.update(words.head(session, known, ink))
+        self.seat.border_subtitle = words.stage(known, self.busy, ink).plain
+        changed = {path for path, _ in session.changes}
+        slopes = known.slopes.get(session.turn_deg)
+        self.levers.fill(levers(session.drive, changed), slopes.changes if slopes else {}, ink)
+        torque = rig_of(session.drive, session.rig).M_g
+        self.trials.update(words.trials_text(session, torque, ink))
+        self.advice.update(words.advice_text(session, known, of_trials, ink))
+        self.command.update(visible(f"= {session.command()}"))
+
+    def _plotted(self) -> Plotted:
+        session, known, of_trials = self.session, self.known, self.of_trials
+        curve, best, next_ = known.curve, None, None
+        ghost = self.memory.of_pinned(session).curve if session.pinned != session.changes else None
+        if known.advised and known.advised.settled:
+            best = known.advised.best_deg
+        if of_trials and (advised := of_trials.advised):
+            ghost, curve, best, next_ = curve, advised.curve, advised.best_deg, advised.next_deg
+            next_ = None if advised.settled else next_
+        elif known.facts and known.facts.any_hole:
+            curve = None if known.facts.unknown and "tolerances.e_hb" in known.facts.unknown else curve
+        limits = {M_g: limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))}
+        trials = tuple((t.rotation_deg, t.F_ior_arcsec) for t in read(session.trials, session.drive))
+        torque = rig_of(session.drive, session.rig).M_g
+        return Plotted(curve, session.turn_deg, ghost, limits, trials, torque, best, next_)
+
+    def _legend(self, plotted: Plotted) -> str:
+        if plotted.curve is None:
+            return ""
+        ink = self.inks
+        torques = "  ".join(f"[{ink.torque(t)}]━ {M_g:g} N·m[/]" for t, M_g in enumerate(plotted.curve.torques))
+        behind = "predicted" if self.session.trials else "pinned" if self.session.pinned else "preset"
+        ghost = f"  [{ink.muted}]┄ {behind}[/]"
+        marks = {place.sure for place in plotted.curve.places}
+        signs = {Sure.COARSE: "· coarse", Sure.REFINED: "○ refined", Sure.PROVEN: "● proven", Sure.FITTED: "◌ fitted"}
+        told = "  ".join(signs[sure] for sure in signs if sure in marks)
+        return f"{torques}{ghost if plotted.ghost else ''}  {told}"
+
+    @on(DataTable.RowHighlighted)
+    def tell_about(self) -> None:
+        """Say what the field under the cursor is."""
+        path = self.levers.path
+        found = next((each for each in levers(self.session.drive, set()) if each.path == path), None)
+        told = f"{found.path}: {found.meaning}" + (f"; {found.range}" if found.range else "") if found else ""
+        self.about.update(told)
+
+    # --- actions
+
+    def action_turn(self, by: int) -> None:
+        """Look at the wheel so many positions further."""
+        self.show(state.turned(self.session, by))
+
+    def on_turned(self, event: Turned) -> None:
+        """Look at the wheel where was clicked, in the nearest position."""
+        near = min(self.session.positions, key=lambda p: abs((p - event.rotation_deg + 180) % 360 - 180))
+        self.show(state.turned_to(self.session, near))
+
+    def action_best(self) -> None:
+        """Look at the best position by now."""
+        plotted = self._plotted()
+        if plotted.curve:
+            best = plotted.best_deg if plotted.best_deg is not None else plotted.curve.best.rotation_deg
+            self.show(state.turned_to(self.session, best))
+
+    def action_stand(self) -> None:
+        """Look at where the wheel stands."""
+        self.show(state.turned_to(self.session, 0.0))
+
+    def action_undo(self) -> None:
+        """Take the last change back."""
+        self.change(state.undone)
+
+    def action_redo(self) -> None:
+        """Make the change again that was taken back."""
+        self.change(state.redone)
+
+    def action_pin(self) -> None:
+        """Compare with the drive as it is now; again: with the preset."""
+        self.show(state.pinned(self.session))
+
+    def action_trial(self) -> None:
+        """Ask for trials."""
+        session = self.session
+        here = words.where(session.turn_deg, session.drive.mounting.holes)
+        torque = rig_of(session.drive, session.rig).M_g
+        hint = f"F'_ior in arcsec at {torque:g} N·m: 28.1 for {here}, or h4:17.3; several with blanks between"
+        form = Form("add trials", [("", "")], hint, lambda values: state.with_trials(self.session, values[0]))
+        self.push_screen(
+            form, lambda values: self.change(lambda s: state.with_trials(s, values[0])) if values else None
+        )
+
+    def action_drop_trial(self) -> None:
+        """Drop the last trial."""
+        self.change(state.without_trial)
+
+    @on(DataTable.RowSelected)
+    def edit(self) -> None:
+        """Ask for another value of the field under the cursor."""
+        path = self.levers.path
+        if path is None:
+            return
+        found = next(each for each in levers(self.session.drive, set()) if each.path == path)
+        title = f"{path}, {found.unit}" if found.unit else path
+        hint = f"{found.meaning}{f'; {found.range}' if found.range else ''}. Empty takes a change back."
+        form = Form(title, [("", found.text)], hint, lambda values: state.edited(self.session, path, values[0]))
+        self.push_screen(
+            form, lambda values: self.change(lambda s: state.edited(s, path, values[0])) if values else None
+        )
+
+    def action_nudge(self, steps: int) -> None:
+        """Turn the knob of the field under the cursor by steps."""
+        path = self.levers.path
+        if path is None or not is_knob(field_table()[path]) or self.session.drive.value(path) is None:
+            return
+        value = stepped(field_table()[path], self.session.drive.number(path), steps)
+        self.change(lambda s: state.edited(s, path, text_of(value)))
+
+    def action_levers(self) -> None:
+        """Unfold the levers, or fold them where there is little room."""
+        if self.has_class("narrow"):
+            self.toggle_class("levers")
+            self.side.set_class(not self.has_class("levers"), "folded")
+        (self.seat if self.side.has_class("folded") or self.levers.has_focus else self.levers).focus()
+        self.when_at_rest()
+
+    def action_theme(self) -> None:
+        """Change between dark and light."""
+        names = [theme.name for theme in THEMES]
+        self.theme = names[1 - names.index(self.theme)] if self.theme in names else names[0]
+        self.draw()
+
+    def action_explain(self) -> None:
+        """Explain what is on the screen."""
+        self.push_screen(Explain())
