@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite, nan
 from typing import ClassVar
 
 from textual import on
@@ -11,27 +12,38 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.events import Resize
 from textual.widgets import ContentSwitcher, DataTable, Footer, Static
 
+from hdassist.errors import HdassistError, UsageError
 from hdassist.explorer import state, words
-from hdassist.explorer.answers import Sure
+from hdassist.explorer.answers import Failed
 from hdassist.explorer.levers import is_knob, levers, stepped, text_of
-from hdassist.explorer.pictures import Plotted
-from hdassist.explorer.questions import (
-    FULL,
-    Effort,
-)
+from hdassist.explorer.pictures import MARKS, Plotted
+from hdassist.explorer.questions import FULL, Effort, TraceQuestion, TurnQuestion
 from hdassist.explorer.screens import Explain, Form
 from hdassist.explorer.service import Service
 from hdassist.explorer.state import Session
 from hdassist.explorer.themes import THEMES
 from hdassist.explorer.trial_entry import read, rig_of
+from hdassist.explorer.views import Opened, Started, TraceView, TurnView
 from hdassist.explorer.widgets import CurvePlot, Levers, Seat, Turned
 from hdassist.explorer.writing import Writing
 from hdassist.preset.fields import field_table
 from hdassist.visible import visible
 
 NARROW, LOW = 100, 28  # columns and rows below which panes fold
+OF_SEAT = ("turn", "trial", "drop_trial", "best", "stand", "levers", "undo", "redo", "pin", "card", "nudge")
 LEAST = (60, 18)  # columns and rows that the screen needs
-REST = 0.7  # s that the wheel rests in a position before that is proven
+
+
+def _require_trace(values: tuple[str, ...]) -> None:
+    """Raise UsageError for a torque that is none, or a file that has no name."""
+    try:
+        torque = float(values[1])
+    except ValueError:
+        torque = nan
+    if not (isfinite(torque) and torque):
+        raise UsageError(f"{values[1]!r} is no torque", "in N·m, like 80")
+    if not values[0].strip():
+        raise UsageError("no file is named")
 
 
 class Explorer(Writing):
@@ -50,6 +62,9 @@ class Explorer(Writing):
         Binding("b", "best", "best", show=False),
         Binding("0,home", "stand", "where it stands", show=False),
         Binding("l", "levers", "levers"),
+        Binding("1", "view('seat')", "seat", show=False),
+        Binding("2", "view('turn')", "views", key_display="1 2 3"),
+        Binding("3", "view('trace')", "trace", show=False),
         Binding("u,ctrl+z", "undo", "undo"),
         Binding("r,ctrl+y", "redo", "redo", show=False),
         Binding("p", "pin", "pin", show=False),
@@ -70,6 +85,9 @@ class Explorer(Writing):
         self.about, self.side = Static(id="about", markup=False), Vertical(id="side")
         self.trials, self.advice = Static(id="trials", markup=False), Static(id="advice-text", markup=False)
         self.too_small = Static(id="too-small")
+        self.views, self.bottom = ContentSwitcher(initial="seat-view", id="views"), Horizontal(id="bottom")
+        self.turn_view, self.trace_view = TurnView(), TraceView()
+        self.trace_torque = 0.0  # N*m, of the trace that was compared
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = THEMES[0 if dark else 1].name
@@ -77,13 +95,16 @@ class Explorer(Writing):
     def compose(self) -> ComposeResult:
         """Head, the views, trials and advice, the command line, the keys."""
         yield self.head
-        with ContentSwitcher(initial="seat-view", id="views"), Horizontal(id="seat-view"):
-            yield self.seat
-            yield self.plot
-            with self.side:
-                yield self.levers
-                yield self.about
-        with Horizontal(id="bottom"):
+        with self.views:
+            with Horizontal(id="seat-view"):
+                yield self.seat
+                yield self.plot
+                with self.side:
+                    yield self.levers
+                    yield self.about
+            yield self.turn_view
+            yield self.trace_view
+        with self.bottom:
             yield self.trials
             with VerticalScroll(id="advice") as advice:
                 advice.border_title = "ADVICE"
@@ -129,20 +150,22 @@ class Explorer(Writing):
             return
         session, known, of_trials, ink = self.session, self.known, self.of_trials, self.inks
         plotted = self._plotted()
+        self.turn_view.draw()
+        self.trace_view.draw()
         for picture in (self.seat, self.plot):
             picture.show(plotted)
         self.seat.drive = session.drive
-        self.plot.border_title = "F'_ior, arcsec" + (" · from trials, 90 % band" if plotted.curve and of_trials else "")
+        self.plot.border_title = f"F'_ior, arcsec{words.basis(known, of_trials)}"
         self.plot.border_subtitle = self._legend(plotted)
         self.head.update(words.head(session, known, ink))
-        self.seat.border_subtitle = words.stage(known, self.busy, ink).plain
+        self.seat.border_subtitle = words.stage(known, of_trials, self.busy, ink).plain
         changed = {path for path, _ in session.changes}
         slopes = known.slopes.get(session.turn_deg)
         self.levers.fill(levers(session.drive, changed), slopes.changes if slopes else {}, ink)
         torque = rig_of(session.drive, session.rig).M_g
         self.trials.update(words.trials_text(session, torque, ink))
         self.advice.update(words.advice_text(session, known, of_trials, ink))
-        self.command.update(visible(f"= {session.command()}"))
+        self.command.update(visible(f"= {self.command_line()}"))
 
     def _plotted(self) -> Plotted:
         session, known, of_trials = self.session, self.known, self.of_trials
@@ -154,23 +177,25 @@ class Explorer(Writing):
             ghost, curve, best, next_ = curve, advised.curve, advised.best_deg, advised.next_deg
             next_ = None if advised.settled else next_
         elif known.facts and known.facts.any_hole:
-            curve = None if known.facts.unknown and "tolerances.e_hb" in known.facts.unknown else curve
+            curve = ghost = None  # against holes it would mean nothing
         limits = {M_g: limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))}
         trials = tuple((t.rotation_deg, t.F_ior_arcsec) for t in read(session.trials, session.drive))
         torque = rig_of(session.drive, session.rig).M_g
-        return Plotted(curve, session.turn_deg, ghost, limits, trials, torque, best, next_)
+        unknown = known.facts is not None and known.facts.any_hole
+        empty = "no answer" if known.failed else "directions unknown: any hole" if unknown else "computing …"
+        return Plotted(curve, session.turn_deg, ghost, limits, trials, torque, best, next_, empty)
 
     def _legend(self, plotted: Plotted) -> str:
         if plotted.curve is None:
             return ""
         ink = self.inks
-        torques = "  ".join(f"[{ink.torque(t)}]━ {M_g:g} N·m[/]" for t, M_g in enumerate(plotted.curve.torques))
+        torques = "  ".join(f"[{ink.torque(t)}]━ {M_g:g}[/]" for t, M_g in enumerate(plotted.curve.torques))
         behind = "predicted" if self.session.trials else "pinned" if self.session.pinned else "preset"
-        ghost = f"  [{ink.muted}]┄ {behind}[/]"
+        ghost = f"  [{ink.muted}]┄ {behind}[/]" if plotted.ghost else ""
         marks = {place.sure for place in plotted.curve.places}
-        signs = {Sure.COARSE: "· coarse", Sure.REFINED: "○ refined", Sure.PROVEN: "● proven", Sure.FITTED: "◌ fitted"}
-        told = "  ".join(signs[sure] for sure in signs if sure in marks)
-        return f"{torques}{ghost if plotted.ghost else ''}  {told}"
+        told = "".join(f"  {sign} {sure.lower()}" for sure, sign in MARKS.items() if sure in marks)
+        room = self.plot.size.width > 24 + 12 * len(marks)
+        return f"{torques} N·m{ghost}{told if room else ''}"
 
     @on(DataTable.RowHighlighted)
     def tell_about(self) -> None:
@@ -180,11 +205,87 @@ class Explorer(Writing):
         told = f"{found.path}: {found.meaning}" + (f"; {found.range}" if found.range else "") if found else ""
         self.about.update(told)
 
+    # --- views
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Which actions there are: those of the seat only where it is on the screen."""
+        del parameters
+        return self.views.current == "seat-view" or action not in OF_SEAT
+
+    def action_view(self, name: str) -> None:
+        """Show the seat, the error over a cam turn, or a measured trace over the prediction."""
+        self.views.current = f"{name}-view"
+        self.bottom.display = name == "seat"
+        self.turn_view.stop()
+        {"seat": self.seat, "turn": self.turn_view, "trace": self.trace_view}[name].focus()
+        if name == "turn":
+            self.ask_of_turn()
+        elif name == "trace" and not self.trace_view.file:
+            self.ask_for_trace()
+        self.refresh_bindings()
+        self.draw()
+
+    @property
+    def torque(self) -> float:
+        """Torque of the second view [N*m]."""
+        torques = self.session.drive.operation.M_g
+        return torques[self.turn_view.torque % len(torques)]
+
+    @on(Started)
+    def ask_of_turn(self) -> None:
+        """Ask for the error over a cam turn as the wheel is looked at."""
+        session, view = self.session, self.turn_view
+        asked = TurnQuestion(session.drive, session.turn_deg, self.torque, view.start_deg, self.effort)
+        self.follow(asked, view.take, "turn")
+        self.draw()
+
+    @on(Opened)
+    def ask_for_trace(self) -> None:
+        """Ask which trace is to be opened, and compare it."""
+        torque = f"{min(self.session.drive.operation.M_g, key=abs):g}"
+        fields = [("file", self.trace_view.file), ("torque on the rig, N·m", torque)]
+        hint = "a column of cam angles and one of errors, as hdassist compare reads it"
+
+        def opened(values: tuple[str, ...] | None) -> None:
+            if values:
+                self.compare(values[0].strip(), float(values[1]))
+
+        self.push_screen(Form("a measured trace over the prediction", fields, hint, _require_trace), opened)
+
+    def compare(self, file: str, M_g: float) -> None:
+        """Compare a trace in a file with the drive as the wheel is looked at, at a torque [N*m]."""
+        view = self.trace_view
+        view.file, view.found, view.failed, self.trace_torque = file, None, None, M_g
+        try:
+            drive = self.session.source.drive((*self.session.turned_changes(), ("operation.M_g", f"[{M_g!r}]")))
+        except HdassistError as error:
+            view.take(Failed(error.message, error.hint))
+            return
+        self.follow(TraceQuestion(drive, file, M_g, self.effort), view.take, "trace")
+        self.draw()
+
+    def command_line(self) -> str:
+        """The command that gives what is shown."""
+        session = self.session
+        if self.views.current == "turn-view":
+            start = self.turn_view.start_deg
+            more = ["--torque", f"{self.torque:g}", *(["--phi-g0", f"{start:g}"] if start else [])]
+            return session.command("trace", *more)
+        if self.views.current == "trace-view" and self.trace_view.file:
+            return session.command("compare", self.trace_view.file, "--torque", f"{self.trace_torque:g}")
+        return session.command()
+
     # --- actions
 
     def action_turn(self, by: int) -> None:
         """Look at the wheel so many positions further."""
         self.show(state.turned(self.session, by))
+
+    def show(self, session: Session) -> None:
+        """Go on with another session, and another cam turn where that is on the screen."""
+        super().show(session)
+        if self.views.current == "turn-view":
+            self.ask_of_turn()
 
     def on_turned(self, event: Turned) -> None:
         """Look at the wheel where was clicked, in the nearest position."""

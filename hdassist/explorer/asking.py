@@ -8,7 +8,7 @@ from textual.app import App
 from textual.timer import Timer
 
 from hdassist.errors import HdassistError
-from hdassist.explorer.answers import Sure
+from hdassist.explorer.answers import Advised, Answer, Curve, Sure
 from hdassist.explorer.known import Known, Memory
 from hdassist.explorer.pictures import Inks
 from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, SlopesQuestion, TrialsQuestion
@@ -82,7 +82,7 @@ class Asking(App[int]):
         self.workers.cancel_group(self, "drive")
         if known.advised is None:
             known.failed = None
-            self._follow(MountQuestion(self.session.drive, self.effort), known, "drive")
+            self.follow(MountQuestion(self.session.drive, self.effort), known.take, "drive")
         self.when_at_rest()
 
     def ask_of_trials(self) -> None:
@@ -92,22 +92,21 @@ class Asking(App[int]):
             known.failed = None
             session = self.session
             asked = TrialsQuestion(session.drive, session.trials, session.rig, self.effort)
-            self._follow(asked, known, "trials")
+            self.follow(asked, known.take, "trials")
 
-    def _follow(self, question: Question, known: Known, group: str) -> None:
-        """Ask, and learn each answer; another question of the group ends the process of this one."""
+    def follow(self, question: Question, take: Callable[[Answer], None], group: str) -> None:
+        """Ask, and take each answer; another question of the group ends the process of this one."""
 
         async def follow() -> None:
             async for answer in self.service.ask(question):
-                known.take(answer)
+                take(answer)
                 self.draw()
-
-        async def guarded() -> None:
-            await follow()
-            self.call_later(self.when_at_rest)
+                whole = isinstance(answer, Curve) and len(answer.places) == len(self.session.positions)
+                if group == "drive" and (whole or isinstance(answer, Advised)):
+                    self.when_at_rest()
             self.call_later(self.draw)
 
-        self.run_worker(guarded(), group=group, exclusive=True)
+        self.run_worker(follow(), group=group, exclusive=True)
 
     def when_at_rest(self) -> None:
         """Prove the position that is looked at, and look for slopes there, once the wheel rests in it."""
@@ -123,11 +122,11 @@ class Asking(App[int]):
         if curve is None or curve.sure is Sure.COARSE or known.failed:
             return
         if self.wants_slopes() and turn not in known.slopes:
-            self._follow(SlopesQuestion(session.drive, turn, self.effort), known, "slopes")
+            self.follow(SlopesQuestion(session.drive, turn, self.effort), known.take, "slopes")
         place = curve.at(turn)
         open_ = known.facts and known.facts.any_hole
         if known.advised and not open_ and (place is None or place.sure is not Sure.PROVEN):
-            self._follow(ProofQuestion(session.drive, turn, self.effort), known, "proof")
+            self.follow(ProofQuestion(session.drive, turn, self.effort), known.take, "proof")
 
     @property
     def busy(self) -> bool:

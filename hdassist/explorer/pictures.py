@@ -40,7 +40,10 @@ class Inks:
 
 @dataclass(frozen=True)
 class Plotted:
-    """What a curve is drawn with: rotation looked at, a curve behind it, limits by torque, trials at one torque."""
+    """What a curve is drawn with: rotation looked at, a curve behind it, limits by torque, trials at one torque.
+
+    empty: what is said where there is no curve.
+    """
 
     curve: Curve | None
     turn_deg: float = 0.0
@@ -50,16 +53,17 @@ class Plotted:
     trial_torque: float | None = None
     best_deg: float | None = None
     next_deg: float | None = None
+    empty: str = "computing …"
 
 
 def curve_picture(plot: Plotted, columns: int, rows: int, inks: Inks) -> Text:
     """F'_ior against the position, a curve a torque, from nothing up, over the whole turn."""
     canvas = Canvas(columns, rows)
     if plot.curve is None or not plot.curve.places or rows < 5 or columns < 20:
-        canvas.text(columns // 2 - 6, rows // 2, "computing ...", inks.muted)
+        canvas.text((columns - len(plot.empty)) // 2, rows // 2, plot.empty, inks.muted)
         return canvas.drawn()
     top = _top(plot)
-    frame = _Frame(canvas, rows - 2, top, _step(top, max(2, (rows - 2) // 3)))
+    frame = _Frame(canvas, rows - 2, top, round_step(top, max(2, (rows - 2) // 3)))
     frame.axes(inks)
     _cursor(frame, plot, inks)
     if plot.ghost:
@@ -125,11 +129,11 @@ def _top(plot: Plotted) -> float:
     highest = max([*values, *(value for _, value in plot.trials), 0.1])
     nearby = [limit for limit in plot.limits.values() if limit < 1.5 * highest]
     highest = max([highest, *nearby])
-    step = _step(highest, 6)
+    step = round_step(highest, 6)
     return ceil(highest / step * 1.001) * step
 
 
-def _step(reach: float, most: int) -> float:
+def round_step(reach: float, most: int) -> float:
     """A round step of which at most so many reach so far."""
     power = 10.0 ** floor(log10(reach / most))
     return next(s * power for s in (1, 2, 5, 10, 20) if reach / (s * power) <= most)
@@ -267,6 +271,6 @@ def value_words(place: Place, now: Place | None, torques: Sequence[float]) -> li
         if now and now is not place and t < len(now.values):
             change = f" {value.F_ior_arcsec / max(now.values[t].F_ior_arcsec, 1e-9) - 1:+.0%}"
         if value.band:
-            change = f" ({value.band[0]:.1f} to {value.band[1]:.1f})"
+            change = f" {value.band[0]:.0f}…{value.band[1]:.0f}"
         lines.append(f"{M_g:g} N·m {told}″{change} {value.sure}")
     return lines

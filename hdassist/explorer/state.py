@@ -8,6 +8,7 @@ from shlex import quote
 from hdassist.errors import UsageError
 from hdassist.explorer import trial_entry
 from hdassist.explorer.trial_entry import USUAL, RigAsked
+from hdassist.model.deviations import carried
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
 from hdassist.preset.load import load_text
@@ -69,14 +70,19 @@ class Session:
     @property
     def overrides(self) -> tuple[str, ...]:
         """What stands on top of the preset's text, as --set takes it: of one field the last one counts."""
-        every = (*self.source.overrides, *(f"{path}={value}" for path, value in self.changes))
-        return tuple({text.partition("=")[0]: text for text in every}.values())
+        return _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in self.changes)))
 
     @property
     def positions(self) -> tuple[float, ...]:
         """Turns [deg] that the wheel can be looked at in."""
         holes = self.drive.mounting.holes or 72
         return tuple(360 * k / holes for k in range(holes))
+
+    def turned_changes(self) -> tuple[Change, ...]:
+        """The changes, and the fixed wheel as it is looked at: its directions that are known, turned."""
+        moved = {path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None}
+        turned = tuple((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in sorted(moved))
+        return (*(change for change in self.changes if change[0] not in moved), *turned)
 
     def command(self, name: str = "", *more: str) -> str:
         """The command line that gives the same answer.
@@ -86,9 +92,15 @@ class Session:
         name, behind = name or ("trials" if self.trials else "mount"), list(more)
         if name == "trials":
             behind = [*self.trials, *self.rig.options()]
-        for text in self.overrides:
+        changes = self.turned_changes() if name in ("trace", "compare") else self.changes
+        for text in _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in changes))):
             behind += ["--set", text]
         return " ".join(map(quote, ["hdassist", name, self.source.name, *behind]))
+
+
+def _last_of_each(overrides: tuple[str, ...]) -> tuple[str, ...]:
+    """Of overrides of one field the last one."""
+    return tuple({text.partition("=")[0]: text for text in overrides}.values())
 
 
 def opened(name: str, overrides: tuple[str, ...] = (), rig: RigAsked | None = None) -> Session:

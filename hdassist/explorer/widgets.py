@@ -99,7 +99,7 @@ class Seat(Picture, can_focus=True):
         curve = plot.curve
         place = curve.at(plot.turn_deg) if curve else None
         turned = plot.turn_deg if plot.turn_deg <= 180 else plot.turn_deg - 360
-        holes = curve.holes if curve else 0
+        holes = self.drive.mounting.holes if self.drive else 0
         where = f"hole {round(plot.turn_deg * holes / 360)}" if holes else f"{plot.turn_deg:g} deg"
         words = Text(f"{where}, turned {turned:+g}°" if plot.turn_deg else f"{where}, where it stands", inks.text)
         if curve and place:

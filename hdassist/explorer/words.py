@@ -40,11 +40,24 @@ def head(session: Session, known: Known, inks: Inks) -> Text:
     return line
 
 
-def stage(known: Known, busy: bool, inks: Inks) -> Text:
+def basis(known: Known, of_trials: Known | None) -> str:
+    """What the curve rests on, in its title; empty where all is known."""
+    if of_trials and of_trials.advised:
+        return " · 90 % band"
+    if known.facts and known.facts.any_hole:
+        return ""
+    return " · not known taken as 0" if known.facts and known.facts.unknown else ""
+
+
+def stage(known: Known, of_trials: Known | None, busy: bool, inks: Inks) -> Text:
     """How sure the curve is by now, and whether it is being made surer."""
     if known.failed:
         return Text("NO ANSWER", inks.limit)
+    if of_trials and of_trials.advised:
+        return Text("FITTED", inks.best)
     curve, advised = known.curve, known.advised
+    if known.facts and known.facts.any_hole:
+        return Text("NO ORDER", inks.limit)
     if curve is None:
         return Text("computing", inks.muted)
     if advised and not busy:
@@ -84,7 +97,7 @@ def advice_text(session: Session, known: Known, of_trials: Known | None, inks: I
     elif known.facts and known.facts.any_hole:
         text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).", inks.text)
     elif known.curve and len(known.curve.places) > 1:
-        text.append_text(_preview(session, known.curve, inks))
+        text.append_text(_preview(session, known, known.curve, inks))
     else:
         text.append("Computing …", inks.muted)
     return text
@@ -103,11 +116,13 @@ def _reasons(advised: Advised) -> Iterator[str]:
     yield from advised.reasons
 
 
-def _preview(session: Session, curve: Curve, inks: Inks) -> Text:
+def _preview(session: Session, known: Known, curve: Curve, inks: Inks) -> Text:
     """What looks best by now; nothing is ordered from that."""
     best, now = curve.best, curve.places[0]
     if best is now:
         return Text(f"{curve.sure}: best where it stands, by now. No order before it is proven …", inks.text)
+    if known.facts and known.facts.unknown:
+        return Text("What is not known is taken as 0 so far; the order takes it in …", inks.text)
     gain = 1 - curve.merit(best)
     hole = where(best.rotation_deg, session.drive.mounting.holes)
     return Text(f"{curve.sure}: {hole} looks best, {gain:.0%} less than now. No order before it is proven …", inks.text)
