@@ -115,7 +115,7 @@ class Explorer(Writing):
 
     def on_mount(self) -> None:
         """Ask the first questions."""
-        self.seat.border_title, self.levers.border_title, self.trials.border_title = (
+        self.seat.border_title, self.side.border_title, self.trials.border_title = (
             "SEAT, cam side",
             "LEVERS",
             "TRIALS",

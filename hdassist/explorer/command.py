@@ -64,13 +64,15 @@ def command(
         raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
 
     from hdassist.explorer.app import Explorer
+    from hdassist.explorer.guard import terminal_guarded
     from hdassist.explorer.questions import Effort
     from hdassist.explorer.service import Service
 
-    service = Service()
-    try:
-        app = Explorer(session, service, Effort(jobs=jobs), dark=not light)
-        app.run()
-    finally:
-        service.close()
+    with terminal_guarded():
+        service = Service()
+        try:
+            app = Explorer(session, service, Effort(jobs=jobs), dark=not light)
+            app.run()
+        finally:
+            service.close()
     raise typer.Exit(app.return_code or 0)

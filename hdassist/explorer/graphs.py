@@ -36,19 +36,21 @@ def graph(
         return canvas.drawn()
     step = round_step(max(max(values) - min(values), 1e-6), max(2, high // 3))
     bottom, top = floor(min(values) / step) * step, ceil(max(values) / step) * step
+    steps = max(1, round((top - bottom) / step))
+    high = min(high, max(1, (high - 1) // steps) * steps + 1)  # so that ticks lie as far apart as their numbers
     span = max(x[-1] - x[0], 1e-12)
 
     def across(value: float) -> float:
         return MARGIN * WIDE + (wide * WIDE - 1) * (value - x[0]) / span
 
     def down(value: float) -> float:
-        return (high * TALL - 1) * (1 - (value - bottom) / (top - bottom or 1))
+        return TALL / 2 + (high - 1) * TALL * (1 - (value - bottom) / (top - bottom or 1))
 
     for row in range(high):
         canvas.text(MARGIN - 1, row, "│", inks.muted)
     for k in range(round((top - bottom) / step) + 1):
         value = bottom + k * step
-        canvas.text(0, round(down(value)) // TALL, f"{value:>{MARGIN - 2}g} ┤", inks.muted)
+        canvas.text(0, int(down(value)) // TALL, f"{value:>{MARGIN - 2}g} ┤", inks.muted)
     canvas.text(MARGIN - 1, high, "└" + "─" * wide, inks.muted)
     across_step = round_step(span, max(2, wide // 12))
     for k in range(ceil(x[0] / across_step), floor(x[-1] / across_step + 1e-9) + 1):
@@ -78,10 +80,10 @@ def zone_picture(turned: Turned, state: int, zone: int, columns: int, rows: int,
     forces, angles = turned.force_N[state][zone], turned.theta_deg[zone]
     reach = max(map(abs, angles)) or 1.0
     up = high - floor_rows
-    wide = max(1, columns // len(angles) - 1)  # of a bar
-    for angle, force in zip(angles, forces, strict=True):
-        middle = (angle / reach + 1) / 2 * (columns - wide)
-        for column in range(round(middle), round(middle) + wide):
+    pitch = max(1, columns // len(angles))
+    first = (columns - pitch * len(angles)) // 2
+    for k, force in enumerate(forces):
+        for column in range(first + k * pitch, first + k * pitch + max(1, pitch - 1)):
             if force > 0:
                 _bar(canvas, column, up, force / greatest * up, inks.torque(0))
             elif force < 0:

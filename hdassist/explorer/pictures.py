@@ -63,7 +63,11 @@ def curve_picture(plot: Plotted, columns: int, rows: int, inks: Inks) -> Text:
         canvas.text((columns - len(plot.empty)) // 2, rows // 2, plot.empty, inks.muted)
         return canvas.drawn()
     top = _top(plot)
-    frame = _Frame(canvas, rows - 2, top, round_step(top, max(2, (rows - 2) // 3)))
+    step = round_step(top, max(2, (rows - 2) // 3))
+    top = ceil(top / step - 1e-9) * step
+    steps = round(top / step)
+    high = max(1, (rows - 3) // steps) * steps + 1  # so that ticks lie as far apart as their numbers
+    frame = _Frame(canvas, min(high, rows - 2), top, step, rows - 2 - min(high, rows - 2))
     frame.axes(inks)
     _cursor(frame, plot, inks)
     if plot.ghost:
@@ -87,12 +91,16 @@ def curve_picture(plot: Plotted, columns: int, rows: int, inks: Inks) -> Text:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where rotations [deg] and values [arcsec] lie on a canvas: rows of it above the axis, the value at its top."""
+    """Where rotations [deg] and values [arcsec] lie on a canvas.
+
+    rows above the axis, the value at their top, the step of the numbers, and rows above all of them.
+    """
 
     canvas: Canvas
     rows: int
     top: float
     step: float
+    above: int = 0
 
     @property
     def columns(self) -> int:
@@ -102,10 +110,10 @@ class _Frame:
         return LABELS * WIDE + WIDE * self.columns * rotation / 360
 
     def y(self, value: float) -> float:
-        return (self.rows * TALL - 1) * (1 - value / self.top)
+        return self.above * TALL + TALL / 2 + (self.rows - 1) * TALL * (1 - value / self.top)
 
     def cell(self, rotation: float, value: float) -> tuple[int, int]:
-        return round(self.x(rotation)) // WIDE, max(0, round(self.y(value))) // TALL
+        return round(self.x(rotation)) // WIDE, int(max(0, self.y(value))) // TALL
 
     def points(self, curve: Curve, torque: int) -> list[tuple[float, float]]:
         found = [(self.x(p.rotation_deg), self.y(p.values[torque].F_ior_arcsec)) for p in curve.places]
@@ -113,12 +121,12 @@ class _Frame:
         return [*found, (self.x(360), found[0][1])] if whole else found
 
     def axes(self, inks: Inks) -> None:
-        for row in range(self.rows):
+        for row in range(self.above, self.above + self.rows):
             self.canvas.text(LABELS - 1, row, "│", inks.muted)
         for k in range(round(self.top / self.step) + 1):
             row = self.cell(0, k * self.step)[1]
             self.canvas.text(0, row, f"{k * self.step:>{LABELS - 2}g} ┤", inks.muted)
-        self.canvas.text(LABELS - 1, self.rows, "└" + "─" * (self.columns + 1), inks.muted)
+        self.canvas.text(LABELS - 1, self.above + self.rows, "└" + "─" * (self.columns + 1), inks.muted)
 
 
 def _top(plot: Plotted) -> float:
@@ -141,7 +149,7 @@ def round_step(reach: float, most: int) -> float:
 
 def _cursor(frame: _Frame, plot: Plotted, inks: Inks) -> None:
     column = frame.cell(plot.turn_deg, 0)[0]
-    for row in range(frame.rows):
+    for row in range(frame.above + frame.rows):
         frame.canvas.shade(column, row, inks.cursor)
 
 
@@ -173,7 +181,7 @@ def _limit(frame: _Frame, plot: Plotted, M_g: float, limit: float, inks: Inks) -
 
 def _holes(frame: _Frame, plot: Plotted, inks: Inks) -> None:
     """The numbers of the holes below the axis, those that have a name in its colour."""
-    curve, row = plot.curve, frame.rows + 1
+    curve, row = plot.curve, frame.above + frame.rows + 1
     if curve is None:
         return
     holes = curve.holes

@@ -47,7 +47,11 @@ class Service:
         process = self._context.Process(target=answer, args=(question, there, os.getpid()), daemon=False)
         begun = asyncio.create_task(asyncio.to_thread(self._begin, process, there))
         try:
-            await asyncio.shield(begun)
+            try:
+                await asyncio.shield(begun)
+            except OSError as error:
+                yield Failed(f"cannot begin a process that computes: {error.strerror or error}", "ulimit -a shows why")
+                return
             while True:
                 await _readable(here)
                 try:
@@ -55,16 +59,18 @@ class Service:
                 except EOFError:
                     return
         finally:
-            with suppress(asyncio.CancelledError):
+            with suppress(asyncio.CancelledError, OSError):
                 await asyncio.shield(begun)
             self._end(process)
             here.close()
 
     def _begin(self, process: BaseProcess, there: Connection) -> None:
-        if not self._closed:
-            process.start()
-            self._running.add(process)
-        there.close()
+        try:
+            if not self._closed:
+                process.start()
+                self._running.add(process)
+        finally:
+            there.close()
 
     def _end(self, process: BaseProcess) -> None:
         if process in self._running:

@@ -106,7 +106,8 @@ class TurnView(Vertical, can_focus=True):
         lines = Text()
         for per_turn, amplitude, cause in found.orders:
             lines.append(f"{per_turn:6.2f} {amplitude:7.2f}  ", inks.text)
-            lines.append(f"{cause}\n", inks.muted)
+            first, *others = cause.split("; ")
+            lines.append(f"{first}{' …' if others else ''}\n", inks.muted)
         lines.append(f"\n{found.proof}", inks.muted)
         self._orders.border_title = "orders: per cam turn, arcsec"
         self._orders.update(lines)

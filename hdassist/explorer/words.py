@@ -108,7 +108,7 @@ def _append_advice(text: Text, advised: Advised, inks: Inks) -> None:
     told = " · ".join(_reasons(advised))
     text.append(f"\n{visible(told)}", inks.muted)
     for warning in advised.warnings:
-        text.append(f"\n{visible(warning)}", inks.worst)
+        text.append(f"\n{visible(warning)}", inks.trial)
 
 
 def _reasons(advised: Advised) -> Iterator[str]:
