@@ -121,12 +121,14 @@ def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
     if not searchable(drive):
         return
     turns, torques = asked.effort.turns, drive.operation.M_g
-    now = [_range(LoadCase.of(drive, M_g), drive, turns) for M_g in torques]
+    cases = [LoadCase.of(drive, M_g) for M_g in torques]
+    now = [_range(case, drive, turns) for case in cases]
     found: dict[str, tuple[float, ...]] = {}
     for path in _moving(drive):
         there = drive.with_values({path: stepped(field_table()[path], drive.number(path))})
         with suppress(HdassistError):  # a drive that cannot be computed has no slope
-            after = [_range(LoadCase.of(there, M_g), there, turns) for M_g in torques]
+            near = zip(torques, cases, strict=True)
+            after = [_range(LoadCase.of(there, M_g, like=case), there, turns) for M_g, case in near]
             found[path] = tuple(b - a for a, b in zip(now, after, strict=True))
             if len(found) % 8 == 0:
                 yield Slopes(asked.rotation_deg, dict(found))

@@ -85,7 +85,7 @@ def zone_picture(turned: Turned, state: int, zone: int, columns: int, rows: int,
     for k, force in enumerate(forces):
         for column in range(first + k * pitch, first + k * pitch + max(1, pitch - 1)):
             if force > 0:
-                _bar(canvas, column, up, force / greatest * up, inks.torque(0))
+                _bar(canvas, column, up, force / greatest * (up - 1), inks.torque(0))
             elif force < 0:
                 canvas.text(column, up, "▀", inks.torque(1))
     canvas.text(0, high, f"{-reach:.0f}°", inks.muted)
