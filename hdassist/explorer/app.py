@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
 from math import isfinite, nan
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual import on
-from textual.app import ComposeResult
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.events import Resize
+from textual.screen import Screen
 from textual.widgets import ContentSwitcher, DataTable, Footer, Static
 
 from hdassist.errors import HdassistError, UsageError
@@ -56,23 +59,23 @@ class Explorer(Writing):
     TITLE = "hdassist explore"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left,h", "turn(-1)", "turn", key_display="←→"),
-        Binding("right", "turn(1)", "turn", show=False),
+        Binding("right", "turn(1)", "turn on", show=False),
         Binding("t", "trial", "trial"),
-        Binding("x", "drop_trial", "drop trial", show=False),
-        Binding("b", "best", "best", show=False),
-        Binding("0,home", "stand", "where it stands", show=False),
+        Binding("x", "drop_trial", "drop the last trial", show=False),
+        Binding("b", "best", "look at the best", show=False),
+        Binding("0,home", "stand", "look at where it stands", show=False),
         Binding("l", "levers", "levers"),
-        Binding("1", "view('seat')", "seat", show=False),
+        Binding("1", "view('seat')", "view the seat", show=False),
         Binding("2", "view('turn')", "views", key_display="1 2 3"),
-        Binding("3", "view('trace')", "trace", show=False),
+        Binding("3", "view('trace')", "view a trace", show=False),
         Binding("u,ctrl+z", "undo", "undo"),
         Binding("r,ctrl+y", "redo", "redo", show=False),
-        Binding("p", "pin", "pin", show=False),
+        Binding("p", "pin", "pin to compare", show=False),
         Binding("c", "card", "card"),
         Binding("s", "save", "save"),
-        Binding("j", "json", "JSON", show=False),
-        Binding("g", "picture", "picture", show=False),
-        Binding("y", "copy", "copy command", show=False),
+        Binding("j", "json", "write JSON", show=False),
+        Binding("g", "picture", "picture of the screen", show=False),
+        Binding("y", "copy", "copy the command line", show=False),
         Binding("d", "theme", "dark or light", show=False),
         Binding("question_mark", "explain", "explain", key_display="?"),
         Binding("q", "quit", "quit"),
@@ -204,6 +207,14 @@ class Explorer(Writing):
         found = next((each for each in levers(self.session.drive, set()) if each.path == path), None)
         told = f"{found.path}: {found.meaning}" + (f"; {found.range}" if found.range else "") if found else ""
         self.about.update(told)
+
+    def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
+        """What the command palette lists: every action that has a key, by its meaning."""
+        del screen
+        for binding in self.BINDINGS:
+            if isinstance(binding, Binding) and self.check_action(binding.action.partition("(")[0], ()):
+                key = binding.key_display or binding.key.partition(",")[0]
+                yield SystemCommand(binding.description, f"key {key}", partial(self.run_action, binding.action))
 
     # --- views
 

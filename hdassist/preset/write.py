@@ -162,8 +162,20 @@ def _with_value(text: str, file: str, path: str, written: str) -> str:
         return _with_key(text, file, section, f"{name}: {written}")
     row, column = place.value.line - 1, place.value.column - 1
     length = len(place.text) + 2 * place.quoted
+    if lines[row][column : column + 1] in ("[", "{"):
+        length = _bracketed(lines[row][column:])
     lines[row] = lines[row][:column] + written + lines[row][column + length :]
     return "\n".join(lines)
+
+
+def _bracketed(text: str) -> int:
+    """Length of the list or table that a text begins with; 0 where it does not end on its line."""
+    depth = 0
+    for place, letter in enumerate(text, 1):
+        depth += (letter in "[{") - (letter in "]}")
+        if not depth:
+            return place
+    return 0
 
 
 def _range_around(text: str, file: str, path: str, value: float) -> str:

@@ -6,6 +6,7 @@ import asyncio
 import pickle
 from collections.abc import AsyncIterator, Awaitable, Callable
 from functools import cache
+from multiprocessing import resource_tracker
 
 from textual.pilot import Pilot
 
@@ -28,6 +29,7 @@ class Recorded:
 
     def __init__(self) -> None:
         self.asked: list[Question] = []
+        resource_tracker.ensure_running()  # inherits a stream that the screen takes away
 
     async def ask(self, question: Question) -> AsyncIterator[Answer]:
         self.asked.append(question)

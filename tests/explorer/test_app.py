@@ -246,6 +246,8 @@ def test_themes_explanation_palette_and_views_are_a_key_away() -> None:
         await pilot.press("escape", "ctrl+p")
         await pilot.pause(0.2)
         assert type(app.screen).__name__ == "CommandPalette"
+        listed = {command.title for command in app.get_system_commands(app.screen)}
+        assert {"trial", "card", "save", "undo", "redo", "write JSON", "dark or light"} <= listed
         await pilot.press("escape")
         await pilot.press("2")
         await settled(app, pilot)

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pyte
@@ -29,13 +29,13 @@ COLUMNS, ROWS = 80, 24
 class Terminal:
     """A process on a pseudo-terminal, and the screen that its user sees."""
 
-    def __init__(self, *args: str) -> None:
+    def __init__(self, *args: str, command: Sequence[str] = COMMAND) -> None:
         self._leader, follower = pty.openpty()
         fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
         self.before = termios.tcgetattr(follower)
         self._follower = follower
         self.process = subprocess.Popen(
-            [*COMMAND, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
+            [*command, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
             start_new_session=True, env=CLEAN | {"TERM": "xterm-256color"},
         )  # fmt: skip
         self._screen = pyte.Screen(COLUMNS, ROWS)
@@ -130,6 +130,19 @@ def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: s
         while not terminal.as_it_was and time.monotonic() < end:
             terminal.read()
         assert terminal.as_it_was
+    assert vanished(before)
+
+
+@needs_proc
+def test_a_crash_gives_the_terminal_back_too() -> None:
+    before = processes()
+    crash = "import hdassist.explorer.words as words; from hdassist.cli.main import main; words.stage = None; main()"
+    terminal = Terminal("explore", SMALL, *SETS, command=[sys.executable, "-c", crash])
+    try:
+        assert terminal.end() == 1  # a bug
+        assert terminal.as_it_was
+    finally:
+        terminal.close()
     assert vanished(before)
 
 
