@@ -18,6 +18,7 @@ import numpy as np
 
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.table import DEVIATIONS
 from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
 from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Value
@@ -127,8 +128,9 @@ def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
     for path in _moving(drive):
         there = drive.with_values({path: stepped(field_table()[path], drive.number(path))})
         with suppress(HdassistError):  # a drive that cannot be computed has no slope
-            near = zip(torques, cases, strict=True)
-            after = [_range(LoadCase.of(there, M_g, like=case), there, turns) for M_g, case in near]
+            same = path.startswith(DEVIATIONS)  # the same contact system, moved otherwise
+            there_cases = cases if same else [LoadCase.of(there, M_g) for M_g in torques]
+            after = [_range(case, there, turns) for case in there_cases]
             found[path] = tuple(b - a for a, b in zip(now, after, strict=True))
             if len(found) % 8 == 0:
                 yield Slopes(asked.rotation_deg, dict(found))
