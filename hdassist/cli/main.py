@@ -26,6 +26,7 @@ from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
+from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.tolerance import allocate_command as allocate
@@ -55,6 +56,7 @@ app = typer.Typer(
 DESIGN, BENCH, ACCEPTANCE, DATA = "Design", "Bench", "Acceptance", "Data"
 for _name, _command, _panel, _summary in (
     ("check", check.command, DESIGN, "F'_ior over the full cycle, with verdict and proof"),
+    ("explore", explore.command, DESIGN, "the drive on the screen: turn its knobs and its wheel"),
     ("trace", trace.command, DESIGN, "the error against the cam angle, with its orders"),
     ("self-error", self_error.command, DESIGN, "what is left of a drive without deviations"),
     ("stiffness", stiffness.command, DESIGN, "twist against torque, lost motion, K1, K2, K3"),
