@@ -97,6 +97,17 @@ class CycleSearch:
         return Extremes(float(found[at_max] - found[at_min]), at_max, at_min, sum(proofs, EMPTY))
 
 
+def lattice(kinematics: Kinematics) -> tuple[Indices, int]:
+    """States j by their coordinates, shape (z_b, z_g), -1 where there is none; steps from one to the next along each.
+
+    Where both numbers of teeth are even, k and l of every state are both even or both odd: steps of two.
+    """
+    j = np.arange(kinematics.cycle_states)
+    board = np.full((kinematics.z_b, kinematics.z_g), -1, dtype=np.int64)
+    board[j % kinematics.z_b, j % kinematics.z_g] = j
+    return board, 2 if board[0, 1] < 0 else 1
+
+
 class Torus:
     """The states by their coordinates (k, l) = (j mod z_b, j mod z_g), each solved once, when asked for.
 
@@ -104,13 +115,9 @@ class Torus:
     """
 
     def __init__(self, kinematics: Kinematics, solve: Callable[[Indices], Array]) -> None:
-        self._shape = np.array([kinematics.z_b, kinematics.z_g])
+        self._state, self._finest = lattice(kinematics)
+        self._shape = np.array(self._state.shape)
         self._solve = solve
-        j = np.arange(kinematics.cycle_states)
-        self._state = np.full(self._shape, -1, dtype=np.int64)
-        self._state[tuple(j % z for z in self._shape)] = j
-        # both numbers of teeth even: k and l of every state are both even or both odd
-        self._finest = 2 if self._state[0, 1] < 0 else 1
         self._value = np.full(kinematics.cycle_states, np.nan)
 
     def solve_around_extremes(self) -> Array:

@@ -23,7 +23,7 @@ from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
 from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Value
 from hdassist.explorer.compute_views import compared, turned
-from hdassist.explorer.levers import stepped
+from hdassist.explorer.levers import SETTINGS, stepped
 from hdassist.explorer.questions import (
     Effort,
     MountQuestion,
@@ -44,6 +44,7 @@ from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.card import card_of
 from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_positions
+from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.preset.rules import conflicts
@@ -59,7 +60,6 @@ FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
 GROUP = 2  # positions that one task searches: few, so that the curve grows under the eye
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW, HIGH = 0.05, 0.95
-STILL = ("mounting.", "operation.", "acceptance.", "numerics.")  # sections that are no part of the drive
 
 
 def answers(question: Question) -> Iterator[Answer]:
@@ -140,7 +140,7 @@ def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
 def _moving(drive: Drive) -> Iterator[str]:
     """Fields that a step can be taken of."""
     for path, info in field_table().items():
-        if kind_of(info) != "number" or path.startswith(STILL) or drive.value(path) is None:
+        if kind_of(info) != "number" or path.split(".")[0] in SETTINGS or drive.value(path) is None:
             continue
         value = stepped(info, drive.number(path))
         there = drive.with_values({path: value})
@@ -260,11 +260,21 @@ def _mount_advised(advice: Advice) -> Advised:
 def _mount_reasons(advice: Advice) -> Iterator[str]:
     if sampled := advice.robust:
         yield f"P(gain) {sampled.probability_gain:.0%}, {advice.needed:.0%} wanted, {len(sampled.merits)} samples"
-    for held in advice.rests_on[:1]:
-        low, high = held.ends
-        yield f"rests on {held.assumption.path} {low:.4g} to {high:.4g}: loses up to {max(held.loss):.0%} there"
+    yield from _rests_on(advice.rests_on)
     proof = advice.curve.certificate
     yield f"{proof.states} states, greatest residual {proof.max_residual:.0e}"
+
+
+def _rests_on(held: Sequence[Stays]) -> Iterator[str]:
+    """The assumption over whose range the choice loses most."""
+    for each in held[:1]:
+        path, (low, high) = each.assumption.path, each.ends
+        shares = [end.loss if end.good is None else end.good for end in each.ends]
+        known = [share for share in shares if share is not None]
+        told = "hardly anything explains the trials there"
+        if known:
+            told = f"loses up to {max(known):.0%} there" if low.good is None else f"P(good) {min(known):.0%} there"
+        yield f"rests on {path} {low.value:.4g} to {high.value:.4g}: {told}"
 
 
 def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
@@ -312,6 +322,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
             f"cam offset {size.mean():.0f}±{size.std():.0f} um {toward}",
+            *_rests_on(advice.rests_on),
         ),
         warnings=tuple(trials_page.warnings(advice, texts())),
         settled=advice.settled,

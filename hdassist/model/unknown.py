@@ -72,10 +72,14 @@ def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:
     open_, uncertain = unknowns(drive), sorted(drive.uncertainty)
     shares = np.random.default_rng(seed).random((count, len(open_) + len(uncertain)))
     columns = {u.path: u.low + (u.high - u.low) * shares[:, k] for k, u in enumerate(open_)}
-    for path, share in zip(uncertain, shares[:, len(open_) :].T, strict=True):
-        spread = drive.uncertainty[path] / 2 * ndtri(share)
-        columns[path] = np.maximum(drive.number(path) + spread, least_of(field_table()[path]))
+    columns |= {path: uncertain_values(drive, path, shares[:, len(open_) + k]) for k, path in enumerate(uncertain)}
     return listed(drive, columns, count)
+
+
+def uncertain_values(drive: Drive, path: str, share: Array) -> Array:
+    """Values of a field that has an uncertainty, from shares of their probability; cut where the field ends."""
+    spread = drive.uncertainty[path] / 2 * ndtri(share)
+    return np.asarray(np.maximum(drive.number(path) + spread, least_of(field_table()[path])))
 
 
 def with_zeros(drive: Drive) -> Drive:
@@ -84,8 +88,9 @@ def with_zeros(drive: Drive) -> Drive:
     if not open_:
         return drive
     known = drive.with_values({u.path: 0.0 for u in open_})
-    told = f"assumed to be 0, not known: {', '.join(u.path for u in open_)}"
-    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told))
+    zeros = tuple(u.path for u in open_)
+    told = f"assumed to be 0, not known: {', '.join(zeros)}"
+    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told), zeros=zeros)
     return known
 
 
@@ -106,13 +111,18 @@ def names(fields: Sequence[Unknown], most: int = 4) -> str:
     return f"{paths} and {len(fields) - most} more" if len(fields) > most else paths
 
 
+def pitch_deviation(drive: Drive, grade: int) -> float:
+    """Total cumulative pitch deviation F_p [um] of a drive's wheels in an accuracy class. Source: ISO 1328-1:2013."""
+    d, m = drive.gears.m * drive.gears.z_g, drive.gears.m
+    return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((grade - 5) / 2))
+
+
 def _most(drive: Drive, each: Deviation) -> tuple[float, str]:
     """Greatest size [um] that a deviation is taken to have, and why."""
-    d, m = drive.gears.m * drive.gears.z_g, drive.gears.m
+    d = drive.gears.m * drive.gears.z_g
     name = each.size.split(".")[1]
     if name.startswith("F_i"):
-        F_p = (0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((CLASS - 5) / 2)
-        return F_p, f"F_p of class {CLASS}, ISO 1328-1:2013"
+        return pitch_deviation(drive, CLASS), f"F_p of class {CLASS}, ISO 1328-1:2013"
     if name.startswith("e_h"):
         still = name == ("e_hb" if drive.mounting.fixed == "rigid" else "e_hg")
         share = STANDING if still else TURNING

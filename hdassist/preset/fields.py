@@ -182,14 +182,26 @@ class Source(Section):
     range: tuple[float, float] | None = field("plausible range of the value, in the field's unit", default=None)
 
 
+class CostLaw(Section):
+    """What a tolerance costs: share at the value that the preset gives, and 1/tolerance^k of it at others."""
+
+    share: float = field("cost at the preset's tolerance, in any unit", default=1.0, gt=0, le=1e9)
+    k: float = field("power of 1/tolerance that the cost grows with", default=1.0, gt=0, le=10)
+    least: float | None = field("least tolerance that can be made, in the field's unit", default=None, gt=0, le=1000)
+
+
+BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # tables whose keys are paths of fields
+
+
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top."""
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top; zeros: taken as 0."""
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    zeros: tuple[str, ...] = ()
 
 
 class Drive(BaseModel):
@@ -219,6 +231,7 @@ class Drive(BaseModel):
     alternatives: tuple[dict[str, float], ...] = field(
         "other values of identified fields that agree with the same targets", default=()
     )
+    cost: dict[str, CostLaw] = field("what tolerances cost, for hdassist allocate", default={})
     source: dict[str, Source] = field("origin of single values", default={})
 
     _origin: Origin = PrivateAttr(default=Origin())
@@ -251,6 +264,13 @@ class Drive(BaseModel):
         if not isinstance(table, dict):
             return {} if table is None else table
         return {path: _read_entry(path, entry, table) for path, entry in table.items()}
+
+    @field_validator("cost", mode="before")
+    @classmethod
+    def _read_cost(cls, table: Any) -> Any:
+        if not isinstance(table, dict):
+            return {} if table is None else table
+        return {path: _read_cost_entry(path, entry, table) for path, entry in table.items()}
 
     @property
     def origin(self) -> Origin:
@@ -359,6 +379,20 @@ def _read_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
     if isinstance(entry, dict | Unread | Source):
         return entry
     return Unread("must be a table of keys", "like {kind: given, ref: page 6}")
+
+
+def _read_cost_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
+    if path not in sized():
+        return Unread("names no size of a deviation", _near_path(path, sized(), table), at_key=True)
+    if isinstance(entry, dict | Unread | CostLaw):
+        return entry
+    return Unread("must be a table of keys", "like {share: 2, k: 1.5}")
+
+
+@cache
+def sized() -> tuple[str, ...]:
+    """Paths of the sizes of deviations, which are tolerances where drives are drawn."""
+    return tuple(path for path in field_table() if path.startswith("tolerances.") or path.startswith("harmonics.a_"))
 
 
 def read_range(path: str, bounds: Any) -> tuple[float, float] | Unread | None:

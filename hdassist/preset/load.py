@@ -13,10 +13,10 @@ from hdassist.preset import overrides as sets
 from hdassist.preset import yamltext
 from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
+    BY_PATH,
     SCHEMA,
     Drive,
     Origin,
-    Source,
     field_table,
     measures,
     read_range,
@@ -132,8 +132,8 @@ def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
     if path not in findings.places:
         path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
     info = field_table().get(".".join(map(str, path[:2]))) or Drive.model_fields.get(str(path[0]))
-    if path[0] == "source" and len(path) > 2:
-        info = Source.model_fields.get(str(path[2]))
+    if path[0] in BY_PATH and len(path) > 2:
+        info = BY_PATH[str(path[0])].model_fields.get(str(path[2]))
     if kind == "extra_forbidden":
         hint = "" if len(findings.items) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
         findings.add(path, "unknown key", hint, "", key=True)
@@ -165,11 +165,11 @@ def _unknown_hint(path: Path, value: Any) -> str:
     if value is None and key.replace(".", "").isdigit():
         return "a comma in a number? write a decimal point"
     home = next((section for section, model in sections() if key in model.model_fields), "")
-    if home and table != "source":
+    if home and table not in BY_PATH:
         return f"{key} belongs to {home}"
     options = ["schema", *Drive.model_fields]
     if len(path) > 1:
-        options = list((Source if table == "source" else dict(sections())[table]).model_fields)
+        options = list((BY_PATH[table] if table in BY_PATH else dict(sections())[table]).model_fields)
     return near(key, options) or f"known: {', '.join(options)}"
 
 
@@ -181,7 +181,7 @@ def _missing(path: Path) -> tuple[str, str]:
     info = field_table().get(".".join(map(str, path)))
     unit = unit_of(info) if info is not None else ""
     if info is None:
-        info = (Source if path[0] == "source" else Drive).model_fields.get(str(path[-1]))
+        info = BY_PATH.get(str(path[0]), Drive).model_fields.get(str(path[-1]))
     meaning = str(info.description) if info is not None else ""
     return "missing key", f"{meaning}, in {unit}" if unit else meaning
 

@@ -7,7 +7,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 
 from hdassist.errors import Finding, UsageError
-from hdassist.preset.fields import Drive, fields
+from hdassist.preset.fields import BY_PATH, Drive, fields
 from hdassist.preset.kinds import kind_of, plain
 from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read, shown
 
@@ -54,11 +54,11 @@ def parse(text: str, index: int) -> Override:
 
 
 def path_of(key: str) -> Path:
-    """Path that the key of an override sets; keys of `uncertainty` and `source` have a dot in them."""
+    """Path that the key of an override sets; keys of `uncertainty`, `source` and `cost` have a dot in them."""
     parts = [part.strip() for part in key.split(".")]
     if parts[0] == "uncertainty":
         return tuple(filter(None, (parts[0], ".".join(parts[1:]))))
-    if parts[0] == "source":
+    if parts[0] in BY_PATH:
         return (*tuple(filter(None, (parts[0], ".".join(parts[1:3])))), *parts[3:])
     return (*parts[:2], ".".join(parts[2:])) if len(parts) > 2 else tuple(parts)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections
+from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections, sized
 from hdassist.preset.kinds import UNKNOWN, Section, bounds_of, choices_of, is_optional, kind_of, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
@@ -38,6 +38,11 @@ def preset_schema() -> Schema:
         "type": ["object", "null"],
         "propertyNames": {"enum": [path for path, _ in fields()]},
         "additionalProperties": source,
+    }
+    properties["cost"] |= {
+        "type": ["object", "null"],
+        "propertyNames": {"enum": list(sized())},
+        "additionalProperties": _without(("title", "unit"), schema["$defs"]["CostLaw"]),
     }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -33,8 +33,12 @@ class Compiled:
         return self.b_0 + torque * self.b_1
 
     def moved(self, here: Formulation, there: Formulation) -> Compiled:
-        """The data of a neighbouring system of the same shape: P and A move as the coefficients stated do."""
-        return replace(self, P=self.P + (there.P - here.P), A=self.A + (there.A - here.A))
+        """The data of a neighbouring system of the same shape: P and A move as the coefficients stated do.
+
+        The load's unit moves with the stiffness of a tooth.
+        """
+        units = (here.units.force * here.units.load) / (there.units.force * there.units.load)
+        return replace(self, P=self.P + (there.P - here.P), A=self.A + (there.A - here.A), b_1=self.b_1 * units)
 
 
 def compile_programme(formulation: Formulation) -> Compiled:

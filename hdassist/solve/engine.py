@@ -21,10 +21,12 @@ class Engine:
 
     Arguments: formulation; torque [N*mm] on the flexspline; like, the engine of a neighbouring system, whose
     compiled data and contact set this one takes over where the shapes are the same, and whose reference where it
-    is the same system.
+    is the same system; many, whether many states will come, in batches however small.
     """
 
-    def __init__(self, formulation: Formulation, torque: float, like: Engine | None = None) -> None:
+    def __init__(
+        self, formulation: Formulation, torque: float, like: Engine | None = None, *, many: bool = False
+    ) -> None:
         near = like if like is not None and like.data.A.shape == formulation.A.shape else None
         self._formulation, self._torque = formulation, torque
         self.data: Compiled = (
@@ -34,6 +36,7 @@ class Engine:
         self._one_by_one: ActiveSet = ActiveSet(formulation, self.data, torque, contact)
         self._same = near if near and near._formulation is formulation else None
         self._pivoting: Pivoting | None = None
+        self._pays = 0 if many else MANY
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]; what was factored stays."""
@@ -42,7 +45,7 @@ class Engine:
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Solve states as StateSolver says."""
-        if self._pivoting is None and len(delta_p) >= MANY and self._reference:
+        if self._pivoting is None and len(delta_p) >= self._pays and self._reference:
             self._pivoting = Pivoting(self._reference)
         if self._pivoting is None:
             return self._one_by_one.solve(delta_p)

@@ -17,17 +17,26 @@ class LoadCase:
     """A contact system under a torque, ready to solve many states.
 
     Arguments: formulation, the programme of the system; M_g, torque on the flexspline [N*m]; like, the load case of a
-    system that is the same or differs a little, from whose compiled programme and contacts this one starts; solver, a
-    name that cvxpy knows, to send each state through cvxpy instead of the engine.
+    system that is the same or differs a little, from whose compiled programme and contacts this one starts; many,
+    whether many states will come, in batches however small; solver, a name that cvxpy knows, to send each state through
+    cvxpy instead of the engine.
     """
 
     def __init__(
-        self, formulation: Formulation, M_g: float, *, like: LoadCase | None = None, solver: str | None = None
+        self,
+        formulation: Formulation,
+        M_g: float,
+        *,
+        like: LoadCase | None = None,
+        many: bool = False,
+        solver: str | None = None,
     ) -> None:
         self.formulation, self.system, self._torque = formulation, formulation.system, M_g * N_MM
         near = like._solver if like and isinstance(like._solver, Engine) else None
         self._solver: StateSolver = (
-            ThroughCvxpy(formulation, self._torque, solver) if solver else Engine(formulation, self._torque, near)
+            ThroughCvxpy(formulation, self._torque, solver)
+            if solver
+            else Engine(formulation, self._torque, near, many=many)
         )
 
     @classmethod

@@ -200,6 +200,11 @@ def test_optional_fields_may_be_empty() -> None:
         ([("x_g: 3.1", "x_g: 3.1 mm")], "",
          ["my.yaml:3:42: gears.x_g: takes a pure number, without a unit (got 3.1 mm)"]),
         # tables by name
+        ([], "cost: {cam.W_0: {share: 1}}\n", ["my.yaml:9:8: cost.cam.W_0: names no size of a deviation (got cam.W_0; "
+                                               "write section.key, like gears.z_g)"]),
+        ([], "cost: {tolerances.e_hb: {share: -1, price: 2}}\n", [
+            "my.yaml:9:33: cost.tolerances.e_hb.share: out of range: above 0, up to 1e9 (got -1)",
+            "my.yaml:9:37: cost.tolerances.e_hb.price: unknown key (known: share, k, least)"]),
         ([], "source: {gears.zg: {kind: given}}\n",
          ["my.yaml:9:10: source.gears.zg: names no field (got gears.zg; did you mean gears.z_g?)"]),
         ([], "source: {cam.W_0: {kind: gven}}\n", ["my.yaml:9:26: source.cam.W_0.kind: must be one of "
@@ -370,6 +375,8 @@ def test_the_last_override_wins() -> None:
     [
         (["cam.w0=1"], "--set:1:1: cam.w0: unknown key (did you mean W_0?)"),
         (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
+        (["phases.xi_b=unknwon"], "--set:1:13: phases.xi_b: must be a number (got unknwon; did you mean unknown?)"),
+        (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; in deg)"),
         (["cam.W_0="], "--set:1:9: cam.W_0: must be a number (got nothing; in mm)"),
         (["operation.M_g=[80"], "--set:1:18: not valid YAML: a bracket is not closed, or a comma is missing "
          "(opened in line 1, column 1)"),

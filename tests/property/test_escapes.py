@@ -135,6 +135,23 @@ def test_traces(word: str) -> None:
         say("mount", preset, "--pitch-b", str(trace))
 
 
+@settings(max_examples=2, deadline=None)
+@example(STEERING)
+@given(WORDS)
+def test_a_sweep(word: str) -> None:
+    with folder(word) as (place, preset):
+        asked = ("sweep", preset, "--vary", "gears.x_b=4", "--torque", "4", "--jobs", "1")
+        rows, kept = str(place / "a.csv"), str(place / "a.jsonl")
+        say(*asked)
+        say(*asked, "--csv", rows, "-o", kept)
+        assert json.loads(read(kept).splitlines()[0])["preset"] == "a" + word
+        assert "the teeth do not reach" in read(rows)
+        Path(kept).write_text(read(kept).replace('"set":["', f'"set":[{json.dumps(word)},"'), encoding="utf-8")
+        assert "of another run: options.set" in say(*asked, "-o", kept)[1]
+        write(Path(kept), [[word]])
+        assert "holds no results" in say(*asked, "-o", kept)[1]
+
+
 @hostile
 @example(STEERING)
 @given(WORDS)
@@ -144,6 +161,8 @@ def test_words_of_the_command_line(word: str) -> None:
     say("check", SMALL, "--torque", word)
     say("accept", SMALL, "--measured-only", "--value", word)
     say("mount", SMALL, "--card", f"a{word}")
+    say("sweep", SMALL, "--vary", word, "--scheduler", word)
+    say("sweep", SMALL, "--vary", "gears.j_n=1," + word, "--scheduler-file", word.replace("\x00", "") + "/none")
 
 
 CARD = card(advice_of([30.0, 20.0, 25.0]), serial="17")

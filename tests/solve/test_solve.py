@@ -52,8 +52,10 @@ def test_the_engine_runs_what_cvxpy_compiles(formulation, system):
         assert data.b_0 + torque * data.b_1 == pytest.approx(handed["b"], rel=1e-14)
 
 
-def test_data_moved_to_a_neighbour_are_what_cvxpy_compiles_there(reference, formulation):
-    there = formulate(contact_system(reference, tau=0.3, beta=0.7))
+@pytest.mark.parametrize("path", ["contact.c_t", "supports.C_1", "cam.W_0"])
+def test_data_moved_to_a_neighbour_are_what_cvxpy_compiles_there(reference, formulation, path):
+    moved = reference.with_values({path: 1.05 * reference.value(path)})
+    there = formulate(contact_system(moved, tau=0.3, beta=0.7))
     moved, compiled = compile_programme(formulation).moved(formulation, there), compile_programme(there)
     for name in ("P", "q_0", "Q", "A", "b_0", "b_1", "lower"):
         scale = np.abs(getattr(compiled, name)).max()

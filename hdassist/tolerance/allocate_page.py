@@ -1,0 +1,165 @@
+"""The cheapest tolerances as a table, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import unit_of
+from hdassist.terminal.answers import Json, envelope
+from hdassist.terminal.console import Style, table
+from hdassist.terminal.runs import Answer, Figures
+from hdassist.tolerance.allocation import Allocation, Tolerance
+from hdassist.tolerance.scatter import Draws
+from hdassist.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class Allocated:
+    """The cheapest tolerances of a drive, ways to build it one after the other; limits and self errors [arcsec]."""
+
+    drive: Drive
+    draws: Draws
+    wanted: float
+    limits: Sequence[float]
+    self_errors: Sequence[float]
+    choices: Sequence[Tolerance]
+    ways: Sequence[Allocation]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether any way reaches the yield."""
+        return Verdict.PASS if any(way.fits for way in self.ways) else Verdict.FAIL
+
+
+def answer(found: Allocated) -> Answer:
+    """What there is to say of the cheapest tolerances."""
+    return Answer(
+        to_json=lambda: to_json(found),
+        page=lambda style: render(found, style),
+        summary_line=lambda: "\n".join(map(_words, found.ways)),
+        figures=lambda: figures(found),
+        about=found.drive.name,
+        warnings=warnings(found),
+        exit_code=found.verdict.exit_code,
+    )
+
+
+def warnings(found: Allocated) -> tuple[str, ...]:
+    """What a reader should know beside the numbers."""
+    told = list(found.drive.origin.warnings)
+    if assumed := [choice.path for choice in found.choices if choice.assumed_law]:
+        told.append(f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)")
+    if kept := [s.path for s in found.draws.scatters if s.assumed]:
+        told.append(f"not given, and left as they may be: {', '.join(kept)}")
+    return tuple(told)
+
+
+def render(found: Allocated, style: Style) -> RenderableType:
+    """What each way costs, and a column of tolerances for each."""
+    limits = ", ".join(
+        f"{limit:g} at {M:g} N·m" for M, limit in zip(found.drive.operation.M_g, found.limits, strict=True)
+    )
+    head = f"{found.drive.name}: cheapest tolerances for {found.wanted:.0%} of drives within {limits} arcsec"
+    lines = [_words(way) for way in found.ways]
+    if not any(way.fits for way in found.ways):
+        lines.append(_why_not(found))
+    elif saved := _saved(found):
+        lines.append(saved)
+    parts: list[RenderableType] = [Text(style.text(head), style="bold"), Text(style.text("\n".join(lines)))]
+    parts.append(_table(found, style))
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _words(way: Allocation) -> str:
+    share, (low, high) = way.tried.share, way.tried.bounds
+    tried = f"{share:.1%} of {way.tried.count} other drives pass ({low:.1%} to {high:.1%})"
+    how = "with the wheel in its best hole" if way.turned else "as built"
+    if way.classes:
+        how += ", classes " + ", ".join(f"{path.split('.')[1]} {grade}" for path, grade in way.classes.items())
+    return f"{how}: cost {way.cost:.2f}; {tried}" if way.fits else f"{how}: no such tolerances; at their least {tried}"
+
+
+def _why_not(found: Allocated) -> str:
+    told = [
+        f"at {M_g:g} N·m the self error takes {own:.1f} of {limit:g} arcsec"
+        for M_g, own, limit in zip(found.drive.operation.M_g, found.self_errors, found.limits, strict=True)
+    ]
+    return f"nothing fits: {'; '.join(told)}; the rest is what the least tolerances leave (hdassist sensitivity)"
+
+
+def _saved(found: Allocated) -> str:
+    plain = next((way for way in found.ways if not way.turned and not way.classes and way.fits), None)
+    turned = next((way for way in found.ways if way.turned and not way.classes and way.fits), None)
+    if turned is None:
+        return ""
+    if plain is None:
+        return "turning the wheel is what makes it possible"
+    return f"turning the wheel saves {1 - turned.cost / plain.cost:.0%} of what the tolerances cost"
+
+
+def _table(found: Allocated, style: Style) -> Table:
+    grid = table(style, "tolerances, and their costs")
+    for words in ("field", "preset", *(_column(way) for way in found.ways)):
+        grid.add_column(style.text(words), justify="left" if words == "field" else "right", no_wrap=words == "field")
+    for choice in found.choices:
+        unit = unit_of(field_table()[choice.path])
+        cells = [f"{way.values[choice.path]:.3g} ({choice.cost(way.values[choice.path]):.2f})" for way in found.ways]
+        grid.add_row(*map(style.text, (f"{choice.path}, {unit}", f"{choice.now:g} ({choice.law.share:.2f})", *cells)))
+    now = sum(choice.law.share for choice in found.choices)
+    grid.add_row("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in found.ways))
+    return grid
+
+
+def _column(way: Allocation) -> str:
+    return ("best hole" if way.turned else "as built") + (", classes" if way.classes else "")
+
+
+def to_json(found: Allocated) -> Json:
+    """The allocations as a JSON object."""
+    torques = found.drive.operation.M_g
+    return {
+        **envelope("allocate", found.drive, found.verdict.exit_code, warnings(found)),
+        "yield_wanted": found.wanted,
+        "limits": [
+            {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own}
+            for M_g, limit, own in zip(torques, found.limits, found.self_errors, strict=True)
+        ],
+        "laws": [
+            {
+                "field": choice.path, "unit": unit_of(field_table()[choice.path]), "now": choice.now,
+                "least": choice.least, "most": choice.most, "share": choice.law.share, "k": choice.law.k,
+                "assumed": choice.assumed_law,
+            }
+            for choice in found.choices
+        ],
+        "allocations": [
+            {
+                "turned": way.turned,
+                "fits": way.fits,
+                "tolerances": dict(way.values),
+                "classes": dict(way.classes),
+                "cost": way.cost,
+                "yield": {"share": way.tried.share, "low": way.tried.bounds[0], "high": way.tried.bounds[1]},
+                "drives": way.tried.count,
+            }
+            for way in found.ways
+        ],
+        "seed": found.draws.seed,
+        "verdict": str(found.verdict),
+    }  # fmt: skip
+
+
+def figures(found: Allocated) -> Figures:
+    """One row per way and tolerance."""
+    rows = [
+        [found.drive.name, _column(way), way.fits, choice.path, choice.now, way.values[choice.path], way.cost]
+        for way in found.ways
+        for choice in found.choices
+    ]
+    return ["preset", "wheel", "fits", "field", "now", "tolerance", "cost_of_all"], rows

@@ -1,0 +1,104 @@
+"""Options of commands that draw random drives: what they are drawn from, and the limits they are held against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import typer
+
+from hdassist.errors import DataError, UsageError
+from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
+    from hdassist.tolerance.scatter import Distribution, Draws
+
+
+@dataclass(frozen=True)
+class DrawOptions(o.LoadedDriveOptions):
+    """How drives are drawn, and what they are held against."""
+
+    panel: ClassVar[str] = "Drives"
+
+    limit: Annotated[
+        list[str],
+        typer.Option(metavar="[M_G:]ARCSEC", help="Limit of F'_ior with the self error: 30, or 80:30. Repeatable."),
+    ] = field(default_factory=list)
+    distribution: Annotated[
+        Literal["rayleigh", "uniform", "fixed"], typer.Option(help="How sizes scatter up to their tolerance.")
+    ] = "rayleigh"
+    scatter: Annotated[
+        list[str],
+        typer.Option(
+            metavar="FIELD=NAME|FILE", help="The same of one field, or a file of values measured of it. Repeatable."
+        ),
+    ] = field(default_factory=list)
+    known: Annotated[
+        list[str],
+        typer.Option(metavar="FIELD", help="A direction that is as the preset has it, not any. Repeatable."),
+    ] = field(default_factory=list)
+    method: Annotated[
+        Literal["mc", "sobol"], typer.Option(help="Independent drives, or a sequence that fills the space evenly.")
+    ] = "mc"
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random drives.")] = 0
+
+    def load(self, preset: str, *more: str) -> Drive:
+        """The drive of a preset with overrides, torques and limits. Raises DataError, PresetError or UsageError."""
+        return super().load(preset, *more, *map(_limit_override, self.limit))
+
+    def draws(self, drive: Drive) -> Draws:
+        """What random drives are drawn from. Raises UsageError and DataError for options that cannot be meant."""
+        from hdassist.tolerance.scatter import Draws, scatters
+
+        found = scatters(drive, self.distribution, by_field=dict(map(_scatter_of, self.scatter)), known=self.known)
+        if not found:
+            raise UsageError("nothing scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
+        return Draws(found, self.seed, self.method)
+
+
+def require_limits(drive: Drive) -> list[float]:
+    """Limit of F'_ior [arcsec] at each torque. Raises UsageError where there is none at one of them."""
+    limits = [drive.limit(M_g) for M_g in drive.operation.M_g]
+    open_ = [M_g for M_g, limit in zip(drive.operation.M_g, limits, strict=True) if limit is None]
+    if open_:
+        raise UsageError(f"no limit of F'_ior at {open_[0]:g} N*m", f"--limit 30, or --limit {open_[0]:g}:30")
+    return [limit for limit in limits if limit is not None]
+
+
+def _limit_override(text: str) -> str:
+    torque, colon, limit = text.rpartition(":")
+    for number in (torque, limit) if colon else (limit,):
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise UsageError(f"--limit: not a limit in arcsec (got {text or 'nothing'})", "like 30, or 80:30 at 80 N*m")
+    return f"acceptance.F_ior.{torque}={limit}" if colon else f"acceptance.F_ior={limit}"
+
+
+def _scatter_of(text: str) -> tuple[str, Distribution | list[float]]:
+    """A field, and its distribution or the values measured of it."""
+    from hdassist.tolerance.scatter import DISTRIBUTIONS
+
+    path, _, what = text.partition("=")
+    if not what:
+        raise UsageError(f"--scatter: not of the form FIELD=NAME or FIELD=FILE (got {text or 'nothing'})")
+    named: dict[str, Distribution] = {name: name for name in DISTRIBUTIONS}
+    return path, named[what] if what in named else _measured(what)
+
+
+def _measured(file: str) -> list[float]:
+    """Values in the only column of a file, or in its first one. Raises DataError: not readable, empty or negative."""
+    from hdassist.readers.table import read_numbers
+
+    table = read_numbers(file)
+    table.require_sound()
+    if not len(table.values):
+        raise DataError(f"{file}: no values in it", "a column of measured sizes, one a line, in the field's unit")
+    values = table.values[:, 0].tolist()
+    if min(values) < 0:
+        raise DataError(f"{file}: a size below 0 ({min(values):g})", "sizes of deviations, without signs")
+    return [float(value) for value in values]

@@ -1,0 +1,166 @@
+"""F'_ior over a grid of values of a preset's fields: a row a value of each field and a torque."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.search import CycleSearch, worth_searching
+from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.model.geometry import Array
+from hdassist.model.unknown import told
+from hdassist.preset.fields import Drive
+from hdassist.preset.load import load_text
+from hdassist.solve.window import in_wide_enough_window
+from hdassist.tolerance.results import Record
+from hdassist.tolerance.vary import TORQUE, Axis, grid_rows
+
+_PLACE = re.compile(r"^--set:\d+:\d+: ", re.MULTILINE)  # of an override, which here nobody has written
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The rows of a grid; called with (first, last) it gives their records, as `stream` wants it.
+
+    text and file of the preset; overrides; axes, the last one changing fastest; torques M_g [N*m], which change faster
+    still: that of the row where it is varied.
+    """
+
+    text: bytes
+    file: str
+    overrides: tuple[str, ...]
+    axes: tuple[Axis, ...]
+    torques: tuple[float, ...]
+
+    @classmethod
+    def of(cls, text: bytes, file: str, drive: Drive, axes: tuple[Axis, ...]) -> Sweep:
+        """The sweep of a preset, read with its overrides as drive, over axes."""
+        varied = any(axis.path == TORQUE for axis in axes)
+        return cls(text, file, drive.origin.overrides, axes, () if varied else drive.operation.M_g)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return grid_rows(self.axes) * max(1, len(self.torques))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values of each axis, and torques: the shape of what the rows tell."""
+        return (*(len(axis.values) for axis in self.axes), max(1, len(self.torques)))
+
+    def values(self, row: int) -> dict[str, float]:
+        """Values of the fields that are varied, by path, in a row."""
+        places = np.unravel_index(row, self.shape)
+        return {axis.path: axis.values[k] for axis, k in zip(self.axes, places, strict=False)}
+
+    def torque(self, row: int) -> float:
+        """Torque M_g [N*m] of a row."""
+        return self.torques[row % len(self.torques)] if self.torques else self.values(row)[TORQUE]
+
+    def __call__(self, first: int, last: int) -> list[Record]:
+        """Records of the rows first ... last - 1; a row depends on nothing but itself."""
+        return [self._record(row) for row in range(first, last)]
+
+    def _record(self, row: int) -> Record:
+        values, M_g = self.values(row), self.torque(row)
+        reason, code = None, 0
+        found: dict[str, Any] = dict.fromkeys(("F_ior_arcsec", "window_deg", "states", "max_residual"))
+        try:
+            found = in_wide_enough_window(self._drive(values), partial(_solved, M_g))
+        except HdassistError as error:
+            reason = _PLACE.sub("", error.message).replace("\n", "; ")
+            code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
+        return {"values": values, "M_g_Nm": M_g, **found, "reason": reason, "exit_code": code}
+
+    def _drive(self, values: dict[str, float]) -> Drive:
+        """The drive of a row, validated as any other. Raises UsageError: there is no such drive."""
+        sets = [f"{path}={[value] if path == TORQUE else value!r}" for path, value in values.items()]
+        return load_text(self.text, self.file, [*self.overrides, *sets])
+
+
+def _solved(M_g: float, drive: Drive) -> dict[str, Any]:
+    """F'_ior of a drive at a torque, with its proof: as `check` has it, searched where that is worth it."""
+    if worth_searching(drive):
+        found = CycleSearch(drive, M_g).extremes(drive)
+        F_ior, proof = found.F_ior_arcsec, found.certificate
+    else:
+        error = kinematic_error(drive, M_g, cross_check=None)
+        F_ior, proof = error.F_ior_arcsec, error.certificate
+    return {
+        "F_ior_arcsec": F_ior,
+        "window_deg": drive.numerics.window,
+        "states": proof.states,
+        "max_residual": proof.max_residual,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """What came of a sweep.
+
+    F_ior_arcsec, NaN where a row has no answer, shape (values of each axis, torques); states and max_residual of all
+    rows; failed, rows without an answer; reason, of the first of them; exit_codes of all of them; widened, rows
+    computed in a wider flank window than the preset's.
+    """
+
+    sweep: Sweep
+    drive: Drive
+    F_ior_arcsec: Array
+    states: int
+    max_residual: float
+    failed: int
+    reason: str
+    exit_codes: frozenset[int]
+    widened: int
+
+    def effect(self, axis: int) -> float | None:
+        """How far F'_ior moves [arcsec] along an axis, all else unchanged, where it moves most; None if unknown."""
+        there = np.isfinite(self.F_ior_arcsec)
+        high = np.where(there, self.F_ior_arcsec, -np.inf).max(axis=axis)
+        low = np.where(there, self.F_ior_arcsec, np.inf).min(axis=axis)
+        moves = (high - low)[there.sum(axis=axis) > 1]
+        return float(moves.max()) if moves.size else None
+
+    def end(self, greatest: bool) -> tuple[int, float] | None:
+        """The row with the least or the greatest F'_ior, and that [arcsec]; None where no row has an answer."""
+        if self.failed == self.sweep.rows:
+            return None
+        row = int((np.nanargmax if greatest else np.nanargmin)(self.F_ior_arcsec))
+        return row, float(self.F_ior_arcsec.flat[row])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader should know beside the numbers."""
+        wider = f"{self.widened} rows were computed in a wider flank window than the preset's: window_deg says which"
+        return (
+            *self.drive.origin.warnings,
+            *told(largest(self.drive, self.sweep.axes)),
+            *([wider] * (self.widened > 0)),
+        )
+
+
+def largest(drive: Drive, axes: Iterable[Axis]) -> Drive:
+    """The drive with each size that is varied at its greatest: what is not known then, is not known in some row."""
+    return drive.with_values({axis.path: max(axis.values) for axis in axes if axis.path != TORQUE})
+
+
+def collect(sweep: Sweep, drive: Drive, records: Iterable[Record]) -> Swept:
+    """What comes of the records of all rows, in their order; each is looked at once."""
+    F_ior = np.full(sweep.rows, np.nan)
+    states, residual, failed, reason, codes, widened = 0, 0.0, 0, "", set[int](), 0
+    for row, record in enumerate(records):
+        if record["reason"] is not None:
+            failed, reason = failed + 1, reason or record["reason"]
+            codes.add(record["exit_code"])
+            continue
+        F_ior[row] = record["F_ior_arcsec"]
+        states, residual = states + record["states"], max(residual, record["max_residual"])
+        widened += record["window_deg"] > record["values"].get("numerics.window", drive.numerics.window)
+    shaped = F_ior.reshape(sweep.shape)
+    return Swept(sweep, drive, shaped, states, residual, failed, reason, frozenset(codes), widened)

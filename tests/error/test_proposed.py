@@ -1,0 +1,79 @@
+"""Extremes that a table proposes, against every state of the cycle."""
+
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.error.proposed import Batch, ProposedSearch
+from hdassist.error.table import ErrorTable, Mesh, error_tables
+from hdassist.model.contacts import contact_system
+from hdassist.preset.fields import Drive
+from hdassist.solve.formulation import formulate
+from tests.process import SMALL
+
+COUNT = 16
+MOST = {  # um
+    "tolerances.F_i1": 40.0, "tolerances.F_i2": 40.0, "tolerances.e_hb": 30.0, "tolerances.e_hh": 10.0,
+    "tolerances.e_b": 2.0, "harmonics.a_b2": 1.0, "harmonics.a_g3": 0.5,
+}  # fmt: skip
+DIRECTIONS = ("phases.xi_g", "phases.xi_b", "phases.phi_hb", "phases.phi_hh", "phases.phi_eb", "harmonics.xi_b2")
+
+
+@pytest.fixture(scope="module")
+def small() -> Drive:
+    return load_preset(SMALL)
+
+
+@pytest.fixture(scope="module")
+def table(small: Drive) -> ErrorTable:
+    return error_tables([(small, [small.with_values(MOST)])], (1.0,), mesh=Mesh((13, 7, 13, 13), compared=0))[0][0]
+
+
+@pytest.fixture(scope="module")
+def batch(small: Drive) -> Batch:
+    rng = np.random.default_rng(3)
+    sizes = {path: most * rng.random(COUNT) for path, most in MOST.items()}
+    return Batch(small, sizes | {path: 360 * rng.random(COUNT) for path in DIRECTIONS})
+
+
+@pytest.fixture(scope="module")
+def exact(small: Drive, batch: Batch) -> np.ndarray:
+    drives = [small.with_values({p: float(v[k]) for p, v in batch.columns.items()}) for k in range(COUNT)]
+    return np.array([kinematic_error(d, 1.0, cross_check=None).F_ior_arcsec for d in drives])
+
+
+def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray) -> None:
+    search = ProposedSearch(small, table, formulate(contact_system(small)))
+    estimates = search.estimates(batch)
+    found = search.extremes(batch, estimates)
+    read = np.ptp(estimates, axis=(1, 2))
+    assert np.abs(read - exact).max() > 0.5, "the table alone is worse, or this shows nothing"
+    assert np.abs(found.F_ior_arcsec - exact).max() < 1e-6
+    assert found.certificate.states < COUNT * 1860 / 2
+    assert found.certificate.max_residual < 1e-8
+
+
+def test_the_states_are_the_extremes(small: Drive, table: ErrorTable, batch: Batch) -> None:
+    search = ProposedSearch(small, table, formulate(contact_system(small)))
+    one = batch.take(np.array([5]))
+    found = search.extremes(one, search.estimates(one))
+    drive = small.with_values({p: float(v[5]) for p, v in batch.columns.items()})
+    error = kinematic_error(drive, 1.0, cross_check=None)
+    assert {int(found.at_max[0]), int(found.at_min[0])} == {error.at_max, error.at_min}
+
+
+def test_a_drive_has_the_same_digits_alone_and_with_its_table_from_another_drive(
+    small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray
+) -> None:
+    softer = small.with_values({"contact.c_t": 6.6e-5})
+    like = ProposedSearch(small, table, formulate(contact_system(small)))
+    search = ProposedSearch(softer, table, formulate(contact_system(softer)), like=like.fresh)
+    rows = np.array([2, 7])
+    part = batch.take(rows)
+    found = search.extremes(part, search.estimates(part)).F_ior_arcsec
+    again = ProposedSearch(softer, table, formulate(contact_system(softer)), like=like.fresh)
+    assert (again.extremes(part, again.estimates(part)).F_ior_arcsec == found).all()
+    for row, value in zip(rows, found, strict=True):
+        drive = softer.with_values({p: float(v[row]) for p, v in batch.columns.items()})
+        assert value == pytest.approx(kinematic_error(drive, 1.0, cross_check=None).F_ior_arcsec, abs=1e-6)
+        assert abs(value - exact[row]) > 0.01, "the other stiffness moves it"

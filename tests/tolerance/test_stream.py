@@ -1,0 +1,138 @@
+"""Chunks of very many items: whatever they are and whoever dies over them, the same records in the same order."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import time
+from concurrent.futures import Executor, Future
+from contextlib import closing, contextmanager, nullcontext
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from hdassist.errors import DataError, UntrustedError
+from hdassist.terminal.workers import workers
+from hdassist.tolerance.stream import AHEAD, MOST, stream
+
+TOTAL = 40
+
+
+def squares(first, last):
+    return [{"square": k * k} for k in range(first, last)]
+
+
+def squares_but_dies_once(folder, at, first, last):
+    """Kills the process that works on an item, the first time."""
+    if first <= at < last and not (mark := Path(folder, "died")).exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return squares(first, last)
+
+
+def dies_over(item, first, last):
+    if first <= item < last:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return squares(first, last)
+
+
+def refuses(item, first, last):
+    if first <= item < last:
+        raise DataError(f"item {item} is wrong", "a hint")
+    return squares(first, last)
+
+
+@contextmanager
+def two_processes():
+    with workers(2) as executor:
+        yield executor, 2
+
+
+class Counted(Executor):
+    """Works here, and keeps what it was asked for: first and last of each chunk; takes seconds for each item."""
+
+    def __init__(self, seconds=0.0):
+        self.chunks, self.seconds = [], seconds
+
+    def submit(self, task, work, first, last):
+        self.chunks.append((first, last))
+        answer = Future()
+        answer.set_result((self.seconds * (last - first), pickle.loads(work)(first, last)))
+        return answer
+
+
+def flat(chunks):
+    return [record for chunk in chunks for record in chunk]
+
+
+@pytest.mark.parametrize("done", [0, 1, 39, 40, 50])
+def test_every_item_that_is_not_done_has_its_record_in_its_place(done):
+    assert flat(stream(squares, TOTAL, done=done)) == squares(done, TOTAL)
+
+
+def test_chunks_grow_to_what_takes_their_time_and_shrink_to_the_end_and_few_are_ahead():
+    counted = Counted(seconds=0.01)
+    ahead = []
+    for records in stream(squares, 5000, pool=lambda: nullcontext((counted, 2)), seconds=1.0):
+        ahead.append(len(counted.chunks) - len(ahead))
+        assert len(records) <= 100
+    sizes = [last - first for first, last in counted.chunks]
+    assert sizes[0] == 1
+    assert max(sizes) == 100  # of 0.01 s each
+    assert sizes[-1] == 1
+    assert max(ahead) == AHEAD * 2
+
+
+def test_no_chunk_is_longer_than_memory_allows():
+    counted = Counted()
+    count = sum(len(records) for records in stream(squares, 20 * MOST, pool=lambda: nullcontext((counted, 2))))
+    assert count == 20 * MOST
+    assert max(last - first for first, last in counted.chunks) == MOST
+
+
+def test_a_worker_that_dies_half_way_loses_nothing(tmp_path):
+    work = partial(squares_but_dies_once, str(tmp_path), 20)
+    assert flat(stream(work, TOTAL, pool=two_processes)) == squares(0, TOTAL)
+    assert (tmp_path / "died").exists()
+
+
+def test_items_that_kill_every_worker_are_named_and_those_before_them_are_kept():
+    kept = []
+    with pytest.raises(UntrustedError, match=r"ended from outside 3 times while they worked on items (\d+) to"):
+        for records in stream(partial(dies_over, 20), TOTAL, pool=two_processes):
+            kept += records
+    assert kept == squares(0, len(kept))
+    assert len(kept) <= 20
+
+
+@pytest.mark.parametrize("pool", [None, two_processes])
+def test_what_the_work_raises_comes_behind_the_records_before_it(pool):
+    kept = []
+    with pytest.raises(DataError, match="item 9 is wrong") as told:
+        for records in stream(partial(refuses, 9), TOTAL, pool=pool, seconds=1e-9):
+            kept += records
+    assert kept == squares(0, 9)
+    assert told.value.hint == "a hint"
+
+
+def slow_but_first(first, last):
+    time.sleep(3600 if first else 0)
+    return squares(first, last)
+
+
+def test_a_stream_that_is_closed_waits_for_nobody():
+    with closing(stream(slow_but_first, TOTAL, pool=two_processes)) as chunks:
+        assert next(chunks) == squares(0, 1)
+    assert not multiprocessing.active_children()
+
+
+def nothing(first, last):
+    return []
+
+
+def test_a_work_that_leaves_out_a_record_is_a_bug():
+    with pytest.raises(ValueError, match="0 records of 1 items"):
+        list(stream(nothing, 3))

@@ -1,0 +1,242 @@
+"""Sweeps: rows that agree with `check`, whoever computes them, and whoever is killed over them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.preset.library import read_preset
+from hdassist.tolerance.sweep import Sweep, collect
+from hdassist.tolerance.vary import read_axes
+from tests.process import CLEAN, COMMAND, SMALL, run, run_cold
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+GRID = ("--vary", "tolerances.e_hb=10:80:15", "--vary", "operation.M_g=2,4")
+
+
+def sweep_of(*vary, overrides=()):
+    text, file = read_preset(SMALL)
+    drive = load_preset(SMALL, overrides)
+    return Sweep.of(text, file, drive, read_axes(vary, overrides)), drive
+
+
+@pytest.fixture(scope="module")
+def few():
+    """A small sweep with a row that has no drive: its records, and what came of it."""
+    sweep, drive = sweep_of("gears.x_b=1.6,4", "tolerances.e_hb=30,60")
+    records = sweep(0, sweep.rows)
+    return sweep, records, collect(sweep, drive, records)
+
+
+def test_rows_go_through_the_grid_with_the_last_field_and_then_the_torque_fastest(few):
+    sweep, records, _ = few
+    rows = [(*record["values"].values(), record["M_g_Nm"]) for record in records]
+    assert rows == [(x_b, e_hb, M_g) for x_b in (1.6, 4.0) for e_hb in (30.0, 60.0) for M_g in (1.0, 4.0)]
+    assert sweep.shape == (2, 2, 2)
+
+
+def test_a_row_does_not_depend_on_the_rows_around_it(few):
+    sweep, records, _ = few
+    assert [record for row in reversed(range(sweep.rows)) for record in sweep(row, row + 1)][::-1] == records
+
+
+def test_a_row_says_what_check_says(few):
+    _, records, _ = few
+    answer = json.loads(run("check", SMALL, "--set", "tolerances.e_hb=60", "--torque", "4", "--json").stdout)
+    point = answer["operating_points"][0]
+    assert records[3]["values"] == {"gears.x_b": 1.6, "tolerances.e_hb": 60.0}
+    assert records[3]["F_ior_arcsec"] == pytest.approx(point["F_ior_arcsec"], abs=1e-9)
+    assert records[3]["max_residual"] < 1e-9
+
+
+def test_a_searched_row_says_what_the_full_cycle_says(few, monkeypatch):
+    sweep, records, _ = few
+    monkeypatch.setattr("hdassist.tolerance.sweep.worth_searching", lambda _: True)
+    (found,) = sweep(3, 4)
+    assert found["states"] < records[3]["states"]
+    assert found["F_ior_arcsec"] == pytest.approx(records[3]["F_ior_arcsec"], abs=1e-6)
+
+
+def test_rolling_balls_are_swept_too():
+    ball = ("bearing.ball_motion=rolling", "bearing.d_ball=2.4", "numerics.n_beta=4")
+    sweep, _ = sweep_of("tolerances.e_hb=30", overrides=ball)
+    assert sweep(1, 2)[0]["F_ior_arcsec"] > 0
+
+
+def test_a_row_without_a_drive_stays_with_its_reason(few):
+    _, records, swept = few
+    assert all(record["reason"] is None for record in records[:4])
+    for record in records[4:]:
+        assert record["reason"].startswith("gears.x_b: ")
+        assert record["F_ior_arcsec"] is None
+        assert record["exit_code"] == 4
+    assert swept.failed == 4
+    assert swept.states == 4 * 1860
+
+
+def test_what_moves_it_most_is_told_along_one_field_alone(few):
+    _, records, swept = few
+    values = [record["F_ior_arcsec"] for record in records[:4]]
+    assert swept.effect(0) is None  # no two rows that differ in nothing else have an answer
+    assert swept.effect(1) == max(abs(values[2] - values[0]), abs(values[3] - values[1]))
+    assert swept.end(False) == (int(np.argmin(values)), min(values))
+    assert swept.end(True) == (int(np.argmax(values)), max(values))
+
+
+def test_a_window_that_was_too_narrow_is_widened_and_said():
+    sweep, drive = sweep_of("numerics.window=8,40", overrides=("operation.M_g=[4]",))
+    swept = collect(sweep, drive, records := sweep(0, 2))
+    assert records[0]["window_deg"] > 8
+    assert records[1]["window_deg"] == 40
+    assert any("1 rows were computed in a wider flank window" in text for text in swept.warnings)
+
+
+def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():
+    done = run("sweep", SMALL, "--vary", "harmonics.a_b2=0,3", "--torque", "4", "--set", "gears.x_b=1.8", "--jobs", "1")
+    assert done.returncode == 0
+    header, *rows = csv.reader(io.StringIO(done.stdout))
+    assert header == ["harmonics.a_b2", "M_g_Nm", "F_ior_arcsec", "max_residual", "reason"]
+    assert [float(row[0]) for row in rows] == [0, 3]
+    assert float(rows[0][2]) != float(rows[1][2])
+    assert done.stderr == "warning: small: not known, and computed as 0: harmonics.xi_b2\n"
+
+
+def test_json_has_rows_ends_and_effects(tmp_path):
+    options = ("--vary", "gears.x_b=1.8,4", "--torque", "4", "--jobs", "1", "--json")
+    done = run("sweep", SMALL, *options, "-o", "rows.jsonl", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "wrote rows.jsonl\n")
+    told = json.loads(done.stdout, parse_constant=pytest.fail)
+    kept = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
+    assert told["schema"] == "hdassist.sweep/1"
+    assert told["vary"] == [{"field": "gears.x_b", "unit": "", "values": [1.8, 4.0], "effect_arcsec": None}]
+    assert [{"item": k, **row} for k, row in enumerate(told["rows"])] == kept[1:]
+    assert told["least"] == told["greatest"] == {"row": 0, "F_ior_arcsec": kept[1]["F_ior_arcsec"]}
+    assert told["rows_without_answer"] == 1
+    assert kept[0]["options"] == {"vary": ["gears.x_b=1.8,4"], "set": ["operation.M_g=[4.0]"]}
+
+
+def test_a_map_of_two_fields_and_parquet(tmp_path):
+    import pyarrow.parquet
+
+    fields = ("--vary", "tolerances.e_hb=30,60", "--vary", "gears.x_b=1.6,4", "--torque", "4", "--jobs", "1")
+    done = run("sweep", SMALL, *fields, "-o", "rows.parquet", "--csv", "rows.csv", "--ascii", cwd=tmp_path)
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    drawn = [line.split("|") for line in lines[lines.index("gears.x_b; F'_ior at 4 N*m, arcsec") + 1 :]]
+    assert [row[0].strip() for row in drawn[:2]] == ["4", "1.6"]
+    assert drawn[0][1] == "!" * 70  # no such drives
+    assert drawn[1][1] == "." * 35 + "@" * 35
+    assert "without an answer: 2 of 4 rows; the first: gears.x_b:" in done.stdout
+    said = " ".join(done.stdout.split())
+    assert said.endswith(f"next: hdassist check {SMALL} --set tolerances.e_hb=30 --set gears.x_b=1.6")
+    table = pyarrow.parquet.read_table(tmp_path / "rows.parquet")
+    assert json.loads(table.schema.metadata[b"hdassist"])["preset"] == "small"
+    in_csv = list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))
+    in_parquet = [{key: "" if v is None else str(v) for key, v in row.items()} for row in table.to_pylist()]
+    assert in_parquet == in_csv
+    again = run("sweep", SMALL, *fields, "-o", "rows.parquet", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "rows.parquet exists" in again.stderr
+
+
+def test_without_any_answer_the_exit_code_is_that_of_the_rows():
+    done = run("sweep", SMALL, "--vary", "gears.x_b=4,5", "--torque", "4", "--jobs", "1", "-q")
+    assert (done.returncode, done.stdout) == (4, "no answer\n")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The file of a sweep by one process that nobody disturbed."""
+    file = tmp_path_factory.mktemp("whole") / "rows.jsonl"
+    done = run_cold("sweep", SMALL, *GRID, "--jobs", "1", "-o", str(file), "-q")
+    assert done.returncode == 0, done.stderr
+    return file.read_bytes()
+
+
+def rows_of(file: Path) -> int:
+    return file.read_bytes().count(b"\n") - 1 if file.exists() else 0
+
+
+@contextmanager
+def begun(file: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """A sweep by two processes that has added some rows to a file, and not all."""
+    before = max(0, rows_of(file))
+    with subprocess.Popen(
+        [*COMMAND, "sweep", SMALL, *GRID, "--jobs", "2", "-o", str(file), "-q", *options], env=CLEAN,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:  # fmt: skip
+        try:
+            until = time.monotonic() + 60
+            while rows_of(file) <= before:
+                assert time.monotonic() < until
+                assert process.poll() is None
+                time.sleep(0.002)
+            assert rows_of(file) < 30
+            yield process
+        finally:
+            process.kill()
+
+
+def a_worker_of(process: subprocess.Popen[str]) -> int:
+    """The youngest process that it, or a thread of it, has begun."""
+    told = [task.read_text().split() for task in Path(f"/proc/{process.pid}/task").glob("*/children")]
+    return max(int(pid) for children in told for pid in children)
+
+
+def goes_on_with_a_worker_killed(file: Path, *options: str) -> None:
+    with begun(file, *options) as process:
+        os.kill(a_worker_of(process), signal.SIGKILL)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, f"wrote {file}\n")
+    assert re.fullmatch(r"\d+\.\d\d to \d+\.\d\d arcsec\n", out)
+
+
+@needs_proc
+def test_two_processes_one_of_which_is_killed_write_the_same_file_as_one(tmp_path, whole):
+    goes_on_with_a_worker_killed(tmp_path / "rows.jsonl")
+    assert (tmp_path / "rows.jsonl").read_bytes() == whole
+
+
+@needs_proc
+def test_a_sweep_that_is_killed_goes_on_to_the_same_file_on_a_cluster_whose_worker_is_killed(tmp_path, whole):
+    file = tmp_path / "rows.jsonl"
+    with begun(file) as process:
+        process.kill()
+    kept = file.read_bytes()
+    assert whole.startswith(kept[: kept.rindex(b"\n") + 1])
+    other = run("sweep", SMALL, *GRID, "--set", "cam.W_0=0.57", "-o", str(file))
+    assert other.returncode == 2
+    assert "options.set" in other.stderr
+    assert file.read_bytes() == kept
+    goes_on_with_a_worker_killed(file, "--scheduler", "local")
+    assert file.read_bytes() == whole
+
+
+@needs_proc
+@pytest.mark.parametrize("options", [(), pytest.param(("--scheduler", "local"), marks=pytest.mark.slow)])
+def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path, options):
+    file = tmp_path / "rows.jsonl"
+    with begun(file, *options) as process:
+        worker = a_worker_of(process)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        out, err = process.communicate(timeout=30)
+    assert (process.returncode, out) == (130, "")
+    said = re.match(rf"(\d+) of 30 rows are kept in {re.escape(str(file))}: the same command goes on\n", err)
+    assert said
+    assert err[said.end() :] in ("", "interrupted\n")
+    assert int(said[1]) <= rows_of(file)
+    assert not Path(f"/proc/{worker}").exists()

@@ -1,0 +1,150 @@
+"""hdassist tolerance: what it says, keeps, goes on from, and refuses."""
+
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.process import CLEAN, COMMAND, SMALL, run
+
+FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The records of twelve drives, written at once by one process."""
+    file = tmp_path_factory.mktemp("tolerance") / "whole.jsonl"
+    done = run("tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file))
+    assert done.returncode == 0, done.stderr
+    return file
+
+
+def test_the_page_tells_yields_both_ways_and_the_next_command() -> None:
+    done = run("tolerance", SMALL, "-n", "12", "--torque", "1", "--limit", "60", "--jobs", "1", "--ascii")
+    assert done.returncode == 0, done.stderr
+    for words in ("12 random drives", "yield as built", "best of 12", "5 %", "proof:", "next: hdassist sensitivity"):
+        assert words in done.stdout
+    assert done.stdout.isascii()
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_json_has_quantiles_yield_and_what_was_drawn(kept: Path) -> None:
+    done = run(
+        "tolerance", SMALL, "-n", "12", "--torque", "1", "--limit", "60", "--yield", "0.99", "--jobs", "1", "--json"
+    )
+    told = json.loads(done.stdout)
+    assert told["schema"] == "hdassist.tolerance/1"
+    assert told["drives"] == 12
+    assert told["verdict"] == "FAIL"
+    assert told["exit_code"] == done.returncode == 3
+    (point,) = told["operating_points"]
+    values = [record["F_ior_arcsec"][0] for record in map(json.loads, kept.read_text().splitlines()[1:])]
+    assert point["as_built"]["worst_arcsec"] == max(values)
+    assert point["as_built"]["mean_arcsec"] == pytest.approx(sum(values) / 12)
+    assert told["yield"]["as_built"]["good"] == sum(v + point["self_error_arcsec"] <= 60 for v in values)
+    assert 0 <= told["yield"]["best_position"]["low"] <= told["yield"]["best_position"]["share"]
+    assert {s["field"]: s["kind"] for s in told["scatter"]}["phases.xi_b"] == "direction"
+
+
+def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -> None:
+    file = tmp_path / "two.jsonl"
+    run("tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "2", "--results", str(file))
+    assert file.read_bytes() == kept.read_bytes()
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(kept: Path, tmp_path: Path) -> None:
+    file = tmp_path / "killed.jsonl"
+    command = ["tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file)]
+    process = subprocess.Popen([*COMMAND, *command], env=CLEAN, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    begun = time.monotonic()
+    while not (file.exists() and file.read_bytes().count(b"\n") > 2) and time.monotonic() - begun < 60:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    left = file.read_bytes()
+    assert kept.read_bytes().startswith(left[: left.rfind(b"\n") + 1])
+    done = run(*command)
+    assert done.returncode == 0, done.stderr
+    assert file.read_bytes() == kept.read_bytes()
+
+
+def test_more_drives_go_on_where_fewer_ended(kept: Path, tmp_path: Path) -> None:
+    file = tmp_path / "more.jsonl"
+    for count in ("5", "12"):
+        run("tolerance", SMALL, "-n", count, "--torque", "1", "--jobs", "1", "--results", str(file))
+    assert file.read_bytes() == kept.read_bytes()
+
+
+def test_another_preset_or_option_leaves_the_file_as_it_is(kept: Path) -> None:
+    before = kept.read_bytes()
+    for more, named in (
+        (("--seed", "1"), "seed"),
+        (("--set", "tolerances.e_hb=20"), "overrides"),
+        (("--as-built",), "rotations"),
+    ):
+        done = run("tolerance", SMALL, "-n", "12", "--torque", "1", "--results", str(kept), *more)
+        assert done.returncode == 2
+        assert named in done.stderr
+    assert kept.read_bytes() == before
+
+
+def test_measured_sizes_are_drawn_from_their_file(tmp_path: Path) -> None:
+    (tmp_path / "e_hb.csv").write_text("e_hb\n11\n17\n")
+    done = run(
+        "tolerance",
+        SMALL,
+        "-n",
+        "4",
+        *FEW,
+        "--scatter",
+        "tolerances.e_hb=e_hb.csv",
+        "--results",
+        "r.jsonl",
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    records = map(json.loads, (tmp_path / "r.jsonl").read_text().splitlines()[1:])
+    assert {record["values"]["tolerances.e_hb"] for record in records} <= {11.0, 17.0}
+
+
+def test_figures_have_a_row_a_torque_and_way() -> None:
+    done = run("tolerance", SMALL, "-n", "3", "--jobs", "1", "--csv", "-")
+    header, *rows = (line.split(",") for line in done.stdout.splitlines())
+    assert [row[1:3] for row in rows] == [
+        ["1.0", "as built"],
+        ["1.0", "best of 12"],
+        ["4.0", "as built"],
+        ["4.0", "best of 12"],
+    ]
+    assert header[-1] == "yield"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (("-n", "0"), 2, "-n"),
+        (("--distribution", "normal"), 2, "--distribution"),
+        (("--limit", "80:"), 2, "--limit"),
+        (("--limit", "much"), 2, "--limit"),
+        (("--limit", "7:30"), 2, "no limit of F'_ior at 1 N*m"),
+        (("--yield", "0.9"), 2, "no limit of F'_ior at 1 N*m"),
+        (("--yield", "1.5", "--limit", "30"), 2, "--yield"),
+        (("--scatter", "tolerances.e_hb"), 2, "--scatter"),
+        (("--scatter", "tolerances.e_xx=uniform"), 2, "tolerances.e_xx"),
+        (("--scatter", "tolerances.e_hb=nowhere.csv"), 4, "nowhere.csv"),
+        (("--scatter", "tolerances.e_hb=empty.csv"), 4, "empty.csv"),
+        (("--scatter", "tolerances.e_hb=below.csv"), 4, "below 0"),
+        (("--known", "phases.xi_q"), 2, "phases.xi_q"),
+        (("--set", "tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}"), 2, "nothing scatters"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(arguments: tuple[str, ...], code: int, told: str, tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "below.csv").write_text("3\n-4\n")
+    done = run("tolerance", SMALL, *arguments, cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert told in done.stderr
+    assert not done.stdout
