@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import bounds_of, kind_of, plain, range_of, unit_of
 
+SETTINGS = ("mounting", "operation", "acceptance", "numerics")  # sections that are no part of the drive
 STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
 
 
@@ -43,7 +44,8 @@ def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
         source = drive.source.get(path)
         section, name = path.split(".")
         left_out = name not in getattr(drive, section).model_fields_set
-        assumed = (source is not None and source.kind == "assumed") or (source is None and left_out)
+        by_default = left_out and section not in SETTINGS and drive.value(path) is not None
+        assumed = source.kind == "assumed" if source is not None else by_default
         mark = "*" if path in changed else "?" if assumed else ""
         unit = unit_of(info)
         yield Lever(path, text_of(drive.value(path)), unit, range_of(info, unit), str(info.description), mark)

@@ -44,7 +44,7 @@ class Service:
     async def ask(self, question: Question) -> AsyncIterator[Answer]:
         """What a process of its own answers; when the caller stops listening, or is cancelled, it is ended."""
         here, there = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=answer, args=(question, there, os.getpid()), daemon=False)
+        process = self._context.Process(target=answer, args=(question, there), daemon=False)
         begun = asyncio.create_task(asyncio.to_thread(self._begin, process, there))
         try:
             try:
@@ -95,12 +95,12 @@ async def _readable(connection: Connection) -> None:
         loop.remove_reader(connection.fileno())
 
 
-def answer(question: Question, there: Connection, parent: int) -> None:
-    """Answer a question in this process, which ends with its parent."""
+def answer(question: Question, there: Connection) -> None:
+    """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
     from hdassist.explorer.compute import answers
     from hdassist.terminal.workers import begin_worker
 
-    begin_worker(parent)
+    begin_worker(os.getppid())
     _silence()
     try:
         for each in answers(question):
