@@ -23,7 +23,7 @@ from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
 from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Value
 from hdassist.explorer.compute_views import compared, turned
-from hdassist.explorer.levers import stepped
+from hdassist.explorer.levers import SETTINGS, stepped
 from hdassist.explorer.questions import (
     Effort,
     MountQuestion,
@@ -44,6 +44,7 @@ from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.card import card_of
 from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_positions
+from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.preset.rules import conflicts
@@ -55,11 +56,11 @@ from hdassist.terminal.workers import workers
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice
 
+FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
 FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
 GROUP = 2  # positions that one task searches: few, so that the curve grows under the eye
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW, HIGH = 0.05, 0.95
-STILL = ("mounting.", "operation.", "acceptance.", "numerics.")  # sections that are no part of the drive
 
 
 def answers(question: Question) -> Iterator[Answer]:
@@ -123,14 +124,14 @@ def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
         return
     turns, torques = asked.effort.turns, drive.operation.M_g
     cases = [LoadCase.of(drive, M_g) for M_g in torques]
-    now = [_range(case, drive, turns) for case in cases]
+    now = [_ranges(case, [drive], turns)[0] for case in cases]
     found: dict[str, tuple[float, ...]] = {}
     for path in _moving(drive):
         there = drive.with_values({path: stepped(field_table()[path], drive.number(path))})
         with suppress(HdassistError):  # a drive that cannot be computed has no slope
             same = path.startswith(DEVIATIONS)  # the same contact system, moved otherwise
             there_cases = cases if same else [LoadCase.of(there, M_g) for M_g in torques]
-            after = [_range(case, there, turns) for case in there_cases]
+            after = [_ranges(case, [there], turns)[0] for case in there_cases]
             found[path] = tuple(b - a for a, b in zip(now, after, strict=True))
             if len(found) % 8 == 0:
                 yield Slopes(asked.rotation_deg, dict(found))
@@ -140,7 +141,7 @@ def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
 def _moving(drive: Drive) -> Iterator[str]:
     """Fields that a step can be taken of."""
     for path, info in field_table().items():
-        if kind_of(info) != "number" or path.startswith(STILL) or drive.value(path) is None:
+        if kind_of(info) != "number" or path.split(".")[0] in SETTINGS or drive.value(path) is None:
             continue
         value = stepped(info, drive.number(path))
         there = drive.with_values({path: value})
@@ -183,29 +184,33 @@ def _curve(drive: Drive, values: Array, sure: Sequence[Sequence[Sure]]) -> Curve
         for k, rotation in enumerate(_places(drive))
         if not np.isnan(values[:, k]).any()
     )
-    return Curve(tuple(drive.operation.M_g), places, drive.mounting.holes)
+    return Curve(tuple(drive.operation.M_g)[: len(values)], places, drive.mounting.holes)
 
 
 def _coarse(drive: Drive, turns: int) -> Iterator[Curve]:
-    """The curve from a few states of each position, one torque after the other."""
+    """The curve from a few states of each position: one torque after the other from the fewest, then all from more."""
+    there = [rotated(drive, rotation) for rotation in _places(drive)]
+    cases: list[LoadCase] = []
     rows: list[list[float]] = []
-    torques = tuple(drive.operation.M_g)
-    for M_g in torques:
-        case = LoadCase.of(drive, M_g)
-        rows.append([_range(case, rotated(drive, rotation), turns) for rotation in _places(drive)])
-        places = tuple(
-            _place(drive, rotation, tuple(Value(row[k], Sure.COARSE) for row in rows))
-            for k, rotation in enumerate(_places(drive))
-        )
-        yield Curve(torques[: len(rows)], places, drive.mounting.holes)
+    for M_g in drive.operation.M_g:
+        cases.append(LoadCase.of(drive, M_g))
+        rows.append(_ranges(cases[-1], there, min(FEWEST, turns)))
+        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
+    if turns > FEWEST:
+        rows = [_ranges(case, there, turns) for case in cases]
+        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
 
 
-def _range(case: LoadCase, drive: Drive, turns: int) -> float:
-    """Range of the error [arcsec] over a few states, spread over both wheels' turns: never more than F'_ior."""
+def _ranges(case: LoadCase, drives: Sequence[Drive], turns: int) -> list[float]:
+    """Ranges of the error [arcsec] over a few states, spread over both wheels' turns: never more than F'_ior.
+
+    Drives differ in their deviations alone: the engine is far quicker with all of their states at once.
+    """
     angles = 2 * np.pi * np.arange(turns) / turns
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
-    gaps = case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b))
-    return float(np.ptp(case.solve(gaps, lambda k: f"state {k}").rotation_arcsec))
+    gaps = [case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b)) for drive in drives]
+    rotation = case.solve(np.concatenate(gaps), lambda k: f"state {k}").rotation_arcsec
+    return [float(each) for each in np.ptp(rotation.reshape(len(drives), -1), axis=1)]
 
 
 def _refined(drive: Drive, executor: Executor) -> Iterator[Curve]:
@@ -260,12 +265,21 @@ def _mount_advised(advice: Advice) -> Advised:
 def _mount_reasons(advice: Advice) -> Iterator[str]:
     if sampled := advice.robust:
         yield f"P(gain) {sampled.probability_gain:.0%}, {advice.needed:.0%} wanted, {len(sampled.merits)} samples"
-    for held in advice.rests_on[:1]:
-        low, high = held.ends
-        lost = max((end.loss for end in held.ends if end.loss is not None), default=0.0)
-        yield f"rests on {held.assumption.path} {low.value:.4g} to {high.value:.4g}: loses up to {lost:.0%} there"
+    yield from _rests_on(advice.rests_on)
     proof = advice.curve.certificate
     yield f"{proof.states} states, greatest residual {proof.max_residual:.0e}"
+
+
+def _rests_on(held: Sequence[Stays]) -> Iterator[str]:
+    """The assumption over whose range the choice loses most."""
+    for each in held[:1]:
+        path, (low, high) = each.assumption.path, each.ends
+        shares = [end.loss if end.good is None else end.good for end in each.ends]
+        known = [share for share in shares if share is not None]
+        told = "hardly anything explains the trials there"
+        if known:
+            told = f"loses up to {max(known):.0%} there" if low.good is None else f"P(good) {min(known):.0%} there"
+        yield f"rests on {path} {low.value:.4g} to {high.value:.4g}: {told}"
 
 
 def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
@@ -313,6 +327,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
             f"cam offset {size.mean():.0f}±{size.std():.0f} um {toward}",
+            *_rests_on(advice.rests_on),
         ),
         warnings=tuple(trials_page.warnings(advice, texts())),
         settled=advice.settled,
