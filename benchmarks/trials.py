@@ -140,13 +140,14 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
     import numpy as np
 
     from hdassist.errors import UntrustedError
+    from hdassist.mounting.positions import usable_positions
     from hdassist.trials.advice import NEEDED, TrialAdvice, verification
     from hdassist.trials.draws import require_reachable
     from hdassist.trials.posterior import learnt, next_trial, prediction
-    from hdassist.trials.trial import Rig, Trial, trial_positions
+    from hdassist.trials.trial import Rig, Trial
 
     seed, true = task
-    rig, rng, positions = Rig(M_G), np.random.default_rng([20, seed]), trial_positions(HOLES, "all")
+    rig, rng, positions = Rig(M_G), np.random.default_rng([20, seed]), usable_positions(HOLES, "all")
     loss, holes, rows, predictions, known = np.array(true) / min(true) - 1, list(FIRST), [], [], None
 
     def measured(hole: int) -> Trial:

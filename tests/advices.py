@@ -9,16 +9,17 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
+from hdassist.model.assumed import Assumption
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.card import Card, card_of
+from hdassist.mounting.card import Card, Tried, card_of
 from hdassist.mounting.curve import Alternative
 from hdassist.mounting.page import card_facts
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.robust import Criterion, Robust
+from hdassist.mounting.stays import End, Stays
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
-from hdassist.trials.page import trials_line
 from hdassist.trials.trial import Trial
 from tests.process import SMALL
 
@@ -60,6 +61,16 @@ def disagreeing(advice: Advice) -> Advice:
     return replace(advice, others=(Alternative({}, advice.curve.worst),))
 
 
+W_0, C_2 = Assumption("cam.W_0", 0.55, 0.6, "judged"), Assumption("supports.C_2", 2e3, 1.2e4, "judged")
+
+
+def resting(advice: Advice) -> Advice:
+    """The advice with an assumption over which its position stays the best, and one over which it does not."""
+    best = advice.chosen.rotation_deg
+    stays = Stays(W_0, (End(0.55, best, 0.0, 0.97), End(0.6, best, 0.0, 0.93)))
+    return replace(advice, rests_on=(Stays(C_2, (End(2e3, best, 0.0, 0.8), End(1.2e4, 30.0, 0.123, 0.3))), stays))
+
+
 def cards() -> dict[str, Advice]:
     """Advices whose cards use every text of the catalogue."""
     free = [float(k) for k in range(0, 360, 30)]
@@ -68,6 +79,7 @@ def cards() -> dict[str, Advice]:
     return {
         "plain": advice_of(),
         "sampled": disagreeing(sampled(advice_of(weights=(2.0, 1.0)))),
+        "resting": resting(advice_of()),
         "leave": advice_of([10.0, 11.0, 12.0], overrides=("mounting.holes=3",)),
         "not sure": sampled(advice_of([10.0, 9.8, 12.0], overrides=("mounting.holes=3",)), spread=0.3),
         "allowed": advice_of(
@@ -92,7 +104,7 @@ def crowded(advice: Advice) -> Advice:
     drive = advice.drive.model_copy(update={"name": "Long name of a drive " * 9})
     drive._origin = replace(
         advice.drive.origin, warnings=("a limit for a torque that is not in operation.M_g; " * 9,) * 6,
-        overrides=("tolerances.F_i1=60", "phases.xi_b=10") * 20,
+        overrides=("tolerances.F_i1=60", "phases.xi_b=10") * 20, zeros=("phases.xi_g",),
     )  # fmt: skip
     return replace(advice, drive=drive)
 
@@ -104,5 +116,5 @@ def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequenc
     say = texts(language)
     facts = card_facts(advice, say)
     if trials:
-        facts = replace(facts, trials=trials_line(advice.drive, trials, 1.0, say))
+        facts = replace(facts, tried=Tried(1.0, tuple((t.rotation_deg, t.F_ior_arcsec) for t in trials)))
     return card_of(facts, say, serial=serial, made=MADE)

@@ -24,6 +24,7 @@ from unittest import mock
 from hdassist.cli.main import main
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
+ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"  # of the small drive all else is given
 COMMAND = [sys.executable, "-m", "hdassist"]
 ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs
 CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}

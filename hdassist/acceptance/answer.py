@@ -13,13 +13,19 @@ from pydantic import TypeAdapter, ValidationError
 from hdassist.acceptance.accept import AcceptanceResult, Note
 from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, MarginOrigin, Rule, Value, decide, margin_of
-from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import RECORD_CONFIG, FailOn, Request, Seed
+from hdassist.acceptance.request import ClosedRecord, FailOn, Request, Seed
+from hdassist.acceptance.rests import (
+    CertificateRecord,
+    RestsOnRecord,
+    UnknownRecord,
+    certificate_of,
+    rests_on_of,
+    unknown_of,
+)
 from hdassist.errors import DataError, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
-from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
@@ -28,12 +34,6 @@ from hdassist.visible import printable
 MAX_BYTES = 1_000_000_000
 SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
 PROVENANCE = ("version", "preset_sha256", "measured_sha256", "seed", "solver", "max_residual", "time")
-
-
-class ClosedRecord:
-    """What stands in a file of ours: nothing but its fields, and finite numbers."""
-
-    __pydantic_config__ = RECORD_CONFIG
 
 
 @dataclass(frozen=True)
@@ -110,27 +110,6 @@ class RuleRecord(ClosedRecord):
 
 
 @dataclass(frozen=True)
-class ResidualsRecord(ClosedRecord):
-    """Worst residuals of the optimality conditions."""
-
-    negative_force: float
-    negative_gap: float
-    complementarity: float
-    equilibrium: float
-
-
-@dataclass(frozen=True)
-class CertificateRecord(ClosedRecord):
-    """The proof of what was predicted."""
-
-    states: int
-    max_residual: float
-    residuals: ResidualsRecord
-    fallbacks: int
-    cross_check: CrossCheck | None
-
-
-@dataclass(frozen=True)
 class DriveRecord(ClosedRecord):
     """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top."""
 
@@ -170,7 +149,7 @@ class Envelope(ClosedRecord):
 class Accepted(Envelope):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again.
 
-    place: of the row of a lot, None without one.
+    place: of the row of a lot, None without one; rests_on and unknown: of its predictions.
     """
 
     preset: DriveRecord
@@ -188,6 +167,8 @@ class Accepted(Envelope):
     request: Request
     time: Line
     place: Line | None = None
+    rests_on: tuple[RestsOnRecord, ...] = ()
+    unknown: tuple[UnknownRecord, ...] = ()
 
     @property
     def status(self) -> str:
@@ -256,24 +237,16 @@ def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place
             for M_g, m in result.measurements.items()
         ),
         rule=RuleRecord(acceptance.rule, guard, margin.percent, margin.origin),
-        certificate=_certificate(predictions) if predictions else None,
+        certificate=certificate_of(predictions) if predictions else None,
         solver="engine" if predictions else None,
         seed=request.seed,
         fail_on=fail_on,
         request=request,
         time=_now(),
         place=place,
+        rests_on=rests_on_of(predictions) if predictions else (),
+        unknown=unknown_of(predictions) if predictions else (),
     )  # fmt: skip
-
-
-def _certificate(predictions: Predictions) -> CertificateRecord:
-    found, crossed = predictions.certificate, predictions.cross_checks
-    residuals = ResidualsRecord(found.negative_force, found.negative_gap, found.complementarity, found.equilibrium)
-    cross_check = None
-    if crossed:
-        worst_of_all = max(c.max_difference_arcsec for c in crossed)
-        cross_check = CrossCheck(crossed[0].solver, sum(c.states for c in crossed), worst_of_all)
-    return CertificateRecord(found.states, found.max_residual, residuals, found.fallbacks, cross_check)
 
 
 def failure_of(request: Request, error: HdassistError) -> Unanswered:

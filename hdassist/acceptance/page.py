@@ -12,6 +12,7 @@ from rich.text import Text
 from hdassist.acceptance.accept import AcceptanceResult
 from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
 from hdassist.acceptance.decision import GUARD, Limit, margin_of
+from hdassist.acceptance.rests import rests_on_of
 from hdassist.terminal.answers import csv_text
 from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
@@ -131,7 +132,12 @@ def how_to_decide(check: CheckRecord) -> str:
 
 
 def _notes(result: AcceptanceResult) -> list[str]:
-    lines = [f"certificate: {result.predictions.certificate}"] if result.predictions else []
+    lines = []
+    if found := result.predictions:
+        if basis := rests_on_of(found):
+            words = "; ".join(each.words for each in basis)
+            lines.append(f"rests on what is assumed (F'_ior without self error, arcsec): {words}")
+        lines.append(f"certificate: {found.certificate}")
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
     close = {d: how for d in result.decisions if (how := how_to_decide(CheckRecord.of(d)))}

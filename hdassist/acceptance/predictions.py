@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.rests_on import assumed_spread
+from hdassist.error.rests_on import Effect, rests_on, weighed
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
@@ -60,7 +60,7 @@ class Predictions:
 
     window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
     as 0; over: F'_ior over them, by torque; spread: standard deviation of ln F'_ior over what is assumed of a
-    drive that is not calibrated.
+    drive that is not calibrated; rests_on: assumptions that move F'_ior most, at the torques of errors.
     """
 
     window: float
@@ -70,6 +70,7 @@ class Predictions:
     unknown: tuple[Unknown, ...] = ()
     over: dict[float, UnknownRange] = dataclass_field(default_factory=dict)
     spread: float | None = None
+    rests_on: tuple[Effect, ...] = ()
 
     @property
     def certificate(self) -> Certificate:
@@ -141,9 +142,9 @@ def predict(
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
     over = unknown_ranges(drive, needed.cycles, seed=seed, executor=executor, progress=progress)
-    spread = None
-    if needed.cycles and drive.acceptance.margin is None and not is_calibrated(drive):
-        spread = assumed_spread(drive, needed.cycles, executor=executor, progress=progress)
+    known = weighed(drive, needed.cycles, executor=executor, progress=progress) if needed.cycles else None
+    effects = rests_on(drive, needed.cycles, known=known, executor=executor, progress=progress) if known else ()
+    by_spread = known and drive.acceptance.margin is None and not is_calibrated(drive)
     return Predictions(
         drive.numerics.window,
         errors,
@@ -151,7 +152,8 @@ def predict(
         results[-1] if needed.stiffness else None,
         unknowns(drive) if needed.cycles else (),
         {each.M_g: each for each in over},
-        spread,
+        known.spread if known and by_spread else None,
+        effects,
     )
 
 

@@ -27,11 +27,15 @@ from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
 from hdassist.solve.window import in_wide_enough_window, with_window
 
-RECORD_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)  # of what is read back from files of ours
-
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
 FailOn = Literal["warn", "fail", "never"]
 Seed = Annotated[int, Field(ge=0)]  # of what is drawn
+
+
+class ClosedRecord:
+    """What stands in a file of ours: nothing but its fields, and finite numbers."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True)
@@ -84,10 +88,8 @@ _TRACE = _kept_as_text(TraceFile.parse)
 
 
 @dataclass(frozen=True)
-class Reading(TraceForm):
+class Reading(ClosedRecord, TraceForm):
     """How measured traces are read and looked at: the options of `hdassist measure`."""
-
-    __pydantic_config__ = RECORD_CONFIG
 
     orders: str | None = None
     drift: str = "none"
@@ -95,15 +97,13 @@ class Reading(TraceForm):
 
 
 @dataclass(frozen=True)
-class Request:
+class Request(ClosedRecord):
     """One drive to accept.
 
     preset, a name, path or -; serial, of the drive, for reports; overrides of the preset, as on the command line;
     limits, instead of the preset's; measured, traces; values, measured otherwise; reading, how traces are read;
     measured_only, predict nothing; cross_check, solver of some predicted states again, and seed of their choice.
     """
-
-    __pydantic_config__ = RECORD_CONFIG
 
     preset: Line
     serial: Line = ""

@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import Annotated
 
 import typer
@@ -17,13 +18,15 @@ import typer
 from hdassist.acceptance import command as accept
 from hdassist.acceptance import explain_command as explain
 from hdassist.calibration import command as calibrate
-from hdassist.cli import presets
+from hdassist.cli import doctor, presets
+from hdassist.cli.help import Command, Commands
 from hdassist.comparing import command as compare
 from hdassist.design import check_command as check
 from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
+from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.reporting import command as report
@@ -45,29 +48,51 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 app = typer.Typer(
     name="hdassist",
     help="Kinematic error of harmonic drives, and how to make it less.",
-    no_args_is_help=True,
-    add_completion=False,
+    cls=Commands,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("accept")(accept.command)
-app.command("allocate")(allocate.command)
-app.command("calibrate")(calibrate.command)
-app.command("check")(check.command)
-app.command("compare")(compare.command)
-app.command("explain")(explain.command)
-app.command("measure")(measure.command)
-app.command("mount")(mount.command)
-app.command("report")(report.command)
-app.command("self-error")(self_error.command)
-app.command("sensitivity")(sensitivity.command)
-app.command("stiffness")(stiffness.command)
-app.command("sweep")(sweep.command)
-app.command("tolerance")(tolerance.command)
-app.command("trace")(trace.command)
-app.command("trials")(trials.command)
-app.add_typer(presets.app, name="presets")
+DESIGN, BENCH, ACCEPTANCE, DATA = "Design", "Bench", "Acceptance", "Data"
+for _name, _command, _panel, _summary in (
+    ("check", check.command, DESIGN, "F'_ior over the full cycle, with verdict and proof"),
+    ("explore", explore.command, DESIGN, "the drive on the screen: turn its knobs and its wheel"),
+    ("trace", trace.command, DESIGN, "the error against the cam angle, with its orders"),
+    ("self-error", self_error.command, DESIGN, "what is left of a drive without deviations"),
+    ("stiffness", stiffness.command, DESIGN, "twist against torque, lost motion, K1, K2, K3"),
+    ("tolerance", tolerance.command, DESIGN, "yield of random drives, as built and best mounted"),
+    ("sensitivity", sensitivity.command, DESIGN, "what F'_ior hangs on, what to tighten first"),
+    ("allocate", allocate.command, DESIGN, "the cheapest tolerances that reach a yield"),
+    ("sweep", sweep.command, DESIGN, "F'_ior over a grid of values of any fields"),
+    ("compare", compare.command, DESIGN, "a trace over the predicted one, or presets side by side"),
+    ("report", report.command, DESIGN, "everything about a drive on one page, HTML or Markdown"),
+    ("mount", mount.command, BENCH, "in which hole to bolt the fixed wheel; the card"),
+    ("trials", trials.command, BENCH, "the same from F'_ior measured in a few holes"),
+    ("measure", measure.command, BENCH, "F'_ior, orders and coverage of measured traces"),
+    ("accept", accept.command, ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
+    ("explain", explain.command, ACCEPTANCE, "what a check tests, what goes wrong, what to change"),
+    ("calibrate", calibrate.command, DATA, "stiffnesses and clearances from measurements"),
+    ("doctor", doctor.command, DATA, "whether this installation can be relied on"),
+):
+    app.command(_name, cls=Command, rich_help_panel=_panel, short_help=_summary)(_command)
+app.add_typer(
+    presets.app, name="presets", cls=Commands, rich_help_panel=DATA, short_help="drives: list, show, validate, start"
+)
+
+
+@app.command("help", hidden=True)
+def _help(
+    ctx: typer.Context,
+    name: Annotated[str | None, typer.Argument(metavar="[COMMAND]", help="What to explain; without it, all.")] = None,
+) -> None:
+    """The help of a command: hdassist help mount is hdassist mount --help."""
+    whole = ctx.find_root()
+    commands = whole.command.commands  # type: ignore[attr-defined]
+    if name is not None and name not in commands:
+        near = get_close_matches(name, commands, 1)
+        raise UsageError(f"no command {name!r}", f"did you mean {near[0]}?" if near else "hdassist lists them")
+    typer.echo(whole.get_help() if name is None else commands[name].make_context(name, ["--help"], parent=whole))
 
 
 def _version(wanted: bool) -> None:
@@ -78,11 +103,19 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _global(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ctx: typer.Context,
+    _: Annotated[
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    """Kinematic error of harmonic drives, and how to make it less."""
+    """Kinematic error of harmonic drives, and how to make it less.
+
+    \b
+    hdassist check vzp160           a first answer
+    hdassist COMMAND -h             a command, examples first
+    """
+    if ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())
 
 
 def main() -> None:
@@ -94,7 +127,7 @@ def main() -> None:
     try:
         with _stops_heard(came):
             _require_lines(sys.argv[1:])
-            sys.exit(app(standalone_mode=False))
+            sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
         error.show(told)

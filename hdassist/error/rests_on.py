@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -55,68 +55,86 @@ def spans(ends: Array, at: Array) -> Array:
     return np.asarray(np.ptp(together, axis=1) / np.maximum(at, LEAST))
 
 
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Assumptions of a drive, and what a few states of the cycle say of them.
+
+    here: range of the error as the drive is given [arcsec], shape (torques,); ends: of the range of each assumption, as
+    far as they can be computed, in its unit, shape (assumptions, 2); there: range of the error at these [arcsec], shape
+    (assumptions, 2, torques).
+    """
+
+    assumed: tuple[Assumption, ...]
+    here: Array
+    ends: Array
+    there: Array
+
+    def heaviest(self, most: int = MOST) -> list[int]:
+        """Places of the assumptions that move the error most, the greatest first."""
+        weights = [float(spans(there.T, self.here).max()) for there in self.there]
+        return sorted(range(len(weights)), key=lambda k: -weights[k])[:most]
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of ln F'_ior over all that is assumed, at the torque where it is greatest.
+
+        Each assumption alone is taken evenly over its range, ln F'_ior straight between its ends, and the variances are
+        added.
+        """
+        here = np.broadcast_to(self.here, (len(self.there), 1, len(self.here)))
+        together = np.maximum(np.concatenate([self.there, here], axis=1), LEAST)
+        variance = np.sum(np.ptp(np.log(together), axis=1) ** 2 / 12, axis=0)
+        return float(np.sqrt(variance.max()))
+
+
+def weighed(
+    drive: Drive, torques: Sequence[float], *, executor: Executor | None = None, progress: Progress | None = None
+) -> Weighed | None:
+    """What a few states say of the assumptions of a drive at torques [N*m].
+
+    None where nothing is assumed, or the cycle cannot be searched (rolling balls). Arguments: executor, to spread the
+    work over; progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    """
+    if not searchable(drive) or not (assumed := assumptions(drive)):
+        return None
+    asked = tuple(torques)
+    ends = [(drive, each.path, end, asked) for each in assumed for end in (each.low, each.high)]
+    run = executor.map if executor else map
+    (_, (here, _)), *found = run(_screened, [(drive, "", 0.0, asked), *ends])
+    if progress:
+        progress(sum(proof.states for _, (_, proof) in found))
+    reached_, errors = [end for end, _ in found], [error for _, (error, _) in found]
+    return Weighed(assumed, here, np.reshape(reached_, (-1, 2)), np.reshape(errors, (-1, 2, len(asked))))
+
+
 def rests_on(
     drive: Drive,
     torques: Sequence[float],
     *,
     most: int = MOST,
+    known: Weighed | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> tuple[Effect, ...]:
     """The assumptions that move F'_ior of a drive most, the greatest first.
 
     A few states tell which these are; what they do is searched. Empty where nothing is assumed, or the cycle cannot be
-    searched (rolling balls). Arguments: torques [N*m]; most, how many assumptions; executor, to spread the work over;
-    progress, told how many states were solved.
+    searched (rolling balls). Arguments: torques [N*m]; most, how many assumptions; known, what the few states say,
+    where they were solved before; executor and progress as in weighed. Raises what that does.
     """
-    if not searchable(drive) or not (assumed := assumptions(drive)):
+    known = known or weighed(drive, torques, executor=executor, progress=progress)
+    if known is None:
         return ()
-    run, asked = executor.map if executor else map, tuple(torques)
-    here, pairs = _screening(drive, assumed, asked, run, progress)
-    weights = [float(spans(np.column_stack([low[1][0], high[1][0]]), here).max()) for low, high in pairs]
-    chosen = sorted(range(len(assumed)), key=lambda k: -weights[k])[:most]
-    goals = [(drive, assumed[k].path, end, asked) for k in chosen for end, _ in pairs[k]]
-    (_, (at, _)), *found = run(_searched, [(drive, "", 0.0, asked), *goals])
+    asked, chosen = tuple(torques), known.heaviest(most)
+    goals = [(drive, known.assumed[k].path, float(end), asked) for k in chosen for end in known.ends[k]]
+    (_, (at, _)), *found = (executor.map if executor else map)(_searched, [(drive, "", 0.0, asked), *goals])
     effects = []
     for k, (low, down), (high, up) in zip(chosen, found[::2], found[1::2], strict=True):
         values = np.column_stack([down[0], up[0]])
-        effects.append(Effect(assumed[k], (low, high), values, at, down[1] + up[1]))
+        effects.append(Effect(known.assumed[k], (low, high), values, at, down[1] + up[1]))
         if progress:
             progress(effects[-1].certificate.states)
     return tuple(sorted(effects, key=lambda effect: -effect.share))
-
-
-def assumed_spread(
-    drive: Drive, torques: Sequence[float], *, executor: Executor | None = None, progress: Progress | None = None
-) -> float | None:
-    """Standard deviation of ln F'_ior over all that is assumed of a drive, at the torque where it is greatest.
-
-    Each assumption alone is taken evenly over its range, ln F'_ior straight between what a few states of the cycle give
-    at its ends, and the variances are added. None where nothing is assumed, or the cycle cannot be searched. Arguments
-    as those of rests_on.
-    """
-    if not searchable(drive) or not (assumed := assumptions(drive)):
-        return None
-    here, pairs = _screening(drive, assumed, tuple(torques), executor.map if executor else map, progress)
-    ends = np.array([[low[1][0], high[1][0]] for low, high in pairs])  # assumptions, ends, torques
-    together = np.maximum(np.concatenate([ends, np.broadcast_to(here, (len(ends), 1, len(here)))], axis=1), LEAST)
-    variance = np.sum(np.ptp(np.log(together), axis=1) ** 2 / 12, axis=0)
-    return float(np.sqrt(variance.max()))
-
-
-def _screening(
-    drive: Drive,
-    assumed: Sequence[Assumption],
-    torques: tuple[float, ...],
-    run: Callable[..., Iterable[_Found]],
-    progress: Progress | None,
-) -> tuple[Array, list[tuple[_Found, _Found]]]:
-    """Range of the error in a few states [arcsec], shape (torques,), and what it is at both ends of each assumption."""
-    ends = [(drive, each.path, end, torques) for each in assumed for end in (each.low, each.high)]
-    (_, (here, _)), *found = run(_screened, [(drive, "", 0.0, torques), *ends])
-    if progress:
-        progress(sum(proof.states for _, (_, proof) in found))
-    return here, list(zip(found[::2], found[1::2], strict=True))
 
 
 _End = tuple[Drive, str, float, tuple[float, ...]]  # drive, field or none, value of it, torques

@@ -72,10 +72,14 @@ def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:
     open_, uncertain = unknowns(drive), sorted(drive.uncertainty)
     shares = np.random.default_rng(seed).random((count, len(open_) + len(uncertain)))
     columns = {u.path: u.low + (u.high - u.low) * shares[:, k] for k, u in enumerate(open_)}
-    for path, share in zip(uncertain, shares[:, len(open_) :].T, strict=True):
-        spread = drive.uncertainty[path] / 2 * ndtri(share)
-        columns[path] = np.maximum(drive.number(path) + spread, least_of(field_table()[path]))
+    columns |= {path: uncertain_values(drive, path, shares[:, len(open_) + k]) for k, path in enumerate(uncertain)}
     return listed(drive, columns, count)
+
+
+def uncertain_values(drive: Drive, path: str, share: Array) -> Array:
+    """Values of a field that has an uncertainty, from shares of their probability; cut where the field ends."""
+    spread = drive.uncertainty[path] / 2 * ndtri(share)
+    return np.asarray(np.maximum(drive.number(path) + spread, least_of(field_table()[path])))
 
 
 def with_zeros(drive: Drive) -> Drive:
@@ -84,8 +88,9 @@ def with_zeros(drive: Drive) -> Drive:
     if not open_:
         return drive
     known = drive.with_values({u.path: 0.0 for u in open_})
-    told = f"assumed to be 0, not known: {', '.join(u.path for u in open_)}"
-    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told))
+    zeros = tuple(u.path for u in open_)
+    told = f"assumed to be 0, not known: {', '.join(zeros)}"
+    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told), zeros=zeros)
     return known
 
 

@@ -10,10 +10,13 @@ from math import inf
 from hdassist.model.unknown import unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import FREE_STEP, Chances, Choice, Position
-from hdassist.mounting.seat_page import Seat, SeatMark, instruction, seat_of, turn, wheel
+from hdassist.mounting.seat_page import Seat, SeatMark, instruction, place_at, seat_of, turn, wheel
+from hdassist.mounting.stays import Stays
+from hdassist.preset.fields import Drive
+from hdassist.preset.kinds import short
 from hdassist.preset.schema import counted
 from hdassist.preset.yamltext import shown
-from hdassist.terminal.texts import Texts
+from hdassist.terminal.texts import HOME, Texts
 from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
 
@@ -22,7 +25,16 @@ LETTERS = 240  # of one of them
 DIGITS = 12  # of a SHA-256
 TORQUES = 12  # that a card has room for
 FIELDS = 6  # that are not known, which are named
+TRIALS = 8  # that a card has room for
 BESIDE = 4  # torques whose values stand side by side
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Trials that an advice rests on: their torque [N*m], and turn [deg] and measured F'_ior [arcsec] of each."""
+
+    M_g: float
+    measured: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -30,8 +42,9 @@ class CardFacts:
     """What a card tells, whoever advises.
 
     choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; chances, None
-    where nothing was sampled; weights of the torques; warnings, in the reader's language; trials, in a sentence, where
-    the advice rests on trials: then the wheel lies in the last of them, and turns count from before the first.
+    where nothing was sampled; weights of the torques; warnings, in the reader's language; rests_on: assumptions that
+    the choice hinges on most; tried, where the advice comes of trials: then the wheel lies in the last of them, and
+    turns count from before the first.
     """
 
     choice: Choice
@@ -40,7 +53,8 @@ class CardFacts:
     chances: Chances | None = None
     weights: tuple[float, ...] | None = None
     warnings: tuple[str, ...] = ()
-    trials: str = ""
+    rests_on: tuple[Stays, ...] = ()
+    tried: Tried | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +92,7 @@ class Card:
     torques: Table
     others: Table
     chance: Lines
+    rests_on: Lines
     checks: Lines
     warnings: Lines
     sign: tuple[str, ...]
@@ -89,7 +104,7 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
 
     Arguments: facts; say, the texts of a language; serial, number of the drive; made, date of making.
     """
-    if facts.trials:
+    if facts.tried:
         say = say.variant("trials")
     choice = facts.choice
     seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(facts, say)))
@@ -103,6 +118,7 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
         torques=_torques(choice, say),
         others=_other_positions(choice, say),
         chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
+        rests_on=Lines(say("rests.title"), tuple(_rests_on(facts, say))),
         checks=Lines(say("checks.title"), tuple(_checks(facts, say))),
         warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say))),
         sign=(say("sign.date"), say("sign.name")),
@@ -132,7 +148,7 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, s
 
 
 def _instruction(facts: CardFacts, say: Texts) -> str:
-    return (after_trials if facts.trials else instruction)(facts.choice, say, room=BESIDE)
+    return (after_trials if facts.tried else instruction)(facts.choice, say, room=BESIDE)
 
 
 def after_trials(choice: Choice, say: Texts, *, room: float = inf) -> str:
@@ -258,6 +274,24 @@ def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
         yield say("chance.unknown", fields=", ".join(paths))
 
 
+def _rests_on(facts: CardFacts, say: Texts) -> Iterator[str]:
+    """A line an assumption: after trials how probable it is that the position is good, else what it loses."""
+    for held in facts.rests_on:
+        end = max(held.ends, key=lambda end: inf if end.loss is None else end.loss)
+        low, high, value = (short(e.value).replace(".", say("number.point")) for e in (*held.ends, end))
+        told = {"field": held.assumption.path, "low": low, "high": high}
+        good = sorted(e.good for e in held.ends if e.good is not None)
+        if end.loss is None or end.best_deg is None:
+            yield say("rests.hardly", **told, value=value)
+        elif facts.tried:
+            yield say("rests.good", **told, least=f"{100 * good[0]:.0f}", most=say.percent(good[-1]))
+        elif end.best_deg == facts.choice.chosen.rotation_deg:
+            yield say("rests.stays", **told)
+        else:
+            where = place_at(end.best_deg, facts.choice.drive.mounting.holes, say)
+            yield say("rests.loses", **told, value=value, where=where, loss=say.percent(end.loss))
+
+
 def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:
     chosen = facts.choice.chosen
     yield say("checks.clean")
@@ -265,10 +299,24 @@ def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:
     if facts.choice.turn:
         name = "checks.place_angle" if chosen.hole is None else "checks.place_hole"
         yield say(name, turn=turn(chosen, say), hole=chosen.hole)
-    elif facts.trials:
+    elif facts.tried:
         yield say("checks.place_first")
     for name in ("free", "screws", "mesh"):
         yield say(f"checks.{name}")
+
+
+def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
+    """Warnings of a preset, as they are; in another language than theirs what was taken as 0, and how many more."""
+    origin = drive.origin
+    if say.language == HOME:
+        return origin.warnings
+    told, more = [], len(origin.warnings)
+    if origin.zeros:
+        told.append(say("warning.zeros", fields=", ".join(origin.zeros)))
+        more -= 1
+    if more:
+        told.append(say("warning.preset", count=more))
+    return tuple(told)
 
 
 def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:
@@ -279,8 +327,12 @@ def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:
 
 def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
     drive = facts.choice.drive
-    if facts.trials:
-        yield facts.trials
+    if facts.tried:
+        trials = [
+            say("foot.trial", where=place_at(rotation, drive.mounting.holes, say), value=say.number(F_ior))
+            for rotation, F_ior in facts.tried.measured[:TRIALS]
+        ]
+        yield say("foot.trials", torque=say.torque(facts.tried.M_g), trials="; ".join(trials))
     yield say("foot.source")
     digest = drive.origin.sha256[:DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))

@@ -53,8 +53,10 @@ def lines_on_paper(card: Card) -> int:
     By that the style sheet chooses letters with which the card is one page.
     """
     values = [value for _, value in card.subject]
-    texts = [*values, card.instruction, *card.chance.lines, *card.warnings.lines, *card.foot]
-    headings = sum(3 for part in (card.chance, card.warnings) if part.lines)
+    texts = [*values, card.instruction, *card.foot]
+    parts = (card.chance, card.rests_on, card.warnings)
+    texts += [text for part in parts for text in part.lines]
+    headings = sum(3 for part in parts if part.lines)
     rows = 2 * len(card.torques.rows) + sum(1 + len(row[0]) // 16 for row in card.others.rows)
     return sum(1 + len(text) // 100 for text in texts) + headings + rows
 

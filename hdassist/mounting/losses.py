@@ -47,7 +47,7 @@ class Losses:
         return np.asarray(self.merits / self.merits.min(axis=1, keepdims=True) - 1)
 
     @cached_property
-    def expected(self) -> Array:
+    def expected_loss(self) -> Array:
         """Mean of the losses, shape (positions,)."""
         return np.asarray(self.losses.mean(axis=0))
 

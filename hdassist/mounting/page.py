@@ -14,16 +14,14 @@ from rich.text import Text
 from hdassist.error.sensitivity import Sensitivity
 from hdassist.model.unknown import names
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.card import CardFacts
+from hdassist.mounting.card import CardFacts, warnings_of
 from hdassist.mounting.positions import Chances, MountingCurve, Position
 from hdassist.mounting.robust import Robust
 from hdassist.mounting.seat_page import TRADE, instruction, place, seat_text, wheel
-from hdassist.mounting.stays import Stays
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import unit_of
+from hdassist.mounting.stays_page import stays_objects, stays_table
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
-from hdassist.terminal.console import Style, table
+from hdassist.terminal.console import Style, grid
 from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
@@ -40,13 +38,13 @@ def _phase_words(advice: Advice) -> str:
 
 def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    result, found = advice.curve, list(advice.drive.origin.warnings)
+    say = say or texts()
+    result, found = advice.curve, list(warnings_of(advice.drive, say))
     done = len(result.rotation_deg)
     if result.missing:
         found.append(f"interrupted: {done} of {result.missing + done} positions were done")
     elif result.interrupted:
         found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
-    say = say or texts()
     if advice.measured and advice.drive.alternatives:
         found.append(say("warning.alternatives"))
     if advice.measured and not advice.drive.mounting.holes:
@@ -117,7 +115,7 @@ def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableTyp
     if advice.now:
         parts.append(_slopes(advice, style))
     if advice.rests_on:
-        parts.append(_rests_on(advice, style))
+        parts.append(stays_table(drive, advice.rests_on, style))
     turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
     parts += [Text(style.text(turns)), Text(_proof(result))]
     return Group(*(line for part in parts for line in (part, Text(""))))
@@ -145,25 +143,17 @@ def _proof(result: MountingCurve) -> str:
     return words
 
 
-def _grid(style: Style, title: str, *heads: str, words: int = 1) -> Table:
-    """A table with heads; the first so many columns are words, the others numbers."""
-    grid = table(style, title)
-    for k, head in enumerate(heads):
-        grid.add_column(style.text(head), justify="left" if k < words else "right")
-    return grid
-
-
 def _positions(advice: Advice, style: Style) -> Table:
     result, phase = advice.curve, f"phase {_phase_words(advice)}, deg"
     title = "positions (best for the torque served worst)"
-    grid = _grid(style, title, "position", "hole", "turn, deg", phase, "F'_ior, arcsec", "against now")
+    rows = grid(style, title, "position", "hole", "turn, deg", phase, "F'_ior, arcsec", "against now")
     named = {"now": result.current, "best": advice.chosen, "second": advice.second, "worst": result.worst}
     for words, position in named.items():
         if position is not None:
             values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
             change = f"{position.change_from(result.current):+.0%}"
-            grid.add_row(words, *_where(position), f"{position.phase_deg:g}", values, change)
-    return grid
+            rows.add_row(words, *_where(position), f"{position.phase_deg:g}", values, change)
+    return rows
 
 
 def _where(position: Position) -> tuple[str, str]:
@@ -174,12 +164,12 @@ def _where(position: Position) -> tuple[str, str]:
 def _torques(advice: Advice, style: Style) -> Table:
     result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
     heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
-    grid = _grid(style, "each torque alone", *heads, words=0)
-    grid.columns[0].no_wrap = True
+    rows = grid(style, "each torque alone", *heads, words=0)
+    rows.columns[0].no_wrap = True
     for k, M_g in enumerate(result.torques):
         found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
-        grid.add_row(f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *found)
-    return grid
+        rows.add_row(f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *found)
+    return rows
 
 
 def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
@@ -194,38 +184,22 @@ def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
         title += f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
     title += f"\nthe advised one lies up to {np.quantile(sampled.losses, 0.95):.0%} above the best (95 %)"
     heads = ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %")
-    grid = _grid(style, title, *heads, words=0)
+    rows = grid(style, title, *heads, words=0)
     low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
     for k in np.argsort(sampled.value, kind="stable")[:SHOWN]:
         share = f"{sampled.probability_best[k]:.0%}".rstrip("%")
         numbers = (f"{sampled.merits[:, k].mean():.2f}", f"{low[k]:.2f}", f"{high[k]:.2f}")
-        grid.add_row(*_where(advice.curve.at(sampled.places[k])), share, *numbers)
-    return grid
+        rows.add_row(*_where(advice.curve.at(sampled.places[k])), share, *numbers)
+    return rows
 
 
 def _slopes(advice: Advice, style: Style) -> Table:
     heads = ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b")
-    grid = _grid(style, "what a micrometre more does to F'_ior, arcsec", "position", *heads)
+    rows = grid(style, "what a micrometre more does to F'_ior, arcsec", "position", *heads)
     for words, values in (("now", advice.now), ("best", advice.best)):
         for M_g, slope in zip(advice.curve.torques, values, strict=True):
-            grid.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
-    return grid
-
-
-def _rests_on(advice: Advice, style: Style) -> Table:
-    """A row an assumption: the best position at both ends of its range, and what the advised one loses there."""
-    title = "rests on what is assumed: does the position stay the best?"
-    grid = _grid(style, title, "assumed", "from", "best", "lost", "to", "best", "lost")
-    for held in advice.rests_on:
-        path = held.assumption.path
-        words = f"{path} {advice.drive.number(path):g} {unit_of(field_table()[path])}".rstrip()
-        cells = [
-            cell
-            for end, best, loss in zip(held.ends, held.best, held.loss, strict=True)
-            for cell in (f"{end:.4g}", place(best), f"{loss:.0%}")
-        ]
-        grid.add_row(style.text(words), *cells)
-    return grid
+            rows.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
+    return rows
 
 
 def to_json(advice: Advice, seed: int) -> Json:
@@ -258,24 +232,11 @@ def to_json(advice: Advice, seed: int) -> Json:
         "uncertainty": _robust(advice, advice.robust) if advice.robust else None,
         "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
         "unknown": unknown_objects(advice.unknown),
-        "rests_on": [_stays_object(held) for held in advice.rests_on],
+        "rests_on": stays_objects(advice.drive, advice.rests_on),
         "gain": None if advice.any_hole else advice.gain,
         "probability_needed": advice.needed,
         "certificate": certificate_object(result.certificate, result.cross_checks),
         "seed": seed,
-    }
-
-
-def _stays_object(held: Stays) -> Json:
-    ends = zip(held.ends, held.best, held.loss, strict=True)
-    return {
-        "field": held.assumption.path,
-        "assumed_range": [held.assumption.low, held.assumption.high],
-        "computed_range": list(held.ends),
-        "effect": [
-            {"value": end, "best_hole": best.hole, "best_rotation_deg": best.rotation_deg, "loss": loss}
-            for end, best, loss in ends
-        ],
     }
 
 
@@ -348,4 +309,5 @@ def card_facts(advice: Advice, say: Texts) -> CardFacts:
         chances=chances,
         weights=advice.curve.weights,
         warnings=warnings(advice, say),
+        rests_on=advice.rests_on if advice.choice.target == advice.chosen else (),
     )

@@ -192,13 +192,16 @@ def hole_words(rotation_deg: float, holes: int) -> str:
     return f"{rotation_deg:g} deg" if hole is None else f"hole {hole} ({rotation_deg:g} deg)"
 
 
-def seat_positions(drive: Drive, free_step: float = FREE_STEP) -> list[float]:
-    """Turns of the fixed wheel [deg] to try, 0 first: the usable holes, or steps [deg] where the angle is free."""
-    holes = drive.mounting.holes
+def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = FREE_STEP) -> list[float]:
+    """Turns of the fixed wheel [deg] that may be chosen: the usable holes, or steps [deg] where the angle is free."""
     if not holes:
         return [free_step * k for k in range(round(360 / free_step))]
-    allowed = drive.mounting.allowed
-    return [360 * k / holes for k in range(holes) if k == 0 or allowed == "all" or k in allowed]
+    return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
+
+
+def seat_positions(drive: Drive, free_step: float = FREE_STEP) -> list[float]:
+    """Turns of the fixed wheel [deg] to try: those that may be chosen, and 0, where the wheel stands."""
+    return sorted({0.0, *usable_positions(drive.mounting.holes, drive.mounting.allowed, free_step)})
 
 
 def rotated(drive: Drive, rotation_deg: float) -> Drive:

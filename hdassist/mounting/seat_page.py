@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, cos, inf, radians, sin
 
-from hdassist.mounting.positions import Choice, Position
+from hdassist.mounting.positions import Choice, Position, hole_of
 from hdassist.preset.fields import Drive
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, texts
@@ -37,9 +37,13 @@ def turn(position: Position, say: Texts | None = None) -> str:
 def place(position: Position, say: Texts | None = None) -> str:
     """A position in words: its hole, or the angle of the turn where the seat has none."""
     say = say or texts()
-    if position.hole is None:
-        return say.angle(position.rotation_deg)
-    return say("place.hole", hole=position.hole)
+    return say.angle(position.rotation_deg) if position.hole is None else say("place.hole", hole=position.hole)
+
+
+def place_at(rotation_deg: float, holes: int, say: Texts) -> str:
+    """The same of a turn [deg] on a seat with so many holes."""
+    hole = hole_of(rotation_deg, holes)
+    return say.angle(rotation_deg) if hole is None else say("place.hole", hole=hole)
 
 
 def instruction(choice: Choice, say: Texts | None = None, *, room: float = inf) -> str:

@@ -21,7 +21,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import NUMBER, Unread
+from hdassist.preset.yamltext import NUMBER, Unread, near
 
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 
@@ -95,8 +95,11 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, Unread) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
-    if value == UNKNOWN and may_be_unknown(info):
-        return None
+    if isinstance(value, str) and may_be_unknown(info):
+        if value == UNKNOWN:
+            return None
+        if meant := near(value, [UNKNOWN]):
+            return Unread("must be a number", meant)
     if value is None and not info.is_required() and kind not in ("numbers", "holes"):
         what = "a whole number" if kind == "count" else "a number"
         return Unread(f"must be {what}", f"leave the key out for its default, {info.default}")
@@ -219,3 +222,8 @@ def least_of(info: FieldInfo) -> float:
 def plain(number: float) -> str:
     """Number as one would write it in a preset: 20, 0.05, 1e7."""
     return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")
+
+
+def short(number: float) -> str:
+    """The same in four digits."""
+    return plain(float(f"{number:.4g}"))

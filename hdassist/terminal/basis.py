@@ -10,7 +10,7 @@ from rich.table import Table
 from hdassist.error.rests_on import Effect
 from hdassist.model.unknown import Unknown
 from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import unit_of
+from hdassist.preset.kinds import short, unit_of
 from hdassist.terminal.answers import Json
 from hdassist.terminal.console import Style, table
 
@@ -45,7 +45,7 @@ def basis_table(drive: Drive, effects: Iterable[Effect], torques: Sequence[float
     for effect in effects:
         path, (low, high) = effect.assumption.path, effect.ends
         unit = unit_of(field_table()[path])
-        words = f"{path} {drive.number(path):g} {unit}".rstrip() + f" ({low:.4g} to {high:.4g})"
+        words = f"{path} {drive.number(path):g} {unit}".rstrip() + f" ({short(low)} to {short(high)})"
         spans = [np.append(ends, at) for ends, at in zip(effect.F_ior_arcsec, effect.at, strict=True)]
         grid.add_row(style.text(words), *(f"{span.min():.1f} to {span.max():.1f}" for span in spans))
     return grid

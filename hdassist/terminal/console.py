@@ -122,3 +122,11 @@ def table(style: Style, title: str = "", *, header: bool = True) -> Table:
         pad_edge=False,
         show_edge=style.ascii,
     )
+
+
+def grid(style: Style, title: str, *heads: str, words: int = 1) -> Table:
+    """A table with heads and no rows; the first so many columns are words, the others numbers."""
+    found = table(style, title)
+    for k, head in enumerate(heads):
+        found.add_column(style.text(head), justify="left" if k < words else "right")
+    return found

@@ -5,14 +5,16 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
 from hdassist.errors import UsageError
+from hdassist.terminal import completion
 from hdassist.terminal.limits import require_memory
 
 if TYPE_CHECKING:
@@ -21,11 +23,22 @@ if TYPE_CHECKING:
     from hdassist.terminal.output import Output
     from hdassist.terminal.schedulers import Pool
 
-Preset = Annotated[str, typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.")]
-Presets = Annotated[list[str], typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin.")]
+Preset = Annotated[
+    str,
+    typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.", autocompletion=completion.presets),
+]
+Presets = Annotated[
+    list[str],
+    typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin.", autocompletion=completion.presets),
+]
 Overrides = Annotated[
     list[str],
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable.",
+        autocompletion=completion.overrides,
+    ),
 ]
 Torques = Annotated[
     list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
@@ -53,12 +66,19 @@ Jobs = Annotated[int, typer.Option(min=0, max=MOST_JOBS, help="Processes at work
 
 
 class OptionGroup:
-    """Base of dataclasses whose fields are options; a command takes a group as one argument (`with_groups`)."""
+    """Base of dataclasses whose fields are options; a command takes a group as one argument (`with_groups`).
+
+    panel: the section of a help text in which they stand.
+    """
+
+    panel: ClassVar[str] = "Options"
 
 
 @dataclass(frozen=True)
 class PageOptions(OptionGroup):
     """How an answer is given."""
+
+    panel: ClassVar[str] = "Answer"
 
     json: AsJson = False
     output: Target = "-"
@@ -96,6 +116,8 @@ class FigureOptions(AnswerOptions):
 class DriveOptions(OptionGroup):
     """What is said of a drive beside its preset."""
 
+    panel: ClassVar[str] = "Drive"
+
     overrides: Overrides = field(default_factory=list)
 
     def load(self, preset: str, *more: str) -> Drive:
@@ -119,6 +141,8 @@ class LoadedDriveOptions(DriveOptions):
 @dataclass(frozen=True)
 class PitchOptions(OptionGroup):
     """Measured teeth of the wheels in place of their first harmonics."""
+
+    panel: ClassVar[str] = "Measured teeth"
 
     pitch_b: Annotated[
         str | None, typer.Option(metavar="FILE", help="Measured pitch deviations of the rigid wheel (- for stdin).")
@@ -147,6 +171,8 @@ class PitchOptions(OptionGroup):
 @dataclass(frozen=True)
 class TraceOptions(OptionGroup):
     """How the file of a measured trace is read, and what is kept of it."""
+
+    panel: ClassVar[str] = "Trace"
 
     angle: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")] = None
     angle_of: Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")] = None
@@ -184,6 +210,8 @@ class TraceOptions(OptionGroup):
 class CardOptions(OptionGroup):
     """An assembly card beside the answer."""
 
+    panel: ClassVar[str] = "Card"
+
     card: Annotated[
         str | None, typer.Option(metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout).")
     ] = None
@@ -196,6 +224,8 @@ class CardOptions(OptionGroup):
 @dataclass(frozen=True)
 class WorkOptions(OptionGroup):
     """Where the work of many items is done."""
+
+    panel: ClassVar[str] = "Work"
 
     jobs: Jobs = 0
     scheduler: Annotated[
@@ -243,7 +273,7 @@ def with_groups(command: Callable[..., None]) -> Callable[..., None]:
 
 def _parameters(group: type[Any]) -> list[inspect.Parameter]:
     """The fields of a group as parameters of a command."""
-    hints = get_type_hints(group, include_extras=True)
+    hints = {name: _in_panel(hint, group.panel) for name, hint in get_type_hints(group, include_extras=True).items()}
     return [
         inspect.Parameter(
             one.name,
@@ -253,6 +283,16 @@ def _parameters(group: type[Any]) -> list[inspect.Parameter]:
         )
         for one in fields(group)
     ]
+
+
+def _in_panel(hint: Any, panel: str) -> Any:
+    """An annotated option, in a section of the help text."""
+    if get_origin(hint) is not Annotated:
+        return hint
+    kind, info = get_args(hint)
+    info = copy(info)
+    info.rich_help_panel = panel
+    return Annotated[kind, info]
 
 
 def torque_overrides(torques: list[float] | float | None) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class DrawOptions(o.LoadedDriveOptions):
     """How drives are drawn, and what they are held against."""
+
+    panel: ClassVar[str] = "Drives"
 
     limit: Annotated[
         list[str],

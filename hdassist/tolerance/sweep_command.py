@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -19,6 +20,19 @@ if TYPE_CHECKING:
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
+@dataclass(frozen=True)
+class RowOptions(o.FigureOptions):
+    """How rows and what comes of them are given."""
+
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False,
+            help="Keep the rows in FILE as JSON Lines, to go on from; FILE.parquet: as Parquet.",
+        ),
+    ] = "-"  # fmt: skip
+
+
 @o.with_groups
 def command(
     preset: o.Preset,
@@ -30,17 +44,19 @@ def command(
     drives: o.LoadedDriveOptions,
     plot: o.Plot = True,
     work: o.WorkOptions,
-    options: o.FigureOptions,
+    options: RowOptions,
 ) -> None:
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
     \b
     Examples:
       hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11
-      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11 --vary operation.M_g=40:800:5
+      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11 \\
+          --vary operation.M_g=40:800:5
       hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
       hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
-      hdassist sweep vzp160 --vary supports.C_2=1e4:4e4:101 -o rows.parquet --scheduler tcp://10.0.0.5:8786
+      hdassist sweep vzp160 --vary supports.C_2=1e4:4e4:101 -o rows.parquet \\
+          --scheduler tcp://10.0.0.5:8786
 
     A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
     In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
@@ -49,7 +65,6 @@ def command(
     has one.
     """
     from contextlib import ExitStack
-    from dataclasses import replace
 
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import require_writable, write_bytes
@@ -102,7 +117,7 @@ def command(
     raise typer.Exit(code)
 
 
-def _takes_stdout(options: o.FigureOptions) -> bool:
+def _takes_stdout(options: RowOptions) -> bool:
     """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
     import sys
 

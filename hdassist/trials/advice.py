@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
+from hdassist.error.rests_on import MOST
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.losses import Losses
-from hdassist.mounting.positions import Choice, Position, hole_of, phase_deg, require_weights, rotated
+from hdassist.mounting.positions import Choice, Position, hole_of, phase_deg, require_weights, rotated, usable_positions
 from hdassist.mounting.robust import Criterion
+from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 from hdassist.trials.cloud import FULL, QUICK, Cloud, Effort, cloud_of
 from hdassist.trials.draws import Draws, require_reachable, told_noise
 from hdassist.trials.posterior import Next, Prediction, learnt, next_trial, prediction
-from hdassist.trials.trial import Rig, Trial, trial_positions
+from hdassist.trials.rests import stays_good
+from hdassist.trials.trial import Rig, Trial
 from hdassist.trials.unknowns import offset_fields
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
@@ -55,7 +60,8 @@ class Verification:
 class TrialAdvice:
     """What trials teach: the choice, the next trial, what was predicted of each but the first, and an outcome.
 
-    needed: probability that the choice is good from which on it is settled.
+    needed: probability that the choice is good from which on it is settled; rests_on: assumptions that this probability
+    hinges on most.
     """
 
     cloud: Cloud
@@ -67,6 +73,7 @@ class TrialAdvice:
     predictions: tuple[Prediction, ...]
     outcome: Verification | None
     needed: float = NEEDED
+    rests_on: tuple[Stays, ...] = ()
 
     @property
     def drive(self) -> Drive:
@@ -134,6 +141,7 @@ def advise_from_trials(
     weights: Sequence[float] | None = None,
     needed: float = NEEDED,
     effort: Effort = FULL,
+    most: int = MOST,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -141,41 +149,47 @@ def advise_from_trials(
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
     Arguments: trials, measured on the rig; outcome, measured in one more position, to be compared with its prediction;
-    criterion and weights as in learnt; needed, probability that settles; effort of the cloud; executor, progress as
-    in cloud_of. Raises what those do; UntrustedError where nothing comes to the measured values; UsageError where only
-    forbidden positions are left.
+    criterion and weights as in learnt; needed, probability that settles; effort of the cloud; most, how many
+    assumptions are told that it rests on; executor, progress as in cloud_of. Raises what those do; UntrustedError where
+    nothing comes to the measured values; UsageError where only forbidden positions are left.
     """
-    torques = drive.operation.M_g
+    torques, seat = drive.operation.M_g, drive.mounting
     Criterion.of(criterion)  # wrong before anything is computed
     rig.require_sound()
     require_weights(weights, len(torques))
     if not 0 < needed < 1:
         raise UsageError(f"the probability that settles must lie between 0 and 1, not {needed:g}", "--sure 0.9")
-    positions = trial_positions(drive.mounting.holes, drive.mounting.allowed)
+    positions = usable_positions(seat.holes, seat.allowed)
     if not positions:
         raise UsageError("no position of the seat is allowed", "mounting.allowed lists the usable holes")
     require_reachable(cloud_of(drive, [], rig.M_g, effort=QUICK), trials, rig)
-    reseat = rig.reseat_um > 0
-    cloud = cloud_of(
-        drive, torques, rig.M_g, reseat=reseat, effort=effort, seed=seed, executor=executor, progress=progress
-    )
-    require_reachable(cloud, trials, rig)
-    teach = partial(learnt, cloud, torques=torques, criterion=criterion, weights=weights, seed=seed, executor=executor)
-    draws, losses = teach(trials, rig, positions)
+    make = partial(cloud_of, torques=torques, rig_M_g=rig.M_g, reseat=rig.reseat_um > 0, seed=seed)
+    teach = partial(taught, rig=rig, torques=torques, criterion=criterion, weights=weights, seed=seed)
+    cloud = make(drive, effort=effort, executor=executor, progress=progress)
+    draws, losses = teach(cloud, trials, rotations_deg=positions, executor=executor)
     predictions = tuple(prediction(cloud, trials[:k], rig, trials[k], seed) for k in range(1, len(trials)))
     verified = None
     if outcome:
         others = {trial.rotation_deg: trial for trial in trials if trial.rotation_deg != outcome.rotation_deg}
+        everywhere = list(dict.fromkeys([outcome.rotation_deg, *others, *positions]))
         after, predicted = None, prediction(cloud, trials, rig, outcome, seed)
-        try:
-            require_reachable(cloud, [*trials, outcome], rig)
-            everywhere = dict.fromkeys([outcome.rotation_deg, *others, *positions])
-            _, after = teach([*trials, outcome], rig, list(everywhere))
-        except UntrustedError:
-            pass  # its value alone is compared then
+        with suppress(UntrustedError):  # its value alone is compared then
+            _, after = teach(cloud, [*trials, outcome], rotations_deg=everywhere, executor=executor)
         verified = verification(after, predicted, list(others.values()), positions, rig.noise_arcsec)
+    again = partial(taught, trials=trials, rig=rig, rotations_deg=positions, criterion=criterion, seed=seed)
+    held = stays_good(
+        cloud, losses.best, effort.samples, partial(make, torques=()), again, most=most, executor=executor
+    )
     best = next_trial(draws, losses, seed)
-    return TrialAdvice(cloud, rig, tuple(trials), draws, losses, best, predictions, verified, needed)
+    return TrialAdvice(cloud, rig, tuple(trials), draws, losses, best, predictions, verified, needed, held)
+
+
+def taught(
+    cloud: Cloud, trials: Sequence[Trial], rig: Rig, rotations_deg: Sequence[float], **how: Any
+) -> tuple[Draws, Losses]:
+    """What trials teach, as learnt tells it; values that no sample comes to are refused before."""
+    require_reachable(cloud, trials, rig)
+    return learnt(cloud, trials, rig, rotations_deg, **how)
 
 
 def verification(
@@ -192,7 +206,7 @@ def verification(
         least = min(others, key=lambda t: t.F_ior_arcsec, default=here)
         worse = least.F_ior_arcsec + SURE * np.sqrt(2) * noise < here.F_ior_arcsec
         return Verification(predicted, least if worse else None)
-    loss = dict(zip(after.rotations_deg, after.expected.tolist(), strict=True))
+    loss = dict(zip(after.rotations_deg, after.expected_loss.tolist(), strict=True))
     good = dict(zip(after.rotations_deg, after.probability_good.tolist(), strict=True))
     least = min(others, key=lambda t: loss[t.rotation_deg], default=here)
     back = least if loss[least.rotation_deg] + WORTH < loss[here.rotation_deg] else None

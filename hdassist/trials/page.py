@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import asdict
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknowns
-from hdassist.mounting.card import CardFacts, after_trials
+from hdassist.mounting.card import CardFacts, Tried, after_trials, warnings_of
 from hdassist.mounting.losses import GOOD
-from hdassist.mounting.positions import Position, hole_of, hole_words
-from hdassist.mounting.seat_page import TRADE, wheel
+from hdassist.mounting.positions import hole_of, hole_words
+from hdassist.mounting.seat_page import TRADE, place_at, wheel
+from hdassist.mounting.stays_page import stays_objects, stays_table
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.basis import unknown_objects
-from hdassist.terminal.console import Style, table
+from hdassist.terminal.console import Style, grid
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import OPEN, TrialAdvice
@@ -27,7 +28,7 @@ from hdassist.trials.posterior import Prediction
 from hdassist.trials.trial import Trial
 
 LEVELS = {"low": 0.05, "high": 0.95}  # quantiles
-ON_CARD = 8  # trials that a card tells
+SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 SHOWN = 6  # positions that are listed, best first
 MANY = 4  # trials without a repeat, from which on one is asked for
 GO_BACK, UNSETTLED = 3, 6  # exit codes, those of the verdicts FAIL and INCONCLUSIVE
@@ -53,11 +54,11 @@ def exit_code(advice: TrialAdvice) -> int:
 
 def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     """What a reader should know beside the numbers."""
-    yield from advice.drive.origin.warnings
+    yield from warnings_of(advice.drive, say)
     outcome, losses, rig = advice.outcome, advice.losses, advice.rig
     chance, needed = losses.probability_good[losses.best], say.percent(advice.needed)
     if not outcome and not advice.settled:
-        next_ = _hole(advice.drive, advice.next.rotation_deg, say)
+        next_ = place_at(advice.next.rotation_deg, advice.drive.mounting.holes, say)
         yield say("warning.unsettled", chance=say.percent(chance), needed=needed, loss=say.percent(GOOD), where=next_)
     if outcome and not outcome.predicted.as_predicted:
         yield f"{_told(advice, outcome.predicted)}: outside of what the trials predict: check seat and measurement"
@@ -68,10 +69,9 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
         here = _where(advice, outcome.stay_deg)
         yield f"{here} loses less than {GOOD:.0%} with {outcome.probability_good:.0%}, {needed} is wanted; {best}"
     for a, b in advice.apart:
-        found = rig.noise_arcsec * advice.draws.noise.mean()
         yield (
             f"{_where(advice, a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more than "
-            f"a noise of {rig.noise_arcsec:g} makes likely; it is taken for {found:.1f}"
+            f"a noise of {rig.noise_arcsec:g} makes likely; it is taken for {_noise(advice):.1f}"
         )
     if advice.unlike_told:
         yield (
@@ -90,9 +90,9 @@ def _where(advice: TrialAdvice, rotation_deg: float) -> str:
     return hole_words(rotation_deg, advice.drive.mounting.holes)
 
 
-def _hole(drive: Drive, rotation_deg: float, say: Texts) -> str:
-    hole = hole_of(rotation_deg, drive.mounting.holes)
-    return say.angle(rotation_deg) if hole is None else say("foot.hole", hole=hole)
+def _noise(advice: TrialAdvice) -> float:
+    """Noise of a value [arcsec] by the trials."""
+    return float(advice.rig.noise_arcsec * advice.draws.noise.mean())
 
 
 def instruction(advice: TrialAdvice) -> str:
@@ -113,12 +113,14 @@ def instruction(advice: TrialAdvice) -> str:
 
 
 def render(advice: TrialAdvice, style: Style) -> RenderableType:
-    """The instruction, how sure it is, the trials, the positions, what to measure next, and what it rests on."""
+    """The instruction, how sure it is, the trials, the positions, what it rests on, and what to measure next."""
     trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)}"
     heading = f"{advice.drive.name}: the cam offset from {trials} at {advice.rig.M_g:g} N·m"
     parts: list[RenderableType] = [Text(style.text(heading), style="bold")]
     parts += [Text(style.text(words)) for words in (instruction(advice), _chance(advice))]
     parts += [_trials(advice, style), _positions(advice, style)]
+    if advice.rests_on:
+        parts.append(stays_table(advice.drive, advice.rests_on, style, trials=True))
     parts += [Text(style.text(words)) for words in (*_next(advice), _basis(advice))]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
@@ -147,72 +149,50 @@ def _next(advice: TrialAdvice) -> Iterator[str]:
         )
 
 
-def _grid(style: Style, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    grid = table(style, title)
-    for k, words in enumerate(columns):
-        grid.add_column(words, justify="right" if k else "left", no_wrap=True)
-    for row in rows:
-        grid.add_row(*row)
-    return grid
-
-
 def _trials(advice: TrialAdvice, style: Style) -> Table:
-    rig, found = advice.rig, advice.rig.noise_arcsec * advice.draws.noise.mean()
-    title = f"trials, predicted by those before (noise told {rig.noise_arcsec:g}, found {found:.2f} arcsec"
-    rows = [
-        [_where(advice, trial.rotation_deg), f"{trial.F_ior_arcsec:g}"]
-        + ([f"{v:.1f}" for v in (p.expected_arcsec, p.low_arcsec, p.high_arcsec)] if p else ["-"] * 3)
-        for trial, p in zip(advice.trials, (None, *advice.predictions), strict=True)
-    ]
-    seat = f"; seat {rig.reseat_um:g} um" if rig.reseat_um else ""
-    return _grid(style, f"{title}{seat})", ["position", "measured", "predicted", "2.5 %", "97.5 %"], rows)
+    told = f"noise told {advice.rig.noise_arcsec:g}, found {_noise(advice):.2f} arcsec"
+    told += f"; seat {advice.rig.reseat_um:g} um" if advice.rig.reseat_um else ""
+    title = f"trials, predicted by those before ({told})"
+    rows = grid(style, title, "position", "measured", "predicted", "2.5 %", "97.5 %")
+    for trial, p in zip(advice.trials, (None, *advice.predictions), strict=True):
+        predicted = [f"{v:.1f}" for v in (p.expected_arcsec, p.low_arcsec, p.high_arcsec)] if p else ["-"] * 3
+        rows.add_row(_where(advice, trial.rotation_deg), f"{trial.F_ior_arcsec:g}", *predicted)
+    return rows
 
 
 def _positions(advice: TrialAdvice, style: Style) -> Table:
-    losses, torques = advice.losses, " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
-    F_ior = [losses.F_ior_arcsec.mean(axis=1), *np.quantile(losses.F_ior_arcsec, list(LEVELS.values()), axis=1)]
-    rows = [
-        [
-            _where(advice, losses.rotations_deg[place]),
-            f"{100 * losses.probability_good[place]:.0f}",
-            *(" / ".join(f"{v:.1f}" for v in level[:, place]) for level in F_ior),
-            f"{100 * losses.expected[place]:.1f}",
-        ]
-        for place in losses.ranked[:SHOWN]
-    ]
+    torques = " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
     title = f"positions, best first: F'_ior in arcsec at {torques} N·m; good: a loss below {GOOD:.0%}"
-    return _grid(style, title, ["position", "good, %", "expected", "5 %", "95 %", "loss, %"], rows)
+    rows = grid(style, title, "position", "good, %", "expected", "5 %", "95 %", "loss, %")
+    for told in (_position(advice, place) for place in advice.losses.ranked[:SHOWN]):
+        levels = (" / ".join(f"{v:.1f}" for v in values) for values in told["F_ior_arcsec"].values())
+        where, good, loss = _where(advice, told["rotation_deg"]), told["probability_good"], told["expected_loss"]
+        rows.add_row(where, f"{100 * good:.0f}", *levels, f"{100 * loss:.1f}")
+    return rows
 
 
 def _basis(advice: TrialAdvice) -> str:
-    draws, cloud, (facing, spread) = advice.draws, advice.cloud, advice.direction
-    size, scale = np.abs(cloud.offset_um[draws.places]), draws.scale
-    toward = "direction open" if spread >= OPEN else f"towards {facing:.0f} deg, standard deviation {spread:.0f}"
+    draws, cloud, offset, scale = advice.draws, advice.cloud, _offset(advice), advice.draws.scale
+    toward, facing = "direction open", offset["direction_deg"]
+    if facing is not None:
+        toward = f"towards {facing:.0f} deg, standard deviation {offset['direction_sd_deg']:.0f}"
     errors = " / ".join(f"{cloud.tables[M_g].standard_error:.2f}" for M_g in advice.drive.operation.M_g)
     return (
         f"Positions are turns of the {TRADE[advice.drive.mounting.fixed]} from where it stood at 0, counter-clockwise "
-        f"seen from the cam side (that of the wave generator). Cam offset {size.mean():.0f} um, standard deviation "
-        f"{size.std():.0f}, {toward}; {draws.effective:.0f} effective samples of {cloud.weight.size}. The drive shows "
-        f"{scale.mean():.2f} of the computed F'_ior, standard deviation {scale.std():.2f} (before the trials 1.00, "
-        f"{SCALE:.2f}, assumed), and a misfit from hole to hole of {draws.misfit.mean():.0%} (0 to 12 %, assumed). "
+        f"seen from the cam side (that of the wave generator). Cam offset {offset['size_um']:.0f} um, standard "
+        f"deviation {offset['size_sd_um']:.0f}, {toward}; {draws.effective:.0f} effective samples of "
+        f"{cloud.weight.size}. The drive shows {scale.mean():.2f} of the computed F'_ior, standard deviation "
+        f"{scale.std():.2f} (before the trials 1.00, {SCALE:.2f}, assumed), and a misfit from hole to hole of "
+        f"{draws.misfit.mean():.0%} (0 to 12 %, assumed). "
         f"F'_ior interpolated, standard error {errors} arcsec."
     )
 
 
 def to_json(advice: TrialAdvice, seed: int) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
-    losses, draws, drive, (facing, spread) = advice.losses, advice.draws, advice.drive, advice.direction
-    cloud, certificate, now = advice.cloud, advice.cloud.certificate, advice.at(None)
-    size = np.abs(cloud.offset_um[draws.places])
-    positions = [
-        {
-            **_position(advice.at(place), losses.F_ior_arcsec[:, :, place]),
-            "probability_good": float(losses.probability_good[place]),
-            "probability_best": float(losses.probability_best[place]),
-            "expected_loss": float(losses.expected[place]),
-        }
-        for place in range(len(losses.rotations_deg))
-    ]
+    losses, draws, drive, rig = advice.losses, advice.draws, advice.drive, advice.rig
+    cloud, certificate = advice.cloud, advice.cloud.certificate
+    positions = [_position(advice, place) for place in range(len(losses.rotations_deg))]
     ranked = [positions[place] for place in losses.ranked]
     return {
         **envelope("trials", drive, exit_code(advice), tuple(warnings(advice, texts()))),
@@ -223,31 +203,27 @@ def to_json(advice: TrialAdvice, seed: int) -> Json:
         "weights": None if losses.weights is None else list(losses.weights),
         "criterion": losses.criterion.name,
         "positions": positions,
-        "current": _position(now, losses.now_arcsec),
+        "current": _position(advice, None),
         "recommended": ranked[0] if advice.settled else None,
         "best_bet": ranked[0],
         "second": ranked[1] if len(ranked) > 1 else None,
         "worst": ranked[-1],
-        "gain": float(-advice.at(losses.best).change_from(now)),
+        "gain": float(-advice.at(losses.best).change_from(advice.at(None))),
         "unknown": unknown_objects(unknowns(drive)),
+        "rests_on": stays_objects(drive, advice.rests_on, trials=True),
         "settled": advice.settled,
         "probability_needed": advice.needed,
         "next": {**_place(drive, advice.next.rotation_deg), "probability_after": advice.next.probability_after},
         "trials": {
-            "M_g_Nm": advice.rig.M_g,
-            "noise_arcsec": advice.rig.noise_arcsec,
-            "noise_found_arcsec": float(advice.rig.noise_arcsec * draws.noise.mean()),
-            "reseat_um": advice.rig.reseat_um,
-            "measured": [{**_place(drive, t.rotation_deg), "F_ior_arcsec": t.F_ior_arcsec} for t in advice.trials],
+            "M_g_Nm": rig.M_g,
+            "noise_arcsec": rig.noise_arcsec,
+            "noise_found_arcsec": _noise(advice),
+            "reseat_um": rig.reseat_um,
+            "measured": [_trial(drive, trial) for trial in advice.trials],
         },
         "prediction_errors": [_prediction(drive, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,
-        "offset": {
-            "size_um": float(size.mean()),
-            "size_sd_um": float(size.std()),
-            "direction_deg": None if spread >= OPEN else facing,
-            "direction_sd_deg": None if spread >= OPEN else spread,
-        },
+        "offset": _offset(advice),
         "scale": float(draws.scale.mean()),
         "scale_sd": float(draws.scale.std()),
         "misfit": float(draws.misfit.mean()),
@@ -263,48 +239,53 @@ def _place(drive: Drive, rotation_deg: float) -> Json:
     return {"rotation_deg": rotation_deg, "hole": hole_of(rotation_deg, drive.mounting.holes)}
 
 
-def _position(of: Position, F_ior: Array) -> Json:
-    """A position with F'_ior at each torque, from draws of shape (torques, draws)."""
+def _position(advice: TrialAdvice, place: int | None) -> Json:
+    """A position with F'_ior at each torque, and what is probable of it; None: where the wheel stood at first."""
+    losses, at = advice.losses, advice.at(place)
+    F_ior = losses.now_arcsec if place is None else losses.F_ior_arcsec[:, :, place]
     spread = {name: np.quantile(F_ior, level, axis=1).tolist() for name, level in LEVELS.items()}
-    place = {"rotation_deg": of.rotation_deg, "hole": of.hole, "phase_deg": of.phase_deg}
-    return {**place, "F_ior_arcsec": {"expected": list(of.F_ior_arcsec), **spread}}
+    shares = {} if place is None else {name: float(getattr(losses, name)[place]) for name in SHARES}
+    return {**asdict(at), "F_ior_arcsec": {"expected": list(at.F_ior_arcsec), **spread}, **shares}
+
+
+def _offset(advice: TrialAdvice) -> Json:
+    """What was learnt of the cam offset; the direction is null where it is open."""
+    size, (facing, spread) = np.abs(advice.cloud.offset_um[advice.draws.places]), advice.direction
+    direction = (facing, spread) if spread < OPEN else (None, None)
+    values = (float(size.mean()), float(size.std()), *direction)
+    return dict(zip(("size_um", "size_sd_um", "direction_deg", "direction_sd_deg"), values, strict=True))
+
+
+def _trial(drive: Drive, trial: Trial) -> Json:
+    return {**_place(drive, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec}
 
 
 def _prediction(drive: Drive, one: Prediction) -> Json:
-    return {
-        **_place(drive, one.trial.rotation_deg),
-        "F_ior_arcsec": one.trial.F_ior_arcsec,
-        "expected_arcsec": one.expected_arcsec,
-        "low_arcsec": one.low_arcsec,
-        "high_arcsec": one.high_arcsec,
-        "as_predicted": one.as_predicted,
-    }
+    names = ("expected_arcsec", "low_arcsec", "high_arcsec", "as_predicted")
+    return {**_trial(drive, one.trial), **{name: getattr(one, name) for name in names}}
 
 
 def _outcome(advice: TrialAdvice) -> Json | None:
     if not (outcome := advice.outcome):
         return None
-    best = outcome.best and {**_place(advice.drive, outcome.best[0]), "probability_good": outcome.best[1]}
     return {
         **_prediction(advice.drive, outcome.predicted),
         "verdict": "GO_BACK" if outcome.back_to else "KEEP",
         "position": _place(advice.drive, outcome.stay_deg),
         "probability_good": outcome.probability_good,
-        "best": best,
+        "best": outcome.best and {**_place(advice.drive, outcome.best[0]), "probability_good": outcome.best[1]},
     }
 
 
 def figures(advice: TrialAdvice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
-    losses = advice.losses
-    shares = np.stack([losses.probability_good, losses.probability_best, losses.expected], axis=1).tolist()
+    positions = [_position(advice, place) for place in range(len(advice.losses.rotations_deg))]
     rows = [
-        [M_g, at.rotation_deg, at.F_ior_arcsec[k], *share]
+        [M_g, told["rotation_deg"], told["F_ior_arcsec"]["expected"][k], *(told[name] for name in SHARES)]
         for k, M_g in enumerate(advice.drive.operation.M_g)
-        for at, share in zip(map(advice.at, range(len(shares))), shares, strict=True)
+        for told in positions
     ]
-    names = ["F_ior_expected_arcsec", "probability_good", "probability_best", "expected_loss"]
-    return ["M_g_Nm", "rotation_deg", *names], rows
+    return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", *SHARES], rows
 
 
 def summary_line(advice: TrialAdvice) -> str:
@@ -318,16 +299,12 @@ def summary_line(advice: TrialAdvice) -> str:
 
 def card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
-    facing, spread = advice.direction
-    told, said = trials_line(advice.drive, advice.trials, advice.rig.M_g, say), tuple(warnings(advice, say))
-    cam_deg = facing if spread < OPEN else None  # else there is no direction to draw
-    return CardFacts(advice.choice, cam_deg, None, advice.losses.chances, advice.losses.weights, said, told)
-
-
-def trials_line(drive: Drive, trials: Sequence[Trial], M_g: float, say: Texts) -> str:
-    """The trials that a card rests on, at a torque [N*m], in a sentence: as many as it has room for."""
-    told = [
-        say("foot.trial", where=_hole(drive, trial.rotation_deg, say), value=say.number(trial.F_ior_arcsec))
-        for trial in trials[:ON_CARD]
-    ]
-    return say("foot.trials", torque=say.torque(M_g), trials="; ".join(told))
+    return CardFacts(
+        advice.choice,
+        cam_deg=_offset(advice)["direction_deg"],
+        chances=advice.losses.chances,
+        weights=advice.losses.weights,
+        warnings=tuple(warnings(advice, say)),
+        rests_on=advice.rests_on,
+        tried=Tried(advice.rig.M_g, tuple((trial.rotation_deg, trial.F_ior_arcsec) for trial in advice.trials)),
+    )

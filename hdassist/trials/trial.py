@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hdassist.errors import UsageError
-from hdassist.mounting.positions import FREE_STEP, hole_of
+from hdassist.mounting.positions import hole_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import MOST
 
@@ -19,10 +18,6 @@ class Trial:
 
     rotation_deg: float
     F_ior_arcsec: float
-
-
-LEAST_NOISE, MOST_NOISE = 1e-6, 1e6  # arcsec; beyond them squares of it leave the range of numbers
-MOST_RESEAT = 1e3  # um, as any eccentricity of a preset
 
 
 @dataclass(frozen=True)
@@ -38,22 +33,21 @@ class Rig:
 
     def require_sound(self) -> None:
         """Raise UsageError unless the torque turns something and the standard deviations are such."""
-        if not (0 < abs(self.M_g) <= 1e7):  # as operation.M_g
-            raise UsageError(f"the torque of a trial must not be {self.M_g:g}", "--trial-torque 80")
-        if not (self.noise_arcsec > 0):
-            raise UsageError(f"the noise of a trial must be above zero, not {self.noise_arcsec:g}", "--noise 1")
-        if not (LEAST_NOISE <= self.noise_arcsec <= MOST_NOISE):
-            words = f"from {LEAST_NOISE:g} to {MOST_NOISE:g} arcsec, not {self.noise_arcsec:g}"
-            raise UsageError(f"the noise of a trial must be {words}", "--noise 1")
-        if not (0 <= self.reseat_um <= MOST_RESEAT):
-            raise UsageError(f"the error of the seat must not be {self.reseat_um:g}", "--reseat 10")
-
-
-def trial_positions(holes: int, allowed: Sequence[int] | str) -> list[float]:
-    """Positions that may be chosen [deg]: the usable holes, or 5 degree steps where the angle is free."""
-    if not holes:
-        return [FREE_STEP * k for k in range(round(360 / FREE_STEP))]
-    return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
+        torque, noise, reseat = abs(self.M_g), self.noise_arcsec, self.reseat_um
+        for words, value, sound, hint in (
+            (
+                "torque of a trial",
+                self.M_g,
+                0 < torque <= 1e7,
+                "more than 0 N*m: --trial-torque 80",
+            ),  # as operation.M_g
+            # beyond these, squares leave the range of numbers
+            ("noise of a trial", noise, 1e-6 <= noise <= 1e6, "from 1e-6 to 1e6 arcsec: --noise 1"),
+            # as any eccentricity of a preset
+            ("error of the seat", reseat, 0 <= reseat <= 1e3, "from 0 to 1000 um: --reseat 10"),
+        ):
+            if not sound:
+                raise UsageError(f"the {words} must not be {value:g}", hint)
 
 
 def read_trial(text: str, holes: int) -> Trial:
@@ -64,7 +58,7 @@ def read_trial(text: str, holes: int) -> Trial:
     try:
         rotation, F_ior = float(where.removeprefix("h")), float(value)
     except ValueError:
-        raise UsageError(f"{shown(text)!r} is no trial", hint) from None
+        rotation = F_ior = 0.0
     if not (0 < F_ior <= MOST and abs(rotation) <= FARTHEST):
         raise UsageError(f"{shown(text)!r} is no trial", hint)
     if where.startswith("h"):

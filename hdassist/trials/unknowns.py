@@ -7,9 +7,8 @@ from scipy.stats import norm
 
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import unknowns
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import least_of
+from hdassist.model.unknown import uncertain_values, unknowns
+from hdassist.preset.fields import Drive
 
 WIDEST = 2.0  # a size without an uncertainty may be so many times the preset's
 NARROWEST = 2.5  # deg: a direction needs some width to be weighed over
@@ -47,8 +46,7 @@ def open_fields(drive: Drive) -> dict[str, tuple[float, float]]:
 def drawn_values(drive: Drive, path: str, reach: tuple[float, float], share: Array) -> Array:
     """Values of an open field from shares of their probability, by its uncertainty, or evenly over its range."""
     if path in drive.uncertainty:
-        off = drive.uncertainty[path] / 2 * norm.ppf(np.clip(share, OUTERMOST, 1 - OUTERMOST))
-        return np.asarray(np.maximum(drive.number(path) + off, least_of(field_table()[path])))
+        return uncertain_values(drive, path, np.clip(share, OUTERMOST, 1 - OUTERMOST))
     return reach[0] + (reach[1] - reach[0]) * share
 
 

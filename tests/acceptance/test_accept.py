@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +14,14 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import answer_of, exit_code, to_json
+from hdassist.acceptance.answer import answer_of, exit_code, read_answers, to_json
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER, explained
 from hdassist.acceptance.decision import GUARD, Limit, Margin, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.page import number, render
 from hdassist.acceptance.predictions import Predictions, predict
+from hdassist.acceptance.replay import differences
 from hdassist.acceptance.request import Request, TraceFile, read_measurements, stated_values
 from hdassist.design.check import check
 from hdassist.error.orders import orders
@@ -29,6 +32,7 @@ from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import STATED
 from hdassist.preset.fields import Source
 from hdassist.preset.library import load_preset
+from hdassist.terminal.basis import basis_objects
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from tests.rigs import drive_error, recorded, turn_range, whole_range
@@ -154,6 +158,19 @@ def test_predicted_values_are_those_of_the_other_commands(predicted):
         assert told[f"K_{k + 1}", None] == weaker
     assert predictions.certificate.states > 2 * 1860
     assert len(predictions.cross_checks) == 3
+    rests = to_json(answer_of(Request(SMALL), accept(drive, predictions=predictions), "fail"))["rests_on"]
+    assert rests == basis_objects(own.rests_on, [point.M_g for point in own.points])
+    assert len(rests) == 3
+
+
+def test_a_record_that_does_not_say_what_it_rests_on_is_read_all_the_same(predicted, tmp_path):
+    answer = answer_of(Request(SMALL, limits=bounds(*LIMITS)), accept(predicted[0], predictions=predicted[1]), "fail")
+    told, file = to_json(answer), tmp_path / "answer.json"
+    for kept in (told, {key: told[key] for key in told if key not in ("rests_on", "unknown")}):
+        file.write_text(json.dumps(kept))
+        (known,) = read_answers(str(file))
+        assert known == replace(answer, rests_on=answer.rests_on if kept is told else ())
+        assert differences(known, answer) == []
 
 
 @pytest.mark.parametrize("limit", LIMITS)
@@ -479,6 +496,7 @@ def test_what_is_not_known_decides_nothing_that_it_could_reverse():
         assert result.verdict == verdict
         assert [note.code for note in result.notes] == ["UNKNOWN"]
         told = answer_of(Request(SMALL), result, "fail")
+        assert [(each.field, each.range) for each in told.unknown] == [("phases.phi_hb", (0.0, 360.0))]
         assert told.checks[0].decided_again(held.acceptance.rule, 0.0) == told.checks[0]
         lines = [text.plain for text in render(result, Style(ascii=False, codes=False, width=300)).renderables[-3:]]
         measure = any("what is not known could take it" in line and "--measured 4:FILE" in line for line in lines)

@@ -140,6 +140,9 @@ def test_what_a_margin_leaves_open_is_to_be_measured(tmp_path):
     assert done.returncode == 3
     told = " ".join(done.stdout.split())
     assert re.search(r"F'_ior at 4 N·m: \d\d\.\d\d is within 20 % of 25: measure it, --measured 4:FILE", told)
+    assert re.search(
+        r"assumed \(F'_ior without self error, arcsec\): bearing\.g_b 0 to 3\.75: [\d. to]+ at 4 N·m; ", told
+    )
     assert "lost motion: 234.29 is within 20 % of 234: measure it, --value lost_motion=VALUE±U" in told
     assert told.endswith("what to do: hdassist explain K_1")  # far beyond its limit
     suite = (tmp_path / "a.xml").read_text()

@@ -13,14 +13,15 @@ import pytest
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown
 from hdassist.mounting import card_render
-from hdassist.mounting.card import Card
+from hdassist.mounting.card import Card, warnings_of
 from hdassist.mounting.card_svg import CENTRE, RING
-from hdassist.mounting.page import what_to_do
+from hdassist.mounting.page import card_facts, what_to_do
 from hdassist.mounting.seat_page import drawing, instruction, seat_text
+from hdassist.mounting.stays import End, Stays
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
-from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
+from tests.advices import MADE, TRIALS, W_0, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -31,6 +32,9 @@ UNKNOWN_TURN = replace(
     unknown=(Unknown("phases.phi_hb", 0.0, 360.0, "any direction"),),
 )
 UNSURE = replace(CARDS["not sure"], unknown=(Unknown("harmonics.a_g2", 0.0, 3.0, "assumed"),))
+RESTING = CARDS["resting"]
+HARDLY = replace(RESTING, rests_on=(Stays(W_0, (End(0.55, 120.0, 0.1, 0.9), End(0.6, None, None, None))),))
+FIELDS = ("cam.W_0", "supports.C_2", "phases.xi_g")
 
 
 def strings(value: object) -> list[str]:
@@ -64,7 +68,7 @@ def test_the_facts():
         ("worst", "3", "31.44 / 12.62", "+56 %", "+179 %"),
     )
     assert "the wheel stands at hole 8: 4 holes (120 deg) clockwise" in made.checks.lines
-    assert made.chance.lines == ("Values of the preset: 43 given, 0 identified, 0 assumed.",)
+    assert made.chance.lines == ("Values of the preset: 47 given, 0 identified, 0 assumed.",)
     assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
     assert made.foot[1] == f"hdassist {__version__}; preset small, sha256 {digest}; card made 2026-03-09"
@@ -231,7 +235,7 @@ def test_names_are_escaped():
 
 
 @pytest.mark.parametrize("language", languages())
-@pytest.mark.parametrize("name", [*CARDS, "crowded"])
+@pytest.mark.parametrize("name", CARDS)
 def test_text_is_78_columns_wide_and_plain_if_asked(name, language):
     advice = crowded(CARDS["many"]) if name == "crowded" else CARDS[name]
     page = card_render.plain_text(card(advice, language))
@@ -276,6 +280,9 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
         seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
+    card(crowded(CARDS["many"]), "en")
+    card(RESTING, "ru", trials=TRIALS)
+    card(HARDLY, "ru", trials=TRIALS)
     card(UNKNOWN_TURN, "ru", trials=TRIALS)
     for open_ in (UNKNOWN_TURN, UNSURE, replace(UNSURE, robust=None)):
         what_to_do(open_, texts("ru"))
@@ -292,13 +299,42 @@ def test_nothing_on_a_russian_card_is_english(name):
     said = strings(asdict(card(advice, "ru", serial="17", trials=TRIALS)))
     said = [text for text in said if text not in ("ru", "now", "after", "cam", "best", "worst")]  # kinds
     text = "\n".join(said)
-    for known in (*advice.drive.origin.overrides, advice.drive.name, "hdassist", "sha256", "F'_ior", "wheel.csv"):
+    known_words = ("hdassist", "sha256", "F'_ior", "wheel.csv", *FIELDS)
+    for known in (*advice.drive.origin.overrides, advice.drive.name, *known_words):
         text = text.replace(known, "")
     text = re.sub(
         r"\bxi_[bg]\b|\be_h[bg]\b|F'_i[12]\b|\b[0-9a-f]{12}\b|^[abcx]$|^[abc]: |\bx (?=нельзя)", "", text, flags=re.M
     )
     assert re.findall("[A-Za-z]+", text) == []
     assert "." not in re.sub(r"\.(\s|$)|\d\d\.\d\d\.\d{4}|0\.1\.0|угл\.", "", text)  # decimal commas
+
+
+def test_warnings_of_the_preset_are_as_they_are_or_counted_in_another_language():
+    full = crowded(CARDS["many"])
+    assert warnings_of(full.drive, texts("en")) == full.drive.origin.warnings
+    zeros, others = warnings_of(full.drive, texts("ru"))
+    assert zeros == "неизвестно и принято равным 0: phases.xi_g"
+    assert others.startswith("замечаний к исходным данным: 5")
+    assert warnings_of(CARDS["plain"].drive, texts("ru")) == ()
+
+
+def test_a_card_says_what_it_rests_on():
+    mounted, tried, hardly = (card(a, trials=t) for a, t in ((RESTING, ()), (RESTING, TRIALS), (HARDLY, TRIALS)))
+    assert mounted.rests_on.lines == (
+        "supports.C_2, 2000 to 12000: at 12000 hole 1 would be the best, and this one loses 12 %.",
+        "cam.W_0, 0.55 to 0.6: this position stays the best.",
+    )
+    assert tried.rests_on.lines == (
+        "supports.C_2, 2000 to 12000: this position is good with a probability of about 30 to 80 %.",
+        "cam.W_0, 0.55 to 0.6: this position is good with a probability of about 93 to 97 %.",
+    )
+    assert hardly.rests_on.lines == ("cam.W_0, 0.55 to 0.6: with 0.6 hardly anything explains the trials.",)
+    for text in (card_render.html(mounted), card_render.markdown(mounted), card_render.plain_text(mounted)):
+        assert "stays the best" in text
+    assert "rests on" not in card_render.plain_text(card(CARDS["plain"])).lower()
+    small = replace(RESTING, curve=replace(RESTING.curve, F_ior_arcsec=1 + RESTING.curve.F_ior_arcsec / 1e4))
+    assert small.chosen != small.choice.target
+    assert card_facts(small, texts()).rests_on == ()  # it is told of the best position, and the wheel stays where it is
 
 
 def test_russian_plurals():
@@ -329,5 +365,5 @@ def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     made = card(advice_of(overrides=open_), trials=TRIALS)
     assert dict(made.subject)["mark"].startswith("not known where it points")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
-    assert "Values of the preset: 40 given, 0 identified, 1 assumed." in made.chance.lines
+    assert "Values of the preset: 44 given, 0 identified, 1 assumed." in made.chance.lines
     assert made.chance.lines[-1].endswith("phases.xi_b, harmonics.a_g2, harmonics.xi_g2")

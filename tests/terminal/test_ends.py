@@ -52,8 +52,9 @@ CASES = [(arguments, *end) for arguments in LONG for end in (ENDS if arguments[0
 def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
     (tmp_path / "targets.yaml").write_text(TARGETS)
     process = subprocess.Popen(
-        [*COMMAND, *arguments, "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+        [*COMMAND, *arguments, "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell has it ignored in the background
+    )  # fmt: skip
     workers = workers_of(process)
     time.sleep(0.3)  # at work
     process.send_signal(number)

@@ -1,7 +1,7 @@
 """Trials: a hidden cam offset found again from F'_ior measured in a few positions, and how sure that is."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -14,22 +14,23 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.losses import Losses
-from hdassist.mounting.positions import rotated
+from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.robust import Criterion
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
-from hdassist.trials.advice import TrialAdvice, advise_from_trials, verification
-from hdassist.trials.cloud import Cloud, Effort, cloud_of
+from hdassist.trials.advice import TrialAdvice, advise_from_trials, taught, verification
+from hdassist.trials.cloud import FULL, Cloud, Effort, cloud_of
 from hdassist.trials.draws import MISFITS, SCALE, drawn, kernel, require_reachable, told_noise
 from hdassist.trials.page import card_facts, exit_code, instruction, render, summary_line, to_json, warnings
 from hdassist.trials.posterior import Prediction, learnt, next_trial, prediction
-from hdassist.trials.trial import Rig, Trial, read_trial, trial_positions
+from hdassist.trials.rests import stays_good
+from hdassist.trials.trial import Rig, Trial, read_trial
 from hdassist.trials.unknowns import drawn_values, open_fields
-from tests.process import SMALL
+from tests.process import ASSUMED, SMALL
 
 M_G, HOLES = 4.0, 12
-POSITIONS = trial_positions(HOLES, "all")
+POSITIONS = usable_positions(HOLES, "all")
 THIRDS = (0.0, 120.0, 240.0)
 KNOWN = {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}  # the cam's own offset, well measured
 RIG = Rig(M_G, noise_arcsec=0.5)
@@ -393,7 +394,8 @@ def test_an_outcome_is_kept_or_given_back() -> None:
 @pytest.fixture(scope="module")
 def advice() -> TrialAdvice:
     tried = trials(measured(50.0, 20.0), (*THIRDS, 60.0))
-    return advise_from_trials(load_preset(SMALL, ["operation.M_g=4"]), tried, RIG, effort=replace(FEW, samples=3072))
+    few = replace(FEW, samples=3072)
+    return advise_from_trials(load_preset(SMALL, ["operation.M_g=4", ASSUMED]), tried, RIG, effort=few)
 
 
 def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
@@ -408,6 +410,56 @@ def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
     assert facts.choice.chosen.F_ior_arcsec == tuple(told_["best_bet"]["F_ior_arcsec"]["expected"])
     assert facts.cam_deg == told_["offset"]["direction_deg"]
     assert len(told_["prediction_errors"]) == 3
+    assert facts.rests_on == advice.rests_on
+    assert [e["probability_good"] for e in told_["rests_on"][0]["effect"]] == [e.good for e in advice.rests_on[0].ends]
+
+
+def test_what_an_advice_rests_on_is_what_trials_say_of_the_drive_at_the_ends(cloud: Cloud) -> None:
+    """By coarser tables, against those of the drive there."""
+    tried, loose = trials(measured(50.0, 20.0), (*THIRDS, 60.0, 150.0, 180.0, 210.0)), told(ASSUMED)
+    again = partial(taught, trials=tried, rig=RIG, rotations_deg=POSITIONS)
+    best = again(cloud)[1].best
+    (held,) = stays_good(
+        replace(cloud, drive=loose), best, FEW.samples, partial(cloud_of, torques=(), rig_M_g=M_G), again
+    )
+    assert held.assumption.path == "bearing.g_b"
+    assert [end.value for end in held.ends] == [0, 3.75]
+    fine = cloud_of(loose.with_values({"bearing.g_b": 3.75}), (M_G,), M_G, effort=FEW)
+    for end, there in zip(held.ends, (cloud, fine), strict=True):
+        _, losses = again(there)
+        assert end.good == pytest.approx(losses.probability_good[best], abs=0.15)
+        assert end.loss == pytest.approx(losses.expected_loss[best], abs=0.02)
+        assert values_near(end.best_deg, POSITIONS[losses.best])
+
+
+OTHERS = (("gears.h_a", 0.5, 0.7), ("flexspline.k_t", 1.0, 1.8))
+
+
+def test_assumptions_are_told_by_what_they_change_and_where_nothing_explains_the_trials() -> None:
+    """Without clouds: a bearing with a clearance explains nothing, of teeth it depends a little."""
+    good, other = losses_of(20.0, 15.0, 15.5), losses_of(20.0, 15.0, 15.5, spread=0.05)
+
+    def make(drive: Drive, effort: Effort, executor: None = None) -> Cloud:
+        assert effort.samples == 24
+        assert effort.mesh.states < FULL.mesh.states / 5
+        return replace(told_, drive=drive)
+
+    def teach(cloud: Cloud) -> tuple[None, Losses]:
+        drive = cloud.drive
+        if drive.bearing.g_b:
+            raise UntrustedError("nothing explains the trials")
+        return None, good if drive.gears.h_a == 0.6 else other
+
+    others = [f"source.{path}={{kind: assumed, range: [{low}, {high}]}}" for path, low, high in OTHERS]
+    drive = load_preset(SMALL, [ASSUMED, *others])
+    told_ = replace(synthetic(np.ones((2, HOLES))), drive=drive)
+    held = stays_good(told_, 1, 24, make, teach)
+    assert [each.assumption.path for each in held][:2] == ["bearing.g_b", "gears.h_a"]
+    low, high = held[0].ends
+    assert (low.good, low.best_deg) == (good.probability_good[1], 30.0)
+    assert (high.value, high.good, high.best_deg, high.loss) == (3.75, None, None, None)
+    assert held[1].ends[0].good == other.probability_good[1] != held[2].ends[0].good
+    assert stays_good(told_, 1, 24, make, teach, most=0) == ()
 
 
 def test_an_outcome_has_its_verdict_and_exit_code(advice: TrialAdvice) -> None:
@@ -469,7 +521,7 @@ def test_a_free_angle_and_many_holes() -> None:
     for holes, directions, count in ((0, 36, 72), (3, 9, 3), (100, 36, 100)):
         drive = told(f"mounting.holes={holes}")
         found = cloud_of(drive, (M_G,), M_G, effort=few)
-        positions = trial_positions(holes, "all")
+        positions = usable_positions(holes, "all")
         assert found.weight.shape[1] == directions
         _, losses = learnt(found, [Trial(positions[-1], 20.0)], RIG, positions)
         assert len(losses.probability_good) == count

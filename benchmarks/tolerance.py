@@ -1,0 +1,171 @@
+"""How far random drives lie from every state, and what they cost: `python -m benchmarks.tolerance [--n 500]`.
+
+Drives are those that `hdassist tolerance vzp160 --seed 1` draws, and those of the same drive with harmonics and a
+run-out besides. F'_ior as built (of all drives) and in the best position (of every fifth) is compared with every state
+of the cycle; every fifth drive is also searched in all positions, so that it shows whether the best one was found.
+Costs are processor time of one process; the efficiency of two is time on the clock, and says something on a quiet
+machine only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+HARMONICS = {
+    "tolerances.e_b": 10.0, "harmonics.a_g2": 3.0, "harmonics.a_b2": 3.0, "harmonics.a_g3": 1.5, "harmonics.a_b3": 1.5,
+    "harmonics.a_g4": 1.5, "harmonics.a_b4": 1.5,
+}  # fmt: skip
+CASES = {"vzp160": {}, "with harmonics": HARMONICS}
+SEED = 1
+EVERY = 5
+CHUNK = 10
+WANTED_MS = 7.5  # of one core for a value of F'_ior
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One drive: how far F'_ior [arcsec] lies from that of every state, as built and best (none: not looked at).
+
+    loss: how much more F'_ior the chosen position has than the best of all positions, as a share, by searches.
+    """
+
+    case: str
+    number: int
+    F_ior: list[float]
+    as_built: list[float]
+    best: list[float] | None = None
+    loss: float | None = None
+
+
+def production(case: str, executor: Executor | None = None):
+    from hdassist import load_preset
+    from hdassist.tolerance.production import Production
+    from hdassist.tolerance.scatter import Draws, scatters
+
+    drive = load_preset("vzp160", [f"{path}={value}" for path, value in CASES[case].items()])
+    return Production.of(drive, Draws(scatters(drive), SEED), drive.operation.M_g).tabled(executor=executor)
+
+
+def compare(task) -> list[Drawn]:
+    import numpy as np
+
+    from hdassist import kinematic_error
+    from hdassist.error.search import CycleSearch
+    from hdassist.mounting.positions import merit, rotated
+
+    case, made, first, last = task
+    found = []
+    for k, record in enumerate(made.records(first, last), first):
+        drive = made.drive.with_values(record["values"])
+        turned = rotated(drive, record["best_rotation_deg"])
+
+        def every_state(there) -> list[float]:
+            return [kinematic_error(there, M_g, cross_check=None).F_ior_arcsec for M_g in made.torques]
+
+        exact = every_state(drive)
+        missed = [e - v for e, v in zip(exact, record["F_ior_arcsec"], strict=True)]
+        best = loss = None
+        if k % EVERY == 0:
+            best = [e - v for e, v in zip(every_state(turned), record["best_F_ior_arcsec"], strict=True)]
+            searches = [CycleSearch(drive, M_g) for M_g in made.torques]
+            all_ = np.array([[s.extremes(rotated(drive, r)).F_ior_arcsec for r in made.rotations] for s in searches])
+            values = merit(all_, all_[:, 0])
+            loss = float(values[made.rotations.index(record["best_rotation_deg"])] / values.min() - 1)
+        found.append(Drawn(case, k, exact, missed, best, loss))
+    return found
+
+
+def remembered(file: Path) -> list[Drawn]:
+    return [Drawn(**json.loads(line)) for line in file.read_text().splitlines()] if file.exists() else []
+
+
+def report(case: str, rows: Sequence[Drawn]) -> None:
+    import numpy as np
+
+    for name, of in (("as built", "as_built"), ("best position", "best")):
+        missed = np.abs([value for row in rows if getattr(row, of) for value in getattr(row, of)])
+        print(
+            f"{case}, {name}: {len(missed)} values; {np.mean(missed <= 0.01):.2%} within 0.01 arcsec, "
+            f"{np.mean(missed <= 0.1):.2%} within 0.1, greatest {missed.max():.3f}"
+        )
+    loss = np.array([row.loss for row in rows if row.loss is not None])
+    better = f"{np.sum(loss > 1e-3)} have a better position, by {loss.max():.2%} at most"
+    print(f"{case}, choice: of {len(loss)} drives {better}")
+
+
+def speed(case: str, count: int) -> None:
+    begun = time.process_time()
+    made = production(case)
+    table = time.process_time() - begun
+    made.records(0, 2)  # what is made once
+    begun = time.process_time()
+    records = made.records(2, 2 + count)
+    took = time.process_time() - begun
+    each = 1e3 * took / count
+    value = each / len(made.torques) / len(made.rotations)
+    states = sum(record["states"] for record in records) / count
+    print(
+        f"{case}: {each:.1f} ms a drive, {value:.2f} ms a value ({WANTED_MS:g} wanted), {states:.0f} states a drive; "
+        f"{table:.1f} s for the tables", flush=True,
+    )  # fmt: skip
+
+
+@contextmanager
+def processes(jobs: int) -> Iterator[tuple[Executor, int]]:
+    from hdassist.terminal.workers import workers
+
+    with workers(jobs) as executor:
+        yield executor, jobs
+
+
+def efficiency(case: str, count: int) -> None:
+    from hdassist.tolerance.stream import stream
+
+    made, took = production(case), []
+    for jobs in (1, 2):
+        begun = time.perf_counter()
+        for _ in stream(made.records, count, pool=partial(processes, jobs)):
+            pass
+        took.append(time.perf_counter() - begun)
+    share = took[0] / took[1] / 2
+    print(f"{case}: {count} drives in {took[0]:.1f} s by one process, {took[1]:.1f} s by two: {share:.0%}", flush=True)
+
+
+def main() -> None:
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--n", type=int, default=500, help="drives of each case that are compared")
+    reader.add_argument("--speed", type=int, default=100, help="drives of each case that are timed")
+    reader.add_argument("--cases", nargs="*", choices=CASES, default=list(CASES))
+    reader.add_argument("--file", type=Path, default=Path("build/tolerance_study.jsonl"))
+    options = reader.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    if options.speed:
+        for case in options.cases:
+            speed(case, options.speed)
+            efficiency(case, 2 * options.speed)
+    if not options.n:
+        return
+    options.file.parent.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(os.cpu_count()) as executor, options.file.open("a", encoding="utf-8") as stream:
+        for case in options.cases:
+            known = [row for row in remembered(options.file) if row.case == case and row.number < options.n]
+            made = production(case, executor)
+            chunks = range(len(known), options.n, CHUNK)
+            tasks = [(case, made, first, min(first + CHUNK, options.n)) for first in chunks]
+            for rows in executor.map(compare, tasks):
+                known += rows
+                print(*(json.dumps(asdict(row)) for row in rows), sep="\n", file=stream, flush=True)
+            report(case, known)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""Help texts: commands by what they are for, options by what they are about, no summary cut short."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, TypeAlias
+
+from typer.core import TyperCommand, TyperGroup
+
+# of click, of which typer has a copy: nothing but its subclasses is public
+Context: TypeAlias = Any
+Formatter: TypeAlias = Any
+
+OTHERS = "Options"
+WHOLE = 1000  # characters: no first sentence of a help text is longer
+
+
+class Command(TyperCommand):
+    """A command whose help has a section for each group of options."""
+
+    def format_options(self, ctx: Context, formatter: Formatter) -> None:
+        """Write arguments and options, those of no group first, those of every command last."""
+        _sections(formatter, (_with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+
+
+class Commands(TyperGroup):
+    """A command of commands whose help has a section for each group of them."""
+
+    def format_options(self, ctx: Context, formatter: Formatter) -> None:
+        """Write the commands, then the options."""
+        shown = [command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden]
+        _sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
+        _sections(formatter, (_with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+
+
+def _summary(command: Any) -> str:
+    return str(command.short_help or command.get_short_help_str(WHOLE))
+
+
+Record = tuple[str, str]  # what stands to the left and to the right in a help text
+
+
+def _with_panel(parameter: Any, ctx: Context) -> tuple[str, Record | None]:
+    kind = "Arguments" if parameter.param_type_name == "argument" else OTHERS
+    return _panel(parameter, kind), parameter.get_help_record(ctx)
+
+
+def _panel(thing: Any, other: str) -> str:
+    return getattr(thing, "rich_help_panel", None) or other
+
+
+def _sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]) -> None:
+    panels: dict[str, list[Record]] = {}
+    for panel, record in records:
+        if record:
+            panels.setdefault(panel, []).append(record)
+    for panel, rows in panels.items():
+        with formatter.section(panel):
+            formatter.write_dl(rows)

@@ -1,0 +1,55 @@
+"""What an advice rests on, as a table and as JSON: whether the position stays the best over what is assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich.table import Table
+
+from hdassist.mounting.positions import hole_of
+from hdassist.mounting.stays import End, Stays
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import short, unit_of
+from hdassist.terminal.answers import Json
+from hdassist.terminal.console import Style, grid
+
+
+def stays_table(drive: Drive, held: Iterable[Stays], style: Style, *, trials: bool = False) -> Table:
+    """A row an assumption: at both ends of its range the best position, and what is said of the advised one.
+
+    Argument: trials, whether that is the probability, in %, that it is good; else what it loses.
+    """
+    title = "rests on what is assumed: does the position stay the best?" + " (at the torque of the trials)" * trials
+    share = "good, %" if trials else "lost"
+    rows = grid(style, title, "assumed", "from", "best", share, "to", "best", share)
+
+    def cells(end: End) -> tuple[str, str, str]:
+        hole = None if end.best_deg is None else hole_of(end.best_deg, drive.mounting.holes)
+        where = "-" if end.best_deg is None else f"{end.best_deg:g} deg" if hole is None else f"hole {hole}"
+        good, loss = ("-" if value is None else f"{value:.0%}" for value in (end.good, end.loss))
+        return short(end.value), where, good.rstrip("%") if trials else loss
+
+    for each in held:
+        path = each.assumption.path
+        words = f"{path} {drive.number(path):g} {unit_of(field_table()[path])}".rstrip()
+        rows.add_row(style.text(words), *(cell for end in each.ends for cell in cells(end)))
+    return rows
+
+
+def stays_objects(drive: Drive, held: Iterable[Stays], *, trials: bool = False) -> list[Json]:
+    """Assumptions: the plausible range of each, how much of it was computed, and the advice at both ends."""
+
+    def told(end: End) -> Json:
+        hole = None if end.best_deg is None else hole_of(end.best_deg, drive.mounting.holes)
+        told = {"value": end.value, "best_hole": hole, "best_rotation_deg": end.best_deg, "loss": end.loss}
+        return {**told, "probability_good": end.good} if trials else told
+
+    return [
+        {
+            "field": each.assumption.path,
+            "assumed_range": [each.assumption.low, each.assumption.high],
+            "computed_range": [end.value for end in each.ends],
+            "effect": [told(end) for end in each.ends],
+        }
+        for each in held
+    ]
