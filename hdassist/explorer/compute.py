@@ -56,6 +56,7 @@ from hdassist.terminal.workers import workers
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice
 
+FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
 FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
 GROUP = 2  # positions that one task searches: few, so that the curve grows under the eye
 SEED = 0  # of samples and of what is solved again, as the commands have it
@@ -123,14 +124,14 @@ def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
         return
     turns, torques = asked.effort.turns, drive.operation.M_g
     cases = [LoadCase.of(drive, M_g) for M_g in torques]
-    now = [_range(case, drive, turns) for case in cases]
+    now = [_ranges(case, [drive], turns)[0] for case in cases]
     found: dict[str, tuple[float, ...]] = {}
     for path in _moving(drive):
         there = drive.with_values({path: stepped(field_table()[path], drive.number(path))})
         with suppress(HdassistError):  # a drive that cannot be computed has no slope
             same = path.startswith(DEVIATIONS)  # the same contact system, moved otherwise
             there_cases = cases if same else [LoadCase.of(there, M_g) for M_g in torques]
-            after = [_range(case, there, turns) for case in there_cases]
+            after = [_ranges(case, [there], turns)[0] for case in there_cases]
             found[path] = tuple(b - a for a, b in zip(now, after, strict=True))
             if len(found) % 8 == 0:
                 yield Slopes(asked.rotation_deg, dict(found))
@@ -183,29 +184,33 @@ def _curve(drive: Drive, values: Array, sure: Sequence[Sequence[Sure]]) -> Curve
         for k, rotation in enumerate(_places(drive))
         if not np.isnan(values[:, k]).any()
     )
-    return Curve(tuple(drive.operation.M_g), places, drive.mounting.holes)
+    return Curve(tuple(drive.operation.M_g)[: len(values)], places, drive.mounting.holes)
 
 
 def _coarse(drive: Drive, turns: int) -> Iterator[Curve]:
-    """The curve from a few states of each position, one torque after the other."""
+    """The curve from a few states of each position: one torque after the other from the fewest, then all from more."""
+    there = [rotated(drive, rotation) for rotation in _places(drive)]
+    cases: list[LoadCase] = []
     rows: list[list[float]] = []
-    torques = tuple(drive.operation.M_g)
-    for M_g in torques:
-        case = LoadCase.of(drive, M_g)
-        rows.append([_range(case, rotated(drive, rotation), turns) for rotation in _places(drive)])
-        places = tuple(
-            _place(drive, rotation, tuple(Value(row[k], Sure.COARSE) for row in rows))
-            for k, rotation in enumerate(_places(drive))
-        )
-        yield Curve(torques[: len(rows)], places, drive.mounting.holes)
+    for M_g in drive.operation.M_g:
+        cases.append(LoadCase.of(drive, M_g))
+        rows.append(_ranges(cases[-1], there, min(FEWEST, turns)))
+        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
+    if turns > FEWEST:
+        rows = [_ranges(case, there, turns) for case in cases]
+        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
 
 
-def _range(case: LoadCase, drive: Drive, turns: int) -> float:
-    """Range of the error [arcsec] over a few states, spread over both wheels' turns: never more than F'_ior."""
+def _ranges(case: LoadCase, drives: Sequence[Drive], turns: int) -> list[float]:
+    """Ranges of the error [arcsec] over a few states, spread over both wheels' turns: never more than F'_ior.
+
+    Drives differ in their deviations alone: the engine is far quicker with all of their states at once.
+    """
     angles = 2 * np.pi * np.arange(turns) / turns
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
-    gaps = case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b))
-    return float(np.ptp(case.solve(gaps, lambda k: f"state {k}").rotation_arcsec))
+    gaps = [case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b)) for drive in drives]
+    rotation = case.solve(np.concatenate(gaps), lambda k: f"state {k}").rotation_arcsec
+    return [float(each) for each in np.ptp(rotation.reshape(len(drives), -1), axis=1)]
 
 
 def _refined(drive: Drive, executor: Executor) -> Iterator[Curve]:
