@@ -56,6 +56,7 @@ app = typer.Typer(
 DESIGN, BENCH, ACCEPTANCE, DATA = "Design", "Bench", "Acceptance", "Data"
 for _name, _command, _panel, _summary in (
     ("check", check.command, DESIGN, "F'_ior over the full cycle, with verdict and proof"),
+    ("explore", explore.command, DESIGN, "the drive on the screen: turn its knobs and its wheel"),
     ("trace", trace.command, DESIGN, "the error against the cam angle, with its orders"),
     ("self-error", self_error.command, DESIGN, "what is left of a drive without deviations"),
     ("stiffness", stiffness.command, DESIGN, "twist against torque, lost motion, K1, K2, K3"),
@@ -64,7 +65,6 @@ for _name, _command, _panel, _summary in (
     ("allocate", allocate.command, DESIGN, "the cheapest tolerances that reach a yield"),
     ("sweep", sweep.command, DESIGN, "F'_ior over a grid of values of any fields"),
     ("compare", compare.command, DESIGN, "a measured trace over the predicted one"),
-    ("explore", explore.command, BENCH, "a drive turned on the screen: holes, trials, levers"),
     ("mount", mount.command, BENCH, "in which hole to bolt the fixed wheel; the card"),
     ("trials", trials.command, BENCH, "the same from F'_ior measured in a few holes"),
     ("measure", measure.command, BENCH, "F'_ior, orders and coverage of measured traces"),
