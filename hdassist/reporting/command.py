@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     from hdassist.comparing.sheet import DriveSheet
 
 KINDS = (".html", ".md")
-
-Target = Annotated[
-    str,
-    typer.Option("--output", "-o", metavar="FILE", help="Write the report to FILE: .html or .md (- for stdout: .md)."),
-]
 
 
 @o.with_groups
@@ -59,7 +54,7 @@ def command(
     drive = drives.load(preset)
     with out.progress(drive.name, estimate_states(drive, draws)) as progress, workers(jobs) as executor:
         sheet: DriveSheet = sheet_of(drive, draws=draws, seed=seed, executor=executor, progress=progress)
-    made = report_of(sheet, draws=draws, seed=seed)
+    made = report_of(sheet, draws=draws, seed=seed, ascii=out.style.ascii)
     for text in made.warnings:
         warn(f"{drive.name}: {text}")
     if options.verbose:
@@ -68,8 +63,11 @@ def command(
         out.text(json_text(to_json(sheet, seed)))
     elif options.quiet:
         out.text(f"{summary_line(sheet.check)}\n")
+    elif kind == ".html":
+        page = html(made)
+        out.text(page.encode("ascii", "xmlcharrefreplace").decode() if options.ascii else page)
     else:
-        out.text(html(made) if kind == ".html" else markdown(made))
+        out.text(markdown(made, out.style.text))
     raise typer.Exit(exit_code(sheet))
 
 

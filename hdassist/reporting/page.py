@@ -37,11 +37,12 @@ from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity
 from hdassist.terminal.texts import texts
+from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 
 STYLE = Style(ascii=False, codes=False, width=10_000)  # of tables that nobody cuts
-DRAWN = Style(ascii=False, codes=False, width=80)
+DRAWN = 80  # columns of figures in characters
 ZERO = "what is not known taken as 0"
 KINDS = {
     NOT_KNOWN: "not given (a direction of what is 0 does not matter)",
@@ -78,8 +79,9 @@ def to_json(sheet: DriveSheet, seed: int) -> Json:
     }
 
 
-def report_of(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
-    """The report of a drive; draws and seed, of what is not known."""
+def report_of(sheet: DriveSheet, *, draws: int, seed: int, ascii: bool = False) -> Report:
+    """The report of a drive; draws, seed: of what is not known; ascii: figures in 7-bit characters."""
+    style = Style(ascii, codes=False, width=DRAWN)
     drive, verdict = sheet.drive, sheet.check.verdict
     k = Kinematics.of(drive)
     subject = f"{k.z_g}/{k.z_b} teeth, module {drive.gears.m:g} mm, ratio {abs(k.u):g}, fixed: {TRADE[k.fixed]}"
@@ -91,9 +93,9 @@ def report_of(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         tiles=tuple(_tiles(sheet)),
         warnings=sheet_warnings(sheet),
         sections=(
-            Section("Kinematic error", tuple(_errors(sheet))),
-            Section("Mounting the fixed wheel", tuple(_mounting(sheet))),
-            Section("Torsional stiffness", tuple(_stiffness(sheet))),
+            Section("Kinematic error", tuple(_errors(sheet, style))),
+            Section("Mounting the fixed wheel", tuple(_mounting(sheet, style))),
+            Section("Torsional stiffness", tuple(_stiffness(sheet, style))),
             Section("What it rests on, and what is not known", tuple(_basis(sheet))),
             Section("Where its values come from", tuple(_values(drive))),
             Section("Provenance", (_provenance(drive, draws, seed),)),
@@ -116,9 +118,11 @@ def _reasons(sheet: DriveSheet) -> Iterator[str]:
         yield _most(sheet.drive, sheet.check.rests_on[0], sheet.check.points)
     if sheet.check.unknown:
         yield f"Not known: {names(sheet.check.unknown)}."
-    preset = quote(sheet.drive.origin.file or sheet.drive.name)
     if sheet.advice.order != "none":
-        yield f"Next: hdassist mount {preset} --card card.html"
+        origin = sheet.drive.origin
+        asked = ["PRESET" if origin.file == STDIN else origin.file]
+        asked += [word for text in origin.overrides for word in ("--set", text)]
+        yield f"Next: hdassist mount {' '.join(map(quote, asked))} --card card.html"
 
 
 def _most(drive: Drive, effect: Effect, points: Iterable[OperatingPoint]) -> str:
@@ -136,9 +140,9 @@ def _most(drive: Drive, effect: Effect, points: Iterable[OperatingPoint]) -> str
 def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
     for point in sheet.check.points:
         if point.over:
-            value, below = f"{point.over.low:.1f} to {point.over.high:.1f}″", "5 to 95 % of what is not known"
+            value, below = f"{point.over.low:.1f} to {point.over.high:.1f}", "arcsec, 5 to 95 % of what is not known"
         else:
-            value, below = f"{point.error.F_ior_arcsec:.1f}″", "arcsec over the full cycle"
+            value, below = f"{point.error.F_ior_arcsec:.1f}", "arcsec over the full cycle"
         yield Tile(f"F'_ior at {point.M_g:g} N·m", value, below)
     advice = sheet.advice
     if advice.order == "none":
@@ -152,13 +156,13 @@ def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
     yield Tile("values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified")
 
 
-def _errors(sheet: DriveSheet) -> Iterator[Block]:
+def _errors(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     check = sheet.check
     taken = f", {ZERO}" if check.unknown else ""
     for point in check.points:
         turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
         yield _figure(
-            f"Error over the full cycle at {point.M_g:g} N·m{taken}", turns, point.error.error_arcsec,
+            style, f"Error over the full cycle at {point.M_g:g} N·m{taken}", turns, point.error.error_arcsec,
             "cam angle phi_h, turns", f"error at {point.M_g:g} N·m, arcsec",
         )  # fmt: skip
     if any(point.over for point in check.points):
@@ -177,25 +181,25 @@ def _by_torque(title: str, shown: Iterable[Quantity[OperatingPoint]], points: It
     return Table(title, first, tuple(rest), (False, *([True] * (len(first) - 1))))
 
 
-def _figure(caption: str, x: Array, y: Array, x_label: str, y_label: str, **how: Any) -> Figure:
+def _figure(style: Style, caption: str, x: Array, y: Array, x_label: str, y_label: str, **how: Any) -> Figure:
     """A curve as shapes and in characters; how, more arguments of the chart."""
     drawn = chart(x, y, x_label=x_label, y_label=y_label, **how)
-    return Figure(caption, drawn, curve(DRAWN, x, y, x_label=x_label, y_label=y_label))
+    return Figure(caption, drawn, curve(style, x, y, x_label=x_label, y_label=y_label))
 
 
-def _mounting(sheet: DriveSheet) -> Iterator[Block]:
+def _mounting(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     advice, choice = sheet.advice, sheet.advice.choice
     _, instruction, *rest = blocks_of(mount_page.render(advice, STYLE, plots=False))
     yield instruction
     if advice.order != "none":
         seat = seat_of(choice, texts(), choice.chosen if choice.turn else None)
-        yield Figure(seat.title, seat, seat_text(choice, DRAWN))
+        yield Figure(seat.title, seat, seat_text(choice, style))
     if advice.has_curve and len(advice.curve.rotation_deg) > 1:
-        yield from _curves(sheet)
+        yield from _curves(sheet, style)
     yield from rest
 
 
-def _curves(sheet: DriveSheet) -> Iterator[Figure]:
+def _curves(sheet: DriveSheet, style: Style) -> Iterator[Figure]:
     """F'_ior over the positions of the wheel at each torque; over the phase where nobody knows how it stands."""
     advice, result = sheet.advice, sheet.advice.curve
     per = 360 / result.holes if result.holes else 1.0
@@ -218,7 +222,8 @@ def _curves(sheet: DriveSheet) -> Iterator[Figure]:
             caption += "; dashed: the limit less the self error"
             limit -= point.self_error.range_arcsec
         yield _figure(
-            caption, turned[order], result.F_ior_arcsec[k, order], x_label, f"F'_ior at {point.M_g:g} N·m, arcsec",
+            style, caption, turned[order], result.F_ior_arcsec[k, order], x_label,
+            f"F'_ior at {point.M_g:g} N·m, arcsec",
             limit=limit, whiskers=_whiskers(sheet, k, per), dots=_dots(sheet, k, per),
             points=bool(result.holes) and not advice.any_hole, from_zero=True,
         )  # fmt: skip
@@ -243,10 +248,10 @@ def _dots(sheet: DriveSheet, torque: int, per: float) -> Iterator[Dot]:
         yield Dot(target.rotation_deg / per, target.F_ior_arcsec[torque], "best", "target")
 
 
-def _stiffness(sheet: DriveSheet) -> Iterator[Block]:
+def _stiffness(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     found = sheet.stiffness
     caption = "Twist of the drive without deviations, the cam held"
-    yield _figure(caption, found.torque, found.twist_arcsec, "torque, N·m", "twist, arcsec")
+    yield _figure(style, caption, found.torque, found.twist_arcsec, "torque, N·m", "twist, arcsec")
     yield from blocks_of(stiffness_render(sheet.drive, found, STYLE, plots=False))[1:]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from jinja2 import Environment
@@ -24,9 +24,16 @@ def html(report: Report) -> str:
     return page.get_template("report.html").render(report=report)
 
 
-def markdown(report: Report) -> str:
-    """The report as Markdown, with the tables of GitHub's dialect and figures in characters."""
-    page = _environment(finalize=markdown_safe, as_drawn=_as_drawn)
+def markdown(report: Report, shown: Callable[[str], str] = str) -> str:
+    """The report as Markdown, with the tables of GitHub's dialect and figures in characters.
+
+    shown: what can be shown of a text, before what Markdown takes for signs is escaped.
+    """
+
+    def safe(value: Any) -> Any:
+        return markdown_safe(value if isinstance(value, Markup) else shown(str(value)))
+
+    page = _environment(finalize=safe, as_drawn=_as_drawn)
     return page.get_template("report.md").render(report=report)
 
 

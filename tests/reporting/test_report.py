@@ -21,10 +21,12 @@ from hdassist.reporting.blocks import Figure
 from hdassist.reporting.charts import COLUMNS, chart
 from hdassist.reporting.page import exit_code, report_of, to_json
 from hdassist.reporting.render import html, markdown
+from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 
 LIMIT = "acceptance.F_ior=30"
-SETS = ["mounting.holes=4", "gears.h_a=0.6", "gears.h_f=1.35", "flexspline.k_t=1.4", LIMIT]  # the less to compute
+ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3]}"
+SETS = ["mounting.holes=4", ASSUMED, LIMIT]  # few holes: the less to compute
 ASKED = [word for text in SETS for word in ("--set", text)]
 ALONE = {"meta", "path", "polyline", "polygon", "circle", "line"}  # elements without an end
 
@@ -104,6 +106,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     assert f"hole {mount['recommended']['hole']}" in text
     values = counted(sheet.drive)
     assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
+    assert "It rests most on bearing.g_b = 0 um (which may be 0 to 3)" in text
     for words in (
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
@@ -125,6 +128,15 @@ def test_markdown_says_the_same(sheet):
                 if hasattr(block, "rows") else block.text  # fmt: skip
             assert words in plain
     assert text.count("```text") == text.count("\n```\n") == 4
+
+
+def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
+    style = Style(ascii=True, codes=False, width=80)
+    text = markdown(report_of(sheet, draws=64, seed=0, ascii=True), style.text)
+    assert text.isascii()
+    prose = re.sub(r"```text\n.*?\n```\n", "", text, flags=re.DOTALL)
+    assert "N\\*m" in prose
+    assert not re.search(r"(?<!\\)\*", prose.replace("**", ""))
 
 
 def test_where_nothing_can_be_ordered_it_orders_nothing():
