@@ -144,7 +144,7 @@ def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the numbers, a label and a text each."""
     yield "lever", _lever(check)
     yield "rests on", basis_line(check.rests_on, [point.M_g for point in check.points])
-    yield "unknown", f"{len(check.unknown)} fields: {names(check.unknown)}" if check.unknown else ""
+    yield "unknown", names(check.unknown)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
     yield "proof", proof(check.certificate, check.cross_checks)

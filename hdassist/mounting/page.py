@@ -139,7 +139,7 @@ def _lines(advice: Advice) -> Iterator[tuple[str, str]]:
     yield "sure", sure if advice.order != "none" else ""
     yield "lever", _lever(advice)
     yield "rests on", stays_line(advice.drive, advice.rests_on)
-    yield "unknown", f"{len(advice.unknown)} fields: {names(advice.unknown)}" if advice.unknown else ""
+    yield "unknown", names(advice.unknown)
     if advice.order != "none":  # else the sentence above names it
         card = again("mount", advice.drive, "--card", "card.html")
         yield "next", card + (" with the same pitch files" if advice.measured else "")
