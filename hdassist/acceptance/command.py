@@ -137,10 +137,12 @@ def command(
     \b
     Examples:
       hdassist accept my-drive.yaml
-      hdassist accept my-drive.yaml --measured 80:run.csv --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0
-      hdassist accept vzp160 --limit F_ior@80=30 --limit order_2=5 --limit lost_motion=60
+      hdassist accept my-drive.yaml --measured 80:run.csv \\
+          --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0
+      hdassist accept vzp160 --limit F_ior@80=30 --limit lost_motion=60
       hdassist accept my-drive.yaml --value lost_motion=41±3 --json
-      hdassist accept lot.csv --preset my-drive.yaml --measured-only --jsonl lot.jsonl --resume --junit lot.xml
+      hdassist accept lot.csv --preset my-drive.yaml --measured-only \\
+          --jsonl lot.jsonl --resume --junit lot.xml
       hdassist accept --replay result.json
 
     A limit is decided by what was measured, with its uncertainty and a decision rule, or else by the model's

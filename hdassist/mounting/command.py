@@ -54,7 +54,7 @@ def command(
     Examples:
       hdassist mount vzp160
       hdassist mount vzp160 --step 10 --csv curve.csv
-      hdassist mount my-drive.yaml --set uncertainty.phases.xi_b=10 --set uncertainty.tolerances.e_hb=15
+      hdassist mount my-drive.yaml --set "phases.xi_b=260±10"
       hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
       hdassist mount my-drive.yaml --pitch-b wheel.csv --mark-b 120
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
