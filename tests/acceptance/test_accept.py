@@ -499,7 +499,8 @@ def test_what_is_not_known_decides_nothing_that_it_could_reverse():
         told = answer_of(Request(SMALL), result, "fail")
         assert [(each.field, each.range) for each in told.unknown] == [("phases.phi_hb", (0.0, 360.0))]
         assert told.checks[0].decided_again(held.acceptance.rule, 0.0) == told.checks[0]
-        lines = [text.plain for text in render(result, Style(ascii=False, codes=False, width=300)).renderables[-3:]]
+        page = render(result, Style(ascii=False, codes=False, width=300), details=True)
+        lines = [text.plain for text in page.renderables[-3:]]
         measure = any("what is not known could take it" in line and "--measured 4:FILE" in line for line in lines)
         assert measure == (verdict == "INCONCLUSIVE")
     order = load_preset(SMALL, [*open_, "acceptance.order_amplitude={2: 1000}"])
