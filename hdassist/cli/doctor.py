@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Literal
 
-from hdassist.errors import HdassistError
+from hdassist.errors import HdassistError, UntrustedError
 from hdassist.terminal import options as o
 from hdassist.version import __version__
 
@@ -40,14 +40,12 @@ def command(*, options: o.PageOptions) -> None:
     The self-test searches a drive of the library, solves its extremes again by another solver, and compares with
     stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
     """
-    import typer
-
     from hdassist.terminal.answers import json_text
 
     out = options.open()
     found = [*packages(), *machine(), *terminal(), self_test(), library()]
     broken = any(finding.status == "broken" for finding in found)
-    code = 5 if broken else 0
+    code = UntrustedError.exit_code if broken else 0
     if options.json:
         told = {
             "schema": "hdassist.doctor/1", "version": __version__, "exit_code": code, "warnings": [],
@@ -57,9 +55,12 @@ def command(*, options: o.PageOptions) -> None:
     else:
         width = max(len(finding.what) for finding in found)
         lines = [f"{finding.what:{width}}  {finding.status:6}  {finding.found}" for finding in found]
-        verdict = "answers of this installation cannot be trusted" if broken else "this installation is fine"
-        out.human(out.style.text("\n".join([*lines, "", verdict])))
-    raise typer.Exit(code)
+        out.human(out.style.text("\n".join([*lines, *([] if broken else ["", "this installation is fine"])])))
+    if broken:
+        wrong = ", ".join(finding.what for finding in found if finding.status == "broken")
+        raise UntrustedError(
+            f"answers of this installation cannot be trusted: {wrong}", "install hdassist anew into a fresh environment"
+        )
 
 
 def packages() -> Iterator[Finding]:

@@ -50,6 +50,7 @@ def command(
     jobs: o.Jobs = 0,
     drives: o.DriveOptions,
     plot: o.Plot = True,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
@@ -116,7 +117,7 @@ def command(
             )
             result = in_wide_enough_window(drive, analysis)
         said.update(dict.fromkeys(result.drive.origin.warnings))
-        return answer(result, plots=plot)
+        return answer(result, plots=plot, details=details)
 
     answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
     for text in said:

@@ -206,6 +206,7 @@ class Explorer(Writing):
         path = self.levers.path
         found = next((each for each in levers(self.session.drive, set()) if each.path == path), None)
         told = f"{found.path}: {found.meaning}" + (f"; {found.range}" if found.range else "") if found else ""
+        self.about.display = bool(told)
         self.about.update(told)
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:

@@ -14,7 +14,7 @@ def command(
     preset: o.Preset,
     trials: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[WHERE:F_IOR]...", help="Trials to begin with, as hdassist trials takes them."),
+        typer.Argument(metavar="WHERE:F_IOR", help="Trials to begin with, as hdassist trials takes them."),
     ] = None,
     *,
     drives: o.LoadedDriveOptions,

@@ -16,7 +16,7 @@ class Effort:
     (None: as many as the command takes); jobs: processes at work (0: one for each core).
     """
 
-    turns: int = 7
+    turns: int = 8
     samples: int = 200
     trial_samples: int | None = None
     jobs: int = 0

@@ -73,7 +73,7 @@ def trials_text(session: Session, trial_torque: float, inks: Inks) -> Text:
     for k, trial in enumerate(session.trials):
         place, _, value = trial.partition(":")
         text.append("  " if k else "")
-        text.append(f"{place} ", inks.muted)
+        text.append(f"{place}:", inks.muted)
         text.append(value, inks.trial)
     if not session.trials:
         text.append("none yet. ", inks.muted)

@@ -39,6 +39,7 @@ def command(
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,
+    details: o.Details = False,
     pitch: o.PitchOptions,
     card: o.CardOptions,
     options: o.FigureOptions,
@@ -113,7 +114,9 @@ def command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: card_facts(advice, say)
-    raise typer.Exit(give_with_card("mount", answer(advice, seed=seed, plots=plot), card_file, facts, options, out))
+    raise typer.Exit(
+        give_with_card("mount", answer(advice, seed=seed, plots=plot, details=details), card_file, facts, options, out)
+    )
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

@@ -87,7 +87,7 @@ def test_trials_are_entered_dropped_undone_and_weighed() -> None:
         assert app.session.trials == ("h1:480", "h3:470")
         found = app.of_trials
         assert found is not None and (found.advised or found.failed)
-        assert "hdassist trials" in screen(app) and "h3 470" in screen(app)
+        assert "hdassist trials" in screen(app) and "h3:470" in screen(app)
         await pilot.press("x")
         assert app.session.trials == ("h1:480",)
         await pilot.press("u", "u")
