@@ -73,7 +73,7 @@ def _verdict(result: DrivesComparison, other: int) -> str:
     parts = [_at_torque(result, other, k) for k in range(len(result.torques))]
     first, second = (_hole(result.sheets[k]) for k in (0, other))
     parts.append(f"best hole {first}" if first == second else f"best hole {first} -> {second}")
-    count = len(result.differences)
+    count = sum(field.there[0].value != field.there[other].value for field in result.differences)
     parts.append("no field differs" if not count else "1 field differs" if count == 1 else f"{count} fields differ")
     return "; ".join(parts)
 
@@ -149,7 +149,7 @@ def _segments(curves: list[Stiffness]) -> Iterator[tuple[str, list[str]]]:
     """Rows of K1 to K3; the torques that they lie between stand with each where they are not the same."""
     for k in range(max(len(curve.positive) for curve in curves)):
         ends = [curve.positive[k] if k < len(curve.positive) else None for curve in curves]
-        spans = [f"{s.start:.3g} to {s.end:.3g} N·m" if s else "" for s in ends]
+        spans = [f"{s.start:.4g} to {s.end:.4g} N·m" if s else "" for s in ends]
         same = len(set(spans)) == 1
         cells = [f"{s.stiffness / 1e4:.3g}" + ("" if same else f", {span}") if s else "-"
                  for s, span in zip(ends, spans, strict=True)]  # fmt: skip
