@@ -34,11 +34,13 @@ def compare_presets(
     drives: o.DriveOptions,
     work: tuple[int, int, int],
     options: o.FigureOptions,
+    *,
+    details: bool,
 ) -> int:
     """Compare presets and give the answer; returns the exit code.
 
-    Arguments: names; torque [N*m], None for those that all have; drives; work: draws, seed and jobs; options. Raises
-    UsageError for a torque that is none.
+    Arguments: names; torque [N*m], None for those that all have; drives; work: draws, seed and jobs; options; details,
+    whether all tables are shown. Raises UsageError for a torque that is none.
     """
     from hdassist.comparing.presets import common_torques, compare_drives, estimate_comparison
     from hdassist.comparing.presets_page import answer, warnings
@@ -59,7 +61,7 @@ def compare_presets(
             result = compare_drives(loaded, torques, draws=draws, seed=seed, executor=executor, progress=progress)
         for text in warnings(result):
             warn(text)
-        return answer(result, seed=seed)
+        return answer(result, seed=seed, details=details)
 
     answers = run_each(
         "compare-presets", [""], one, options,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from hdassist.comparing.fields import differences, other_origins
 from hdassist.comparing.presets import compare_drives
 from hdassist.comparing.presets_command import is_preset
 from hdassist.model.unknown import unknowns
+from hdassist.terminal.console import Style, console
 from tests.process import SMALL, run
 
 M_G = 4.0
@@ -78,7 +81,7 @@ def test_the_verdict_comes_first(better):
     share = 100 * (1 - values[1] / values[0])
     assert line == (
         f"B against A: 4 N·m: F'_ior {values[0]:.2f} -> {values[1]:.2f} arcsec, {share:.0f} % less, most by "
-        f"tolerances.F_i2; best hole {better.sheets[0].advice.chosen.hole}; 2 fields differ"
+        f"tolerances.F_i2 alone; best hole {better.sheets[0].advice.chosen.hole}; 2 fields differ"
     )
 
 
@@ -177,3 +180,20 @@ def test_three_presets_are_held_against_the_first(better):
     assert (first.rpartition("; ")[2], second.rpartition("; ")[2]) == ("2 fields differ", "no field differs")
     assert len(presets_page.to_json(three, 0)["changes"]) == 2
     assert len(presets_page.figures(three)[1]) == 3
+
+
+def test_the_page_is_short_and_has_the_rest_on_request(better):
+    style = Style(ascii=True, codes=False, width=80)
+    page = io.StringIO()
+    console(page, style).print(presets_page.render(better, style))
+    short = page.getvalue()
+    console(page, style).print(presets_page.render(better, style, details=True))
+    long = page.getvalue().removeprefix(short)
+    assert short.startswith("B against A: ")
+    assert max(map(len, short.splitlines())) <= 80
+    told = re.sub(r"\s+", " ", short)
+    assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in told
+    assert "-o report.html more --details proof" in told
+    for words in ("what differs", "origin of B", "certificate: "):
+        assert words in long
+        assert words not in short
