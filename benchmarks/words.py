@@ -21,8 +21,8 @@ REASONS = {
     "cross-check (Clarabel) the factor is above 1000. Next: nothing, as long as every state keeps its certificate.",
     "daqp": "a profile of the engine at 80 and 800 N·m: pivots 24 and 11 %, values of all candidates that follow from "
     "those in the tableau 28 and 28 %, keeping books of the walk from state to state 25 and 28 %, the certificate 15 "
-    "and 21 %, sums that are reported 8 and 12 %. The products of matrices in all of these take 4.2 and 3.2 µs a state: "
-    "the floor; the rest are passes of numpy over some 60 000 numbers each. Next: a compiled walk, which would "
+    "and 21 %, sums that are reported 8 and 12 %. The products of matrices in all of these take 4.2 and 3.2 µs a "
+    "state: the floor; the rest are passes of numpy over some 60 000 numbers each. Next: a compiled walk, which would "
     "be the package's first compiled part.",
     "random drives": "some thousand states a drive, most of them for light errors whose hills are all alike. Next: "
     "look at fewer hills where the error is below an arc second.",
