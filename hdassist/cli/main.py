@@ -29,6 +29,7 @@ from hdassist.explaining import command as explain
 from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.reporting import command as report
 from hdassist.tolerance import allocate_command as allocate
 from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
@@ -64,7 +65,8 @@ for _name, _command, _panel, _summary in (
     ("sensitivity", sensitivity.command, DESIGN, "what F'_ior hangs on, what to tighten first"),
     ("allocate", allocate.command, DESIGN, "the cheapest tolerances that reach a yield"),
     ("sweep", sweep.command, DESIGN, "F'_ior over a grid of values of any fields"),
-    ("compare", compare.command, DESIGN, "a measured trace over the predicted one"),
+    ("compare", compare.command, DESIGN, "presets side by side; a measured trace over the predicted one"),
+    ("report", report.command, DESIGN, "a drive on one page, HTML or Markdown"),
     ("mount", mount.command, BENCH, "in which hole to bolt the fixed wheel; the card"),
     ("trials", trials.command, BENCH, "the same from F'_ior measured in a few holes"),
     ("measure", measure.command, BENCH, "F'_ior, orders and coverage of measured traces"),

@@ -63,10 +63,10 @@ class _Frame:
     @classmethod
     def around(cls, style: Style, series: Sequence[Array], height: int) -> _Frame:
         low, high = (float(end(end(y) for y in series)) for end in (min, max))
-        ticks = _ticks(low, high, max(2, height // 2))
-        margin = max(7, *(len(f"{tick:g}") for tick in ticks))
-        apart = max(1, round((height - 1) / (len(ticks) - 1)))
-        return cls(ticks, apart, min(style.width, WIDEST) - margin - 2, margin)
+        marks = ticks(low, high, max(2, height // 2))
+        margin = max(7, *(len(f"{tick:g}") for tick in marks))
+        apart = max(1, round((height - 1) / (len(marks) - 1)))
+        return cls(marks, apart, min(style.width, WIDEST) - margin - 2, margin)
 
     @property
     def rows(self) -> int:
@@ -127,7 +127,7 @@ def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float
     return dots
 
 
-def _ticks(low: float, high: float, count: int) -> list[float]:
+def ticks(low: float, high: float, count: int) -> list[float]:
     """Round numbers that enclose low and high, at most count steps apart."""
     if high - low <= FLAT * max(1.0, abs(low), abs(high)):
         low, high = low - 1, high + 1
@@ -140,7 +140,7 @@ def _ticks(low: float, high: float, count: int) -> list[float]:
 
 def _x_numbers(low: float, high: float, columns: int) -> str:
     line = [" "] * columns
-    for tick in _ticks(low, high, 6):
+    for tick in ticks(low, high, 6):
         number = f"{tick:g}"
         place = round((tick - low) / (high - low) * (columns - 1))
         if 0 <= place < columns:

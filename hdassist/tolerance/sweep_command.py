@@ -102,6 +102,8 @@ def command(
             write_bytes(packed, data, options.force)
         elif file is not None:
             note(f"wrote {file}")
+        if page.exit_code(swept):
+            note(f"error: no row has an answer: {swept.reason}")
         return Answer(
             to_json=lambda: page.to_json(swept, results.records()),
             page=None if streamed else lambda style: page.render(swept, style, name, plots=plot),
