@@ -17,27 +17,18 @@ from hdassist.terminal import options as o
 def command(
     preset: o.Preset,
     trials: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="WHERE:F_IOR", help="F'_ior measured with the wheel turned: h4:17.3 (hole) or 120:17.3 (deg)."
-        ),
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="Measured: h4:17.3 (hole), 120:17.3 (deg).")
     ],
     *,
     drives: o.LoadedDriveOptions,
     trial_torque: Annotated[
         float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
     ] = None,
-    noise: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior, about; repeats correct it.")
-    ] = 1.0,
-    reseat: Annotated[
-        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
-    ] = 0.0,
-    sure: Annotated[
-        float, typer.Option(metavar="SHARE", help="Probability of a loss below 5 % from which on it is settled.")
-    ] = 0.9,
+    noise: Annotated[float, typer.Option(metavar="ARCSEC", help="Noise of a trial (standard deviation), about.")] = 1.0,
+    reseat: Annotated[float, typer.Option(metavar="UM", help="How far the wheel sits off each time (sd).")] = 0.0,
+    sure: Annotated[float, typer.Option(metavar="SHARE", help="Probability of a good choice that settles it.")] = 0.9,
     verify: Annotated[
-        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
+        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to hold against the trials.")
     ] = None,
     choosing: ChoiceOptions,
     samples: Annotated[int, typer.Option(min=1024, max=1_000_000, help="Samples of what is not known.")] = 12_288,
@@ -60,11 +51,10 @@ def command(
     cam (wave generator) is inferred, with all that is uncertain, and the best position with it. Five or six trials are
     normal; the position to measure next is named. Turns and holes count from where the wheel stood before the first
     trial, counter-clockwise seen from the cam side. Repeat one position: only that tells the noise.
-    It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure);
-    else the exit code is 6. Values that the drive cannot show are refused at once (exit code 5). --verify compares the
-    outcome with its prediction and with the other positions, and says keep, or go back (exit code 3), or that another
-    may be better (6). -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no
-    card.
+    It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure),
+    else the exit code is 6; values that the drive cannot show are refused at once (5). --verify compares the outcome
+    with its prediction and with the other positions, and says keep, or go back (3), or that another may be better (6).
+    -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
@@ -104,6 +94,6 @@ def command(
         advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
-    told = answer(advice, seed)
+    told = answer(advice)
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None
     raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))
