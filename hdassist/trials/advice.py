@@ -10,13 +10,13 @@ from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2, circmean, circstd
 
 from hdassist.error.rests_on import LEAST, reached, weighed
 from hdassist.error.table import Mesh
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import standing_offset
-from hdassist.model.geometry import Array
 from hdassist.mounting.losses import Losses
 from hdassist.mounting.positions import Choice, Position, hole_words, require_weights, usable_positions
 from hdassist.mounting.robust import Criterion
@@ -28,9 +28,9 @@ from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, pre
 from hdassist.trials.trial import Rig, Trial
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
+OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
-APART = 3.0  # standard deviations by which values of one position may differ without a remark
 WORTH = 0.01  # of the error: going back for less is not worth it
 SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
 COARSE, COUNT = Mesh((9, 5, 9, 9), 0), 12  # of tables that tell what an end of a range changes
@@ -100,26 +100,30 @@ class TrialAdvice:
         return [(a, b) for a, b in combinations(self.trials, 2) if a.rotation_deg == b.rotation_deg]
 
     @property
-    def apart(self) -> list[tuple[Trial, Trial]]:
-        """Those whose values differ by more than the told noise makes likely."""
-        values = [(a, b, np.array([a.F_ior_arcsec, b.F_ior_arcsec])) for a, b in self.repeats]
-        return [(a, b) for a, b, of in values if np.ptp(of) > APART * np.linalg.norm(self.cloud.noise(of))]
-
-    @property
     def noise_arcsec(self) -> float:
         """Noise of a value by the trials."""
         return float(self.cloud.rig.noise_arcsec * self.draws.noise.mean())
 
+    @property
+    def standard_errors(self) -> list[float]:
+        """Of F'_ior interpolated [arcsec], at each torque that decides."""
+        return [self.cloud.tables[M_g].standard_error for M_g in self.drive.operation.M_g]
+
     @cached_property
-    def size_um(self) -> Array:
-        """Size of the offset, shape (draws,)."""
-        return np.abs(self.cloud.offset_um[self.draws.places])
+    def offset_um(self) -> NDArray[np.complex128]:
+        """Offset that stands with the fixed wheel, as x + i y, shape (draws,)."""
+        return self.cloud.offset_um[self.draws.places]
 
     @cached_property
     def direction(self) -> tuple[float, float]:
-        """Direction of the offset and its standard deviation [deg]."""
-        angles = np.angle(self.cloud.offset_um[self.draws.places], deg=True)
+        """Its direction, and the standard deviation of that [deg]."""
+        angles = np.angle(self.offset_um, deg=True)
         return float(circmean(angles, high=360)), float(circstd(angles, high=360))
+
+    @property
+    def facing(self) -> tuple[float, float] | tuple[None, None]:
+        """The same, None where it is open."""
+        return self.direction if self.direction[1] < OPEN else (None, None)
 
     def where(self, rotation_deg: float) -> str:
         """A position in words."""

@@ -39,16 +39,14 @@ SEAT_STEP, SEAT_SAMPLES, SEAT_BINS = 2.0, 64, 8  # um that the wheel's centre is
 
 @dataclass(frozen=True)
 class Effort:
-    """Samples times directions, about; mesh of the tables; positions of each wheel that stand for the cycle.
-
-    Those of FULL miss F'_ior of vzp160 by 1.3 %, those of QUICK by 2 % and their mean; that counts as misfit.
-    """
+    """Samples times directions, about; mesh of the tables; positions of each wheel that stand for the cycle."""
 
     samples: int
     mesh: Mesh
     turns: int
 
 
+# these miss F'_ior of vzp160 by 1.3 %, and by 2 % and their mean; that counts as misfit
 FULL = Effort(12_288, Mesh((25, 9, 13, 13), 8), 24)
 QUICK = Effort(1536, Mesh((9, 5, 9, 9), 0), 16)  # to see within a second what can be reached at all
 

@@ -29,25 +29,19 @@ from hdassist.verdict import Verdict
 LEVELS = {"low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 SHOWN = 6  # positions that are listed, best first
+APART = 3.0  # standard deviations by which values of one position may differ without a remark
 MANY = 4  # trials without a repeat, from which on one is asked for
-OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 
 LEARNT: tuple[Quantity[TrialAdvice], ...] = (
-    Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: float(a.size_um.mean())),
-    Quantity("offset.size_sd_um", "standard deviation", "um", ".0f", lambda a: float(a.size_um.std())),
-    Quantity("offset.direction_deg", "towards", "deg", ".0f", lambda a: _unless_open(a, a.direction[0])),
-    Quantity("offset.direction_sd_deg", "standard deviation", "deg", ".0f", lambda a: _unless_open(a, a.direction[1])),
+    Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: float(abs(a.offset_um).mean())),
+    Quantity("offset.size_sd_um", "standard deviation", "um", ".0f", lambda a: float(abs(a.offset_um).std())),
+    Quantity("offset.direction_deg", "towards", "deg", ".0f", lambda a: a.facing[0]),
+    Quantity("offset.direction_sd_deg", "standard deviation", "deg", ".0f", lambda a: a.facing[1]),
     Quantity("scale", "F'_ior over the computed one", "", ".2f", lambda a: float(a.draws.scale.mean())),
     Quantity("scale_sd", "standard deviation (0.10 assumed before)", "", ".2f", lambda a: float(a.draws.scale.std())),
-    Quantity(
-        "misfit", "misfit from hole to hole (0 to 12 % assumed)", "", ".0%", lambda a: float(a.draws.misfit.mean())
-    ),
+    Quantity("misfit", "misfit (0 to 12 % assumed)", "", ".0%", lambda a: float(a.draws.misfit.mean())),
     Quantity("effective_samples", "effective samples", "", ".0f", lambda a: a.draws.effective),
 )
-
-
-def _unless_open(advice: TrialAdvice, value: float) -> float | None:
-    return value if advice.direction[1] < OPEN else None
 
 
 def answer(advice: TrialAdvice) -> Answer:
@@ -73,51 +67,48 @@ def exit_code(advice: TrialAdvice) -> int:
 def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     """What a reader should know beside the numbers."""
     yield from warnings_of(advice.drive, say)
-    outcome, next_ = advice.outcome, f"measure {advice.where(advice.next[0])}"
+    outcome, rig = advice.outcome, advice.cloud.rig
     if outcome and not outcome.predicted.as_predicted:
-        yield f"{_told(advice, outcome.predicted)}: outside of what the trials predict: check seat and measurement"
-    if outcome and outcome.best:
-        better = f"{advice.where(outcome.best[0])} may be better ({outcome.best[1]:.0%})"
-        next_ = "measure it once more" if outcome.best[0] == advice.stay[0] else better
-    if not advice.settled and (not outcome or (outcome.best and not outcome.back_to)):
-        yield f"the trials do not settle it: the position to be in, {_chance(advice)}; {next_}"
-    for a, b in advice.apart:
-        values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec"
-        noise = f"a noise of {advice.cloud.rig.noise_arcsec:g} makes likely; it is taken for {advice.noise_arcsec:.1f}"
-        yield f"{values} differ by more than {noise}"
+        yield f"{_outcome(advice, outcome.predicted)}: outside of what the trials predict: check seat and measurement"
+    if not outcome and not advice.settled:
+        yield f"the trials do not settle it: {_chance(advice)}; measure {advice.where(advice.next[0])}"
+    if outcome and outcome.best and not outcome.back_to and not advice.settled:
+        best, good = outcome.best
+        better = f"{advice.where(best)} may be better ({good:.0%})"
+        yield f"{_chance(advice)}; {better if best != advice.stay[0] else 'measure it once more'}"
+    for a, b in advice.repeats:
+        noise = np.linalg.norm(advice.cloud.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec])))
+        if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
+            values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more"
+            taken = f"it is taken for {advice.noise_arcsec:.1f}"
+            yield f"{values} than a noise of {rig.noise_arcsec:g} makes likely; {taken}"
     if advice.unlike_told:
-        unlike = (
-            "the values came out unlike those of a drive as the preset has it, which one in twenty such drives does"
-        )
+        unlike = "the values came out unlike those of a drive as the preset has it (one in twenty of them may)"
         yield f"{unlike}: check the preset, the noise and how the holes were counted"
-
-
-def _told(advice: TrialAdvice, of: Prediction) -> str:
-    predicted = f"predicted {of.expected_arcsec:.1f} ({of.low_arcsec:.1f} to {of.high_arcsec:.1f})"
-    return f"{of.F_ior_arcsec:g} arcsec at {advice.where(of.rotation_deg)}, {predicted}"
 
 
 def _chance(advice: TrialAdvice) -> str:
     here, good = advice.stay
-    return f"{advice.where(here)}, is good with {good:.0%}, and {advice.needed:.0%} are wanted"
+    return f"{advice.where(here)} is good (loses below {GOOD:.0%}) with {good:.0%}, and {advice.needed:.0%} are wanted"
+
+
+def _outcome(advice: TrialAdvice, of: Prediction) -> str:
+    predicted = f"predicted {of.expected_arcsec:.1f} ({of.low_arcsec:.1f} to {of.high_arcsec:.1f})"
+    return f"{of.F_ior_arcsec:g} arcsec at {advice.where(of.rotation_deg)}, {predicted}"
 
 
 def instruction(advice: TrialAdvice) -> str:
     """What to do with the wheel, and how sure that is; where the trials do not settle it, what to measure."""
-    (here, good), (next_, after), outcome = advice.stay, advice.next, advice.outcome
-    if outcome and outcome.back_to:
-        back = f"{advice.where(here)}, where {outcome.back_to.F_ior_arcsec:g} was measured"
-        return f"Go back to {back}: {_told(advice, outcome.predicted)}."
-    if outcome:
-        return f"Keep it: {_told(advice, outcome.predicted)}."
+    if outcome := advice.outcome:
+        back, told = outcome.back_to, _outcome(advice, outcome.predicted)
+        if not back:
+            return f"Keep it: {told}."
+        return f"Go back to {advice.where(back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
     if advice.settled:
-        return (
-            f"{after_trials(advice.choice, texts())} By the trials {advice.where(here)} loses less than {GOOD:.0%} "
-            f"against the best position with a probability of {good:.0%}, settled from {advice.needed:.0%} on (--sure)."
-        )
+        return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)} (--sure)."
     return (
-        f"No order yet: the best bet, {_chance(advice)}. To decide, measure {advice.where(next_)} next. "
-        f"{after:.0%} are expected after it. Five or six trials are normal."
+        f"No order yet: {_chance(advice)}. To decide, measure {advice.where(advice.next[0])} next. "
+        f"{advice.next[1]:.0%} are expected after it. Five or six trials are normal."
     )
 
 
@@ -158,8 +149,8 @@ def _trials(advice: TrialAdvice, style: Style) -> Table:
 
 def _positions(advice: TrialAdvice, style: Style) -> Table:
     torques = " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
-    errors = " / ".join(f"{error:.2f}" for error in _standard_errors(advice))
-    told = f"F'_ior in arcsec at {torques} N·m, standard error {errors}; good: a loss below {GOOD:.0%}"
+    errors = " / ".join(f"{error:.2f}" for error in advice.standard_errors)
+    told = f"F'_ior in arcsec at {torques} N·m, standard error {errors}"
     turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
     heads = ("position", "good, %", "expected", "5 %", "95 %", "loss, %")
     rows = grid(style, f"positions, {turns}, best first\n{told}", *heads)
@@ -174,7 +165,7 @@ def to_json(advice: TrialAdvice) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
     losses, drive, rig, certificate = advice.losses, advice.drive, advice.cloud.rig, advice.cloud.certificate
     positions = [_position(advice, place) for place in range(len(losses.rotations_deg))]
-    ranked = [positions[place] for place in losses.ranked]
+    ranked, best = [positions[place] for place in losses.ranked], advice.outcome and advice.outcome.best
     return {
         **envelope("trials", drive, exit_code(advice), tuple(warnings(advice, texts()))),
         "complete": True,
@@ -205,8 +196,15 @@ def to_json(advice: TrialAdvice) -> Json:
         "prediction_errors": [_prediction(advice, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,
         **as_object(LEARNT, advice),
-        "standard_error_arcsec": _standard_errors(advice),
-        "verification": _outcome(advice),
+        "standard_error_arcsec": advice.standard_errors,
+        "verification": advice.outcome
+        and {
+            **_prediction(advice, advice.outcome.predicted),
+            "verdict": "GO_BACK" if advice.outcome.back_to else "KEEP",
+            "position": _place(advice, advice.stay[0]),
+            "probability_good": advice.outcome.probability_good,
+            "best": best and _place(advice, best[0], probability_good=best[1]),
+        },
         "certificate": {name: getattr(certificate, name) for name in ("states", "max_residual", "fallbacks")},
         "seed": advice.cloud.seed,
     }
@@ -220,10 +218,6 @@ def _prediction(advice: TrialAdvice, one: Prediction) -> Json:
     return _place(advice, **asdict(one), as_predicted=one.as_predicted)
 
 
-def _standard_errors(advice: TrialAdvice) -> list[float]:
-    return [advice.cloud.tables[M_g].standard_error for M_g in advice.drive.operation.M_g]
-
-
 def _position(advice: TrialAdvice, place: int | None) -> Json:
     """A position with F'_ior at each torque, and what is probable of it; None: where the wheel stood at first."""
     losses, at = advice.losses, advice.at(place)
@@ -232,25 +226,12 @@ def _position(advice: TrialAdvice, place: int | None) -> Json:
     return {**asdict(at), "F_ior_arcsec": {"expected": list(at.F_ior_arcsec), **spread}, **shares}
 
 
-def _outcome(advice: TrialAdvice) -> Json | None:
-    if not (outcome := advice.outcome):
-        return None
-    return {
-        **_prediction(advice, outcome.predicted),
-        "verdict": "GO_BACK" if outcome.back_to else "KEEP",
-        "position": _place(advice, advice.stay[0]),
-        "probability_good": outcome.probability_good,
-        "best": outcome.best and _place(advice, outcome.best[0], probability_good=outcome.best[1]),
-    }
-
-
 def figures(advice: TrialAdvice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
-    positions = [_position(advice, place) for place in range(len(advice.losses.rotations_deg))]
     rows = [
-        [M_g, told["rotation_deg"], told["F_ior_arcsec"]["expected"][k], *(told[name] for name in SHARES)]
+        [M_g, at["rotation_deg"], at["F_ior_arcsec"]["expected"][k], *(at[name] for name in SHARES)]
         for k, M_g in enumerate(advice.drive.operation.M_g)
-        for told in positions
+        for at in (_position(advice, place) for place in range(len(advice.losses.rotations_deg)))
     ]
     return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", *SHARES], rows
 
@@ -267,7 +248,7 @@ def card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
     return CardFacts(
         advice.choice,
-        cam_deg=_unless_open(advice, advice.direction[0]),
+        cam_deg=advice.facing[0],
         chances=advice.losses.chances,
         weights=advice.losses.weights,
         warnings=tuple(warnings(advice, say)),
