@@ -48,7 +48,7 @@ def test_wheel_holds_the_presets_as_they_are(tmp_path):
     site = build(tmp_path, "build_wheel")
     shipped = {p.name: p.read_bytes() for p in (site / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
-    for folder in ("hdassist/mounting/templates", "hdassist/terminal/languages"):  # of the assembly card
+    for folder in ("hdassist/mounting/templates", "hdassist/reporting/templates", "hdassist/terminal/languages"):
         data = [p.name for p in (ROOT / folder).iterdir()]
         assert data
         assert all((site / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)

@@ -55,6 +55,7 @@ class Run:
     out: Output
     fail_on: FailOn = "fail"
     jobs: int = 0
+    details: bool = False
 
     def require_sound(self) -> None:
         """Raise UsageError unless each file has its own place, and can be written."""
@@ -128,6 +129,7 @@ def command(
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     files: FileOptions,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """PASS, FAIL or INCONCLUSIVE: drives held against the limits of their presets.
@@ -135,10 +137,12 @@ def command(
     \b
     Examples:
       hdassist accept my-drive.yaml
-      hdassist accept my-drive.yaml --measured 80:run.csv --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0
-      hdassist accept vzp160 --limit F_ior@80=30 --limit order_2=5 --limit lost_motion=60
+      hdassist accept my-drive.yaml --measured 80:run.csv \\
+          --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0
+      hdassist accept vzp160 --limit F_ior@80=30 --limit lost_motion=60
       hdassist accept my-drive.yaml --value lost_motion=41±3 --json
-      hdassist accept lot.csv --preset my-drive.yaml --measured-only --jsonl lot.jsonl --resume --junit lot.xml
+      hdassist accept lot.csv --preset my-drive.yaml --measured-only \\
+          --jsonl lot.jsonl --resume --junit lot.xml
       hdassist accept --replay result.json
 
     A limit is decided by what was measured, with its uncertainty and a decision rule, or else by the model's
@@ -174,7 +178,7 @@ def command(
         preset, serial, (*drives.overrides, *rules), tuple(LimitText.parse(text, "--limit") for text in limit), traces,
         tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed,
     )  # fmt: skip
-    run = Run(base, files, options, options.open(), fail_on, jobs)
+    run = Run(base, files, options, options.open(), fail_on, jobs, details)
     run.require_sound()
     if replay is not None:
         if lots or options.csv or fail_on != "fail" or files != FileOptions() or base != Request(""):
@@ -188,6 +192,8 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
 
     Raises what is wrong with the only drive, and UsageError with any.
     """
+    from functools import partial
+
     from hdassist.acceptance import page as report
     from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
     from hdassist.acceptance.decision import limits_of, needed_for
@@ -208,9 +214,10 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
             result = carry_out(request, drive, traces, executor=executor, progress=progress)
         answer = answer_of(request, result, run.fail_on)
         answers.append(answer)
+        page = partial(report.render, result, serial=request.serial, details=run.details)
         return RunAnswer(
             lambda: to_json(answer),
-            None if run.files.take_stdout else lambda style: report.render(result, style, request.serial),
+            None if run.files.take_stdout else page,
             lambda: answer.status,
             about=drive.name,
             warnings=answer.warnings,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, fields
 from math import floor, log10
 
@@ -14,6 +14,7 @@ from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord
 from hdassist.acceptance.decision import GUARD, Limit, margin_of
 from hdassist.acceptance.rests import rests_on_of
 from hdassist.terminal.answers import csv_text
+from hdassist.terminal.brief import facts, proof, verdict_coloured, verdict_text
 from hdassist.terminal.console import Style, table
 from hdassist.version import __version__
 
@@ -34,16 +35,17 @@ def number(value: float, limit: Limit) -> str:
     return f"{value:.{max(2, 2 - floor(log10(limit.bound)))}f}"
 
 
-def render(result: AcceptanceResult, style: Style, serial: str = "") -> RenderableType:
-    """The verdict, a row for each limit, and what it should not be read without."""
+def render(result: AcceptanceResult, style: Style, serial: str = "", *, details: bool = False) -> RenderableType:
+    """The verdict, a row for each limit, and what it should not be read without; with details every reason."""
     name = result.drive.name + (f", serial {serial}" if serial else "")
-    parts: list[RenderableType] = [Text(style.text(f"{name}: {result.verdict}"), style="bold"), Text("")]
+    parts: list[RenderableType] = [verdict_text(style, f"{name}: ", result.verdict), Text("")]
     checks = [CheckRecord.of(decision) for decision in result.decisions]
     for basis, title in _titles(result).items():
         found = [check for check in checks if (check.basis or "measured") == basis]
         parts += [_table(found, title, style)] * bool(found)
-    parts += [Text(style.text(line)) for line in _notes(result)]
-    return Group(*parts)
+    if details:
+        return Group(*parts, *(Text(style.text(line)) for line in _notes(result)))
+    return Group(*parts, facts(style, _lines(result)))
 
 
 def _titles(result: AcceptanceResult) -> dict[str, str]:
@@ -75,7 +77,7 @@ def _table(checks: Sequence[CheckRecord], title: str, style: Style) -> Renderabl
         left = heading in ("check", "verdict")
         grid.add_column(heading, justify="left" if left else "right", no_wrap=heading != "check")
     for row in rows:
-        grid.add_row(*row)
+        grid.add_row(*map(verdict_coloured, row))
     return grid
 
 
@@ -131,6 +133,34 @@ def how_to_decide(check: CheckRecord) -> str:
     return f"{number(check.value or 0.0, held)} is within {share} of {held.bound:.6g}: measure it, {option}"
 
 
+def _reasons(result: AcceptanceResult) -> list[str]:
+    """Why a check is decided as it is, or what would decide it."""
+    decided = [d for d in result.decisions if d.reason]
+    return [f"{d.verdict}, {d.limit.label}: {how_to_decide(CheckRecord.of(d)) or d.reason}" for d in decided]
+
+
+def _to_explain(result: AcceptanceResult) -> str:
+    """The command that explains what failed, or is open for another reason than a prediction's margin."""
+    open_ = [d for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE")]
+    codes = [d.limit.check.code for d in open_ if not (d.reason and how_to_decide(CheckRecord.of(d)))]
+    return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
+
+
+def _lines(result: AcceptanceResult) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the verdicts, a label and a text each."""
+    if reasons := _reasons(result):
+        more = f"; {len(reasons) - 1} more" if len(reasons) > 1 else ""
+        yield "why", reasons[0] + more
+    found = result.predictions
+    if found and (basis := rests_on_of(found)):
+        yield "rests on", ", ".join([f"assumed {basis[0].words}", *(each.field for each in basis[1:])])
+    remarks = list(dict.fromkeys(note.code for note in result.notes))
+    yield "remarks", f"{', '.join(remarks)}: hdassist explain {' '.join(remarks)}" if remarks else ""
+    yield "next", _to_explain(result)
+    yield "proof", proof(found.certificate, found.cross_checks) if found else ""
+    yield "more", "--details"
+
+
 def _notes(result: AcceptanceResult) -> list[str]:
     lines = []
     if found := result.predictions:
@@ -140,13 +170,10 @@ def _notes(result: AcceptanceResult) -> list[str]:
         lines.append(f"certificate: {found.certificate}")
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
-    close = {d: how for d in result.decisions if (how := how_to_decide(CheckRecord.of(d)))}
-    lines += [f"{d.verdict}, {d.limit.label}: {close.get(d, d.reason)}" for d in result.decisions if d.reason]
+    lines += _reasons(result)
     lines += [f"remark {note.code}: {note.text}" for note in result.notes]
-    open_ones = [d for d in result.decisions if d.verdict in ("FAIL", "INCONCLUSIVE") and d not in close]
-    codes = [d.limit.check.code for d in open_ones]
-    if codes:
-        lines.append(f"what to do: hdassist explain {' '.join(dict.fromkeys(codes))}")
+    if command := _to_explain(result):
+        lines.append(f"what to do: {command}")
     return lines
 
 

@@ -31,8 +31,8 @@ def command(
 
     \b
     Examples:
-      hdassist calibrate my-drive.yaml --targets rig.yaml --write my-drive-found.yaml
-      hdassist calibrate my-drive.yaml --targets rig.yaml --state rig.jsonl --evaluations 1000
+      hdassist calibrate own.yaml --targets rig.yaml --write found.yaml
+      hdassist calibrate own.yaml --targets rig.yaml --state rig.jsonl
 
     \b
     A targets file:
@@ -40,7 +40,7 @@ def command(
       name: acceptance rig, drive 17
       unknowns:
         gears.j_n: {low: 0, high: 20}
-        supports.C_2: {scale: log}     # between the ends of its range in the preset's source
+        supports.C_2: {scale: log}     # within its range in the preset's source
       targets:
         - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
         - {quantity: K_1, value: 50e4, tolerance: 10 %}

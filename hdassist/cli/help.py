@@ -11,7 +11,7 @@ from typer.core import TyperCommand, TyperGroup
 Context: TypeAlias = Any
 Formatter: TypeAlias = Any
 
-OTHERS = "Options"
+OTHERS, LAST = "Options", "Answer"
 WHOLE = 1000  # characters: no first sentence of a help text is longer
 
 
@@ -54,6 +54,6 @@ def _sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]
     for panel, record in records:
         if record:
             panels.setdefault(panel, []).append(record)
-    for panel, rows in panels.items():
+    for panel, rows in sorted(panels.items(), key=lambda one: one[0] == LAST):
         with formatter.section(panel):
             formatter.write_dl(rows)

@@ -18,7 +18,7 @@ import typer
 from hdassist.acceptance import command as accept
 from hdassist.acceptance import explain_command as explain
 from hdassist.calibration import command as calibrate
-from hdassist.cli import presets
+from hdassist.cli import doctor, presets
 from hdassist.cli.help import Command, Commands
 from hdassist.comparing import command as compare
 from hdassist.design import check_command as check
@@ -26,8 +26,10 @@ from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
+from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
+from hdassist.reporting import command as report
 from hdassist.tolerance import allocate_command as allocate
 from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
@@ -55,6 +57,7 @@ app = typer.Typer(
 DESIGN, BENCH, ACCEPTANCE, DATA = "Design", "Bench", "Acceptance", "Data"
 for _name, _command, _panel, _summary in (
     ("check", check.command, DESIGN, "F'_ior over the full cycle, with verdict and proof"),
+    ("explore", explore.command, DESIGN, "the drive on the screen: turn its knobs and its wheel"),
     ("trace", trace.command, DESIGN, "the error against the cam angle, with its orders"),
     ("self-error", self_error.command, DESIGN, "what is left of a drive without deviations"),
     ("stiffness", stiffness.command, DESIGN, "twist against torque, lost motion, K1, K2, K3"),
@@ -62,13 +65,15 @@ for _name, _command, _panel, _summary in (
     ("sensitivity", sensitivity.command, DESIGN, "what F'_ior hangs on, what to tighten first"),
     ("allocate", allocate.command, DESIGN, "the cheapest tolerances that reach a yield"),
     ("sweep", sweep.command, DESIGN, "F'_ior over a grid of values of any fields"),
-    ("compare", compare.command, DESIGN, "a measured trace over the predicted one"),
+    ("compare", compare.command, DESIGN, "presets side by side; a measured trace over the predicted one"),
+    ("report", report.command, DESIGN, "a drive on one page, HTML or Markdown"),
     ("mount", mount.command, BENCH, "in which hole to bolt the fixed wheel; the card"),
     ("trials", trials.command, BENCH, "the same from F'_ior measured in a few holes"),
     ("measure", measure.command, BENCH, "F'_ior, orders and coverage of measured traces"),
     ("accept", accept.command, ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
     ("explain", explain.command, ACCEPTANCE, "what a check tests, what goes wrong, what to change"),
     ("calibrate", calibrate.command, DATA, "stiffnesses and clearances from measurements"),
+    ("doctor", doctor.command, DATA, "whether this installation can be relied on"),
 ):
     app.command(_name, cls=Command, rich_help_panel=_panel, short_help=_summary)(_command)
 app.add_typer(
@@ -122,7 +127,7 @@ def main() -> None:
     try:
         with _stops_heard(came):
             _require_lines(sys.argv[1:])
-            sys.exit(app(standalone_mode=False))
+            sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
         error.show(told)

@@ -110,6 +110,7 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
             give_stdout(text)
         return
     from hdassist.preset.schema import resolved as rows_of
+    from hdassist.preset.schema import value_text
 
     drive = drives.load(preset)
     rows = rows_of(drive)
@@ -117,7 +118,7 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
         answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
         _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
     else:
-        cells = [(row.path, _value(row.value), row.unit, row.kind, _reference(row)) for row in rows]
+        cells = [(row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows]
         _print_table(("field", "value", "unit", "origin", "reference"), cells, options)
     for warning in drive.origin.warnings:
         warn(warning)
@@ -292,22 +293,13 @@ def _table(style: Style, head: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     return grid
 
 
-def _value(value: Any) -> str:
-    """A value with every digit it has."""
-    if value is None:
-        return "-"
-    if isinstance(value, tuple):
-        return ", ".join(map(_value, value))
-    if isinstance(value, dict):
-        return ", ".join(f"{key}: {_value(item)}" for key, item in value.items()) or "-"
-    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
-
-
 def _reference(row: ResolvedField) -> str:
     """Where a value comes from, its plausible range first."""
+    from hdassist.preset.schema import value_text
+
     if row.range is None:
         return row.ref
-    bounds = f"{_value(row.range[0])} to {_value(row.range[1])}"
+    bounds = f"{value_text(row.range[0])} to {value_text(row.range[1])}"
     return f"{bounds}; {row.ref}" if row.ref else bounds
 
 

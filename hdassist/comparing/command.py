@@ -1,4 +1,4 @@
-"""`hdassist compare`: a measured trace over the predicted one."""
+"""`hdassist compare`: a measured trace over the predicted one, or presets beside each other."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ from typing import Annotated, Literal
 
 import typer
 
+from hdassist.comparing.presets_command import compare_presets, is_preset, require_presets
 from hdassist.terminal import options as o
+
+Others = Annotated[
+    list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
+]
 
 
 @o.with_groups
 def command(
     preset: o.Preset,
-    files: o.Traces,
+    files: Others,
     *,
     torque: Annotated[
-        float | None, typer.Option("--torque", help="Torque M_g in N*m.", show_default="the preset's only one")
+        float | None,
+        typer.Option("--torque", help="Torque M_g in N*m.", show_default="the preset's only one; all of presets"),
     ] = None,
     start: Annotated[
         str, typer.Option("--phi-g0", metavar="DEG", help="Angle of the output at phi_h = 0, or fit.")
@@ -40,11 +46,14 @@ def command(
     ] = "ccw",
     traces: o.TraceOptions,
     seed: o.Bootstrap = 0,
+    draws: o.Draws = 64,
+    jobs: o.Jobs = 0,
     drives: o.DriveOptions,
     plot: o.Plot = True,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
-    """A measured trace over the predicted one, and which deviation would explain the difference.
+    """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
 
     \b
     Examples:
@@ -52,10 +61,15 @@ def command(
       hdassist compare my-drive.yaml run.csv --torque 80 --error-is output-cam --drift linear
       hdassist compare my-drive.yaml run.csv --torque 80 --angle enc1 --second enc2 --cam-zero fit
       hdassist compare my-drive.yaml run.csv --torque 80 --set phases.xi_b=230 --json
+      hdassist compare vzp160 my-drive.yaml
 
     Each deviation, of the cam (wave generator), the rigid wheel (circular spline) or the flexspline, is fitted alone,
     then all together, through the contact model; what the record does not tell is said.
-    Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell.
+
+    A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
+    one that is called like a preset). Presets are compared with the first: fields that differ, F'_ior, best hole,
+    stiffness; of two, which field does most, changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
+    Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
     from dataclasses import replace
     from functools import partial
@@ -73,6 +87,11 @@ def command(
     from hdassist.terminal.runs import Answer, give, run_each
 
     o.stdin_once(*files, preset)
+    if any(map(is_preset, files)):
+        plain = (start, zero, error_is, cam_sense, traces) == ("fit", None, "cam-output", "ccw", o.TraceOptions())
+        require_presets(files, plain=plain)
+        torques = o.torque_overrides(torque)
+        raise typer.Exit(compare_presets([preset, *files], torques, drives, (draws, seed, jobs), options))
     out = options.open()
     stated, orders = parse_stated(traces.budget), parse_orders(traces.orders or None)
     asked = RecordConvention(
@@ -99,7 +118,7 @@ def command(
             )
             result = in_wide_enough_window(drive, analysis)
         said.update(dict.fromkeys(result.drive.origin.warnings))
-        return answer(result, plots=plot)
+        return answer(result, plots=plot, details=details)
 
     answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
     for text in said:

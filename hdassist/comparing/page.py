@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from hdassist.comparing.compare import UNTOLD, Comparison
 from hdassist.comparing.findings import Explanation, as_good
 from hdassist.comparing.record import OrderPair
+from hdassist.comparing.tables_page import F_ior_text, number, tables
 from hdassist.comparing.vectors import VECTORS
-from hdassist.error.orders import UNKNOWN
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, certificate_object, envelope
-from hdassist.terminal.console import Style, table
+from hdassist.terminal.brief import again, facts, not_known, on_what, proof, turns_and_degrees
+from hdassist.terminal.console import Style
 from hdassist.terminal.plot import two_curves
 from hdassist.terminal.runs import Answer, Figures
+from hdassist.textfile import STDIN
 
-SHOWN = 12  # orders in the table, the greatest
 AROUND = 1.0  # cam turns drawn to either side of the largest difference
 BEYOND = (
     "Beyond these deviations there are: stiffnesses, clearances and a torque that differ from the preset's, teeth that "
@@ -27,11 +29,11 @@ BEYOND = (
 )
 
 
-def answer(result: Comparison, *, plots: bool) -> Answer:
-    """What there is to say of a comparison; plots, whether curves are drawn."""
+def answer(result: Comparison, *, plots: bool, details: bool = False) -> Answer:
+    """What there is to say of a comparison; plots, whether curves are drawn; details, whether all tables are shown."""
     return Answer(
         to_json=lambda: to_json(result),
-        page=lambda style: render(result, style, plots=plots),
+        page=lambda style: render(result, style, plots=plots, details=details),
         summary_line=lambda: summary_line(result),
         figures=lambda: figures(result),
         about=result.measurement.trace.file,
@@ -94,27 +96,62 @@ def summary_line(result: Comparison) -> str:
     return " ".join([kind, *(f"--set {text}" for text in sets)])
 
 
-def render(result: Comparison, style: Style, *, plots: bool = True) -> RenderableType:
-    """Conclusion, both curves in one plot, ranges, orders and what would explain the difference."""
+def render(result: Comparison, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+    """Conclusion, both curves in one plot, what would explain the difference; with details ranges, orders, all fits."""
     trace = result.measurement.trace
     head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.found.bins.span:.2f} cam turns"
-    notes = [*result.measurement.notes, _alignment(result), _sign(result)]
     parts: list[RenderableType] = [
         Text(style.text(head), style="bold"),
         Text(style.text(verdict_line(result)), style="bold"),
-        Text(style.text("\n".join(f"note: {text}" for text in notes))),
     ]
+    if details:
+        notes = [*result.measurement.notes, _alignment(result), _sign(result)]
+        parts.append(Text(style.text("\n".join(f"note: {text}" for text in notes))))
     if plots:
         parts.append(Text(_plot(result, style)))
-    parts += [Text(style.text(_ranges(result))), _orders(result, style)]
-    if result.singles:
-        parts.append(_singles(result, style))
-    if result.joint and result.joint.changes:
-        parts.append(_joint(result.joint, style))
-    parts += [Text(style.text(words)) for words in _advice(result)]
-    proof = result.certificate
-    parts.append(Text(f"certificate: {proof.states} states, greatest residual {proof.max_residual:.1e} of its scale"))
+    if details:
+        parts += [Text(style.text(_ranges(result))), *tables(result, style)]
+    advice = [] if result.conclusion.kind == "agrees" else _advice(result, details)
+    parts += [Text(style.text(words)) for words in advice]
+    parts.append(facts(style, _lines(result, details)))
     return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the curves, a label and a text each."""
+    found, best = result.found, result.conclusion.best
+    bound = " of the angles visited" if found.is_bound else ""
+    measured = f"{found.range.value:.2f} arcsec{bound} (u = {found.uncertainty_arcsec:.2f})"
+    yield "range", f"measured {measured}, predicted {result.predicted_range_arcsec:.2f}"
+    yield (
+        "apart",
+        (
+            f"{result.difference_rms_arcsec:.2f} arcsec rms, most {result.largest_arcsec:.2f} "
+            f"at {turns_and_degrees(360 * result.largest_at_turns)} of the cam"
+        ),
+    )
+    yield "aligned", _alignment(result)
+    yield "read as", "" if details else _sign(result)
+    change = best.changes[0] if best and best.changes else None
+    if change:
+        lever = f"{VECTORS[change.vector].size} fitted: {number(change.size_um, change.size_uncertainty_um)} um"
+        if change.direction_deg is not None:
+            lever += f" at {number(change.direction_deg, change.direction_uncertainty_deg)} deg"
+        yield "lever", lever
+    yield "rests on", on_what(result.drive)
+    yield "unknown", not_known(result.drive)
+    yield "next", _next(result)
+    yield "proof", proof(result.certificate)
+    yield "more", "" if details else "--details"
+
+
+def _next(result: Comparison) -> str:
+    """The command to go on with: the file read the other way round, or the drive as the record shows it."""
+    kind, file = result.conclusion.kind, result.measurement.trace.file
+    if kind == "mirrored":
+        return again("compare", result.drive, "-" if file == STDIN else file, *swapping_options(result).split())
+    best = result.conclusion.best if kind in ("one", "several") else None
+    return again("mount", result.drive, *(word for text in overrides_of(best) for word in ("--set", text)))
 
 
 def _alignment(result: Comparison) -> str:
@@ -164,87 +201,19 @@ def _ranges(result: Comparison) -> str:
             f"range over {whole}, limited to the orders: measured {found.range.value:.2f} arcsec "
             f"(u = {found.uncertainty_arcsec:.2f}), predicted {result.predicted_range_arcsec:.2f}",
             f"difference: rms {result.difference_rms_arcsec:.2f} arcsec, range {result.difference_range_arcsec:.2f}, "
-            f"largest {result.largest_arcsec:.2f} at {result.largest_at_turns:.3f} cam turns",
+            f"largest {result.largest_arcsec:.2f} "
+            f"at {turns_and_degrees(360 * result.largest_at_turns)} of the cam",
             f"residual with its noise: rms {size.std():.2f} arcsec, range {size.max() - size.min():.2f}",
-            f"predicted F'_ior of the full cycle: {_whole(result.unchanged)} arcsec",
+            f"predicted F'_ior of the full cycle: {F_ior_text(result.unchanged)} arcsec",
         )
     )
 
 
-def _grid(style: Style, title: str, columns: tuple[str, ...]) -> Table:
-    """An empty table whose columns are numbers but for deviations and causes."""
-    grid = table(style, title)
-    for words in columns:
-        left = words in ("deviation", "cause")
-        grid.add_column(style.text(words), justify="left" if left else "right", overflow="fold")
-    return grid
-
-
-def _orders(result: Comparison, style: Style) -> Table:
-    title = f"orders: amplitude·cos(order·angle + phase), arcsec and deg, the {SHOWN} greatest of {len(result.orders)}"
-    columns = ("order", "measured", "phase", "predicted", "phase", "difference", "cause")
-    grid = _grid(style, title, columns)
-    greatest = sorted(result.orders, key=lambda pair: -max(pair.measured.amplitude_arcsec, pair.predicted_arcsec))
-    for pair in sorted(greatest[:SHOWN], key=lambda pair: pair.measured.per_cam_rev):
-        o = pair.measured
-        measured = _number(o.amplitude_arcsec, o.uncertainty_arcsec, 2)
-        difference = _number(pair.difference_arcsec, pair.difference_uncertainty_arcsec, 2)
-        grid.add_row(
-            f"{o.per_cam_rev:.2f}", style.text(measured), f"{o.phase_deg:.0f}", f"{pair.predicted_arcsec:.2f}",
-            f"{pair.predicted_phase_deg:.0f}", style.text(difference), "-" if o.cause == UNKNOWN else o.cause,
-        )  # fmt: skip
-    return grid
-
-
-def _number(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
-    return "-" if value is None or uncertainty is None else f"{value:.{digits}f} ± {uncertainty:.{digits}f}"
-
-
-def _change(found: Explanation, vector: int, untold: str) -> tuple[str, str]:
-    """New size and direction of a vector in words."""
-    change = next((change for change in found.changes if change.vector == vector), None)
-    if change is None:
-        return untold, untold
-    direction = _number(change.direction_deg, change.direction_uncertainty_deg)
-    return _number(change.size_um, change.size_uncertainty_um), direction
-
-
-def _whole(found: Explanation) -> str:
-    return "-" if found.F_ior_arcsec is None else f"{found.F_ior_arcsec:.2f}"
-
-
-def _singles(result: Comparison, style: Style) -> Table:
-    title = "one deviation fitted alone, the best first; ±: standard; left: chi-square per degree of freedom"
-    columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
-    grid = _grid(style, title, columns)
-    now = result.unchanged
-    left = f"{now.chi_square / now.freedom:.2f}"
-    grid.add_row("none: as the preset", "", "", "", left, _whole(now))
-    for single in sorted(result.singles, key=lambda s: s.chi_square):
-        vector = VECTORS[single.vectors[0]]
-        name = f"{vector.name}, {vector.direction.split('.')[1]}: {vector.words}"
-        change, whole = ("not clear of noise", ""), ""
-        if single.clear:
-            change, whole = _change(single, single.vectors[0], "-"), _whole(single)
-        share, left = f"{100 * max(single.share, 0):.1f} %", f"{single.chi_square / single.freedom:.2f}"
-        grid.add_row(*(style.text(text) for text in (name, *change, share, left, whole)))
-    return grid
-
-
-def _joint(joint: Explanation, style: Style) -> Table:
-    left = f"left {joint.chi_square / joint.freedom:.2f}"
-    title = f"all deviations fitted together: {100 * joint.share:.1f} % explained, {left}, F'_ior {_whole(joint)}"
-    grid = _grid(style, title, ("deviation", "size, um", "direction, deg"))
-    for k in joint.vectors:
-        grid.add_row(VECTORS[k].name, *(style.text(text) for text in _change(joint, k, "not told")))
-    return grid
-
-
-def _advice(result: Comparison) -> list[str]:
-    """Sentences below the tables: what is not told apart, what is left, what to type."""
+def _advice(result: Comparison, details: bool) -> list[str]:
+    """Sentences: what is not told apart, what is left, what to type."""
     kind, best, joint = result.conclusion.kind, result.conclusion.best, result.joint
     lines = []
-    if joint and (names := sorted({name for combination in joint.untold for name in combination})):
+    if details and joint and (names := sorted({name for combination in joint.untold for name in combination})):
         count = len(joint.untold)
         ways = "one combination" if count == 1 else f"{count} combinations"
         lines.append(f"Fitted together, {ways} of {', '.join(names)} cannot be told from this record.")
@@ -258,8 +227,8 @@ def _advice(result: Comparison) -> list[str]:
             f"order {pair.measured.per_cam_rev:.2f}: {pair.difference_arcsec:.2f} arcsec ({pair.measured.cause})"
             for pair in (named.left_orders if named else ())
         ]
-        lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + BEYOND)
-    if best and best.overrides and kind in ("one", "several"):
+        lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + BEYOND * details)
+    if details and best and best.overrides and kind in ("one", "several"):
         rest = f"; {best.left_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
         sets = " ".join(f"--set {text}" for text in overrides_of(best))
         lines.append(f"To go on with it{rest}:\n  {sets}")

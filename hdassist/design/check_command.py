@@ -20,6 +20,7 @@ def command(
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,
+    details: o.Details = False,
     pitch: o.PitchOptions,
     options: o.FigureOptions,
 ) -> None:
@@ -64,6 +65,6 @@ def command(
                 progress=progress,
             )
             result = in_wide_enough_window(drive, analysis)
-        return answer(result, seed=seed, plots=plot)
+        return answer(result, seed=seed, plots=plot, details=details)
 
     raise typer.Exit(give("check", run_each("check", presets, one, options), options, out))

@@ -10,26 +10,35 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.design.check import DesignCheck, OperatingPoint
+from hdassist.error.rests_on import LEAST
 from hdassist.error.unknown_range import HIGH, LOW
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
 from hdassist.terminal.answers import Json, certificate_object, envelope
-from hdassist.terminal.basis import basis_objects, basis_table, unknown_objects
+from hdassist.terminal.basis import basis_line, basis_objects, basis_table, unknown_objects
+from hdassist.terminal.brief import again, facts, proof, verdict_coloured, verdict_text
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.wheels_page import heading, pitch_object
+from hdassist.verdict import Verdict
 
 LABEL_WIDTH = 30  # columns of a table's words; numbers take 12 each
 NUMBER_WIDTH = 12
+PLOTTED = 8  # rows of a plot
 
 
-def _angle(point: OperatingPoint, extreme: str, angle: str) -> float:
-    states = point.error.states
-    return float(np.degrees(getattr(states, angle)[getattr(point.error, extreme)]))
+def turned(degrees: float) -> str:
+    """A cam angle as turns and the degrees beyond them, for a column under that heading."""
+    turns, rest = divmod(degrees, 360.0)
+    return f"{turns:.0f} + {rest:.1f}"
+
+
+def _angle(extreme: str, angle: str) -> Callable[[OperatingPoint], float]:
+    return lambda p: float(np.degrees(getattr(p.error.states, angle)[getattr(p.error, extreme)]))
 
 
 POINT: tuple[Quantity[OperatingPoint], ...] = (
@@ -39,12 +48,24 @@ POINT: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f", lambda p: p.F_ior_upper_arcsec),
     Quantity("limit_arcsec", "limit", "arcsec", "g", lambda p: p.limit_arcsec),
     Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
-    Quantity("at_max.phi_h_deg", "greatest error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_h")),
-    Quantity("at_max.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_g")),
-    Quantity("at_max.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_max", "phi_b")),
-    Quantity("at_min.phi_h_deg", "least error at phi_h", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_h")),
-    Quantity("at_min.phi_g_deg", "  phi_g there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_g")),
-    Quantity("at_min.phi_b_deg", "  phi_b there", "deg", ".2f", lambda p: _angle(p, "at_min", "phi_b")),
+    Quantity(
+        "at_max.phi_h_deg",
+        "greatest at phi_h",
+        "turns + deg",
+        turned,
+        _angle("at_max", "phi_h"),
+    ),
+    Quantity("at_max.phi_g_deg", "  phi_g there", "deg", ".2f", _angle("at_max", "phi_g")),
+    Quantity("at_max.phi_b_deg", "  phi_b there", "deg", ".2f", _angle("at_max", "phi_b")),
+    Quantity(
+        "at_min.phi_h_deg",
+        "least at phi_h",
+        "turns + deg",
+        turned,
+        _angle("at_min", "phi_h"),
+    ),
+    Quantity("at_min.phi_g_deg", "  phi_g there", "deg", ".2f", _angle("at_min", "phi_g")),
+    Quantity("at_min.phi_b_deg", "  phi_b there", "deg", ".2f", _angle("at_min", "phi_b")),
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", lambda p: p.error.one_wave_share),
     Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", lambda p: p.error.max_tooth_force_N),
     Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", lambda p: p.error.wind_up_arcsec),
@@ -78,11 +99,19 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 )
 
 
-def answer(check: DesignCheck, *, seed: int, plots: bool) -> Answer:
-    """What there is to say of a check; seed, of its sample that was solved again; plots, whether curves are drawn."""
+BRIEF = ("F_ior_arcsec", "F_ior_upper_arcsec", "unknown_range.low_arcsec", "unknown_range.high_arcsec")
+HELD = ("limit_arcsec", "verdict")
+
+
+def answer(check: DesignCheck, *, seed: int, plots: bool, details: bool = False) -> Answer:
+    """What there is to say of a check.
+
+    Arguments: seed, of its sample that was solved again; plots, whether curves are drawn; details, whether all tables
+    are shown.
+    """
     return Answer(
         to_json=lambda: to_json(check, seed),
-        page=lambda style: render(check, style, plots=plots),
+        page=lambda style: render(check, style, plots=plots, details=details),
         summary_line=lambda: summary_line(check),
         figures=lambda: figures(check),
         about=check.drive.name,
@@ -92,13 +121,48 @@ def answer(check: DesignCheck, *, seed: int, plots: bool) -> Answer:
     )
 
 
-def render(check: DesignCheck, style: Style, *, plots: bool = True) -> RenderableType:
-    """Tables, and a plot per torque of the error over the full cycle."""
-    parts: list[RenderableType] = [_heading(check, style), _geometry(check, style), *_points(check, style)]
+def render(check: DesignCheck, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+    """The verdict, F'_ior, a plot per torque of the error over the full cycle, and what to know of the answer."""
+    parts: list[RenderableType] = [_heading(check, style)]
+    parts += [_geometry(check, style), *_points(check, style)] if details else _columns(check, style, "", _brief(check))
     if plots:
         parts += [Text(_plot(point, style)) for point in check.points]
-    parts.append(_certificate(check, style))
+    parts.append(facts(style, _lines(check, details)))
+    if details:
+        parts.append(_certificate(check, style))
     return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _brief(check: DesignCheck) -> list[Quantity[OperatingPoint]]:
+    """Rows of the short page: those that some torque has a value for."""
+    held = any(point.limit_arcsec is not None for point in check.points)
+    shown = (q for q in (*POINT, *UNKNOWN) if q.key in BRIEF or (held and q.key in HELD))
+    return [q for q in shown if any(q.value(point) is not None for point in check.points)]
+
+
+def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the numbers, a label and a text each."""
+    yield "lever", _lever(check)
+    yield "rests on", basis_line(check.rests_on, [point.M_g for point in check.points])
+    yield "unknown", names(check.unknown)
+    step = "tolerance" if check.verdict is Verdict.PASS else "mount"
+    yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
+    yield "proof", proof(check.certificate, check.cross_checks)
+    yield "more", "" if details else "--details"
+
+
+def _lever(check: DesignCheck) -> str:
+    """The micrometre that changes the greatest share of F'_ior; empty where nobody computed it."""
+    slopes = [
+        (abs(slope) / max(point.error.F_ior_arcsec, LEAST), slope, quantity.label, point.M_g)
+        for point in check.points
+        for quantity in SLOPES
+        if (slope := quantity.value(point))
+    ]
+    if not slopes:
+        return ""
+    _, slope, words, M_g = max(slopes)
+    return f"a micrometre more of {words}: {slope:+.2f} arcsec at {M_g:g} N·m"
 
 
 def to_json(check: DesignCheck, seed: int) -> Json:
@@ -142,8 +206,8 @@ def summary_line(check: DesignCheck) -> str:
 def _heading(check: DesignCheck, style: Style) -> Text:
     k = check.kinematics
     where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
-    words = f"{check.drive.name}: {k.z_g}/{k.z_b} teeth, fixed: {where}{heading(check.measured)}"
-    return Text(style.text(words), style="bold")
+    words = f", {k.z_g}/{k.z_b} teeth, fixed: {where}{heading(check.measured)}"
+    return verdict_text(style, f"{check.drive.name}: ", check.verdict, words)
 
 
 def _geometry(check: DesignCheck, style: Style) -> Table:
@@ -194,7 +258,7 @@ def _columns(
         for point in points:
             grid.add_column(POINT[0].text(point), justify="right", no_wrap=True, min_width=8)
         for quantity in shown:
-            grid.add_row(style.text(quantity.words), *(quantity.text(point) for point in points))
+            grid.add_row(style.text(quantity.words), *(verdict_coloured(quantity.text(point)) for point in points))
         yield grid
 
 
@@ -205,7 +269,9 @@ def _plot(point: OperatingPoint, style: Style) -> str:
         turns,
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
-        y_label=f"error at {point.M_g:g} N·m, arcsec, least to greatest in each column",
+        y_label=f"error at {point.M_g:g} N·m, arcsec: least and greatest around each cam turn",
+        height=PLOTTED,
+        over=1.0,
     )
 
 

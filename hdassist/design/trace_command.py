@@ -29,6 +29,7 @@ def command(
     cross_check: o.CrossCheck = "clarabel",
     seed: o.Seed = 0,
     plot: o.Plot = True,
+    details: o.Details = False,
     pitch: o.PitchOptions,
     options: o.FigureOptions,
 ) -> None:
@@ -71,6 +72,6 @@ def command(
                 seed=seed,
                 progress=progress,
             )
-        return answer(drive, result, seed=seed, plots=plot)
+        return answer(drive, result, seed=seed, plots=plot, details=details)
 
     give("trace", run_each("trace", [preset], one, options, keep_failures=False), options, out)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from hdassist.error.orders import LEGEND, Order
@@ -14,6 +16,7 @@ from hdassist.model.unknown import told, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
+from hdassist.terminal.brief import again, facts, not_known, on_what, proof
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
@@ -21,6 +24,8 @@ from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.wheels_page import heading, pitch_object
 
 SHOWN = 12  # orders in the table, the greatest
+FEW = 3  # on the short page
+MANY = 10  # cam turns: of more the curve is a block, and its envelope is drawn
 
 ORDER: tuple[Quantity[Order], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
@@ -34,11 +39,15 @@ def _degrees(angles: Any) -> list[float]:
     return [float(a) for a in np.degrees(angles)]
 
 
-def answer(drive: Drive, trace: Trace, *, seed: int, plots: bool) -> Answer:
-    """What there is to say of a trace; seed, of its sample that was solved again; plots, whether it is drawn."""
+def answer(drive: Drive, trace: Trace, *, seed: int, plots: bool, details: bool = False) -> Answer:
+    """What there is to say of a trace.
+
+    Arguments: seed, of its sample that was solved again; plots, whether it is drawn; details, whether all tables are
+    shown.
+    """
     return Answer(
         to_json=lambda: to_json(drive, trace, seed),
-        page=lambda style: render(drive, trace, style, plots=plots),
+        page=lambda style: render(drive, trace, style, plots=plots, details=details),
         summary_line=lambda: summary_line(trace),
         figures=lambda: figures(trace),
         about=drive.name,
@@ -47,32 +56,60 @@ def answer(drive: Drive, trace: Trace, *, seed: int, plots: bool) -> Answer:
     )
 
 
-def render(drive: Drive, trace: Trace, style: Style, *, plots: bool = True) -> RenderableType:
-    """Plot of the error, its range, and the table of its greatest orders."""
+def render(drive: Drive, trace: Trace, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+    """Plot of the error, its range, its greatest orders, and what to know of the answer."""
     error = trace.error
     turns = "turn" if trace.revolutions == 1 else "turns"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     words = f"{drive.name}: {error.M_g:g} N·m, {moving} = {trace.start_deg:g} deg, {trace.revolutions} cam {turns}"
     parts: list[RenderableType] = [Text(style.text(words + heading(trace.measured)), style="bold")]
+    parts.append(Text(f"range {error.range_arcsec:.2f} arcsec over {trace.revolutions} cam {turns}"))
     if plots:
         by_turns = trace.revolutions > 2
         x = error.states.phi_h / (2 * np.pi) if by_turns else np.degrees(error.states.phi_h)
         label = "cam angle phi_h, " + ("turns" if by_turns else "deg")
-        parts.append(Text(curve(style, x, error.error_arcsec, x_label=label, y_label="error F_kpp, arcsec")))
-    parts.append(Text(f"range {error.range_arcsec:.2f} arcsec over {trace.revolutions} cam {turns}"))
+        many = trace.revolutions > MANY
+        what = "error F_kpp, arcsec" + ": least and greatest around each cam turn" * many
+        parts.append(Text(curve(style, x, error.error_arcsec, x_label=label, y_label=what, over=float(many))))
+    if details:
+        parts += [_orders(trace, style), Text(style.text(LEGEND))]
+    parts.append(facts(style, _lines(drive, trace, details)))
+    if details:
+        proven = error.certificate
+        check = f"certificate: {proven.states} states, greatest residual {proven.max_residual:.1e} of its scale"
+        parts.append(Text(check + cross_checked([error.cross_check])))
+    return Group(*(line for part in parts for line in (part, Text(""))))
 
+
+def _greatest(trace: Trace, most: int) -> list[Order]:
+    return sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)[:most]
+
+
+def _lines(drive: Drive, trace: Trace, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the curve, a label and a text each."""
+    error = trace.error
+    greatest = _greatest(trace, FEW)
+    yield "orders", ", ".join(f"{o.per_cam_rev:.2f}: {o.amplitude_arcsec:.2f} arcsec" for o in greatest)
+    yield "lever", f"order {greatest[0].per_cam_rev:.2f}: {greatest[0].cause}" if greatest else ""
+    yield "rests on", on_what(drive)
+    yield "unknown", not_known(drive)
+    cycle = error.kinematics.cycle_cam_revolutions
+    own = again("mount", drive)
+    if trace.revolutions < cycle:
+        own = again("trace", drive, "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
+    yield "next", own + (" with the same pitch files" if trace.measured else "")
+    yield "proof", proof(error.certificate, [error.cross_check])
+    yield "more", "" if details else "--details"
+
+
+def _orders(trace: Trace, style: Style) -> Table:
     grid = table(style, f"orders: amplitude·cos(order·phi_h + phase), the {SHOWN} greatest")
     for quantity in ORDER[:-1]:
         grid.add_column(style.text(quantity.words), justify="right", no_wrap=True)
     grid.add_column(ORDER[-1].words, overflow="fold")
-    greatest = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)[:SHOWN]
-    for order in sorted(greatest, key=lambda o: o.per_cam_rev):
+    for order in sorted(_greatest(trace, SHOWN), key=lambda o: o.per_cam_rev):
         grid.add_row(*(style.text(q.text(order)) for q in ORDER))
-    proof = error.certificate
-    check = f"certificate: {proof.states} states, greatest residual {proof.max_residual:.1e} of its scale"
-    check += cross_checked([error.cross_check])
-    parts += [grid, Text(style.text(LEGEND)), Text(check)]
-    return Group(*(line for part in parts for line in (part, Text(""))))
+    return grid
 
 
 def to_json(drive: Drive, trace: Trace, seed: int) -> Json:

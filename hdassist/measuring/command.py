@@ -31,7 +31,7 @@ def command(
     Examples:
       hdassist measure run.csv --drive my-drive.yaml
       hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
-      hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2 --budget encoder=0.5
+      hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
 
     A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to

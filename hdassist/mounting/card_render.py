@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Callable
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from rich.text import Text
 
@@ -26,19 +26,19 @@ CYRILLIC = range(0x400, 0x500)
 
 def html(card: Card) -> str:
     """The card as one HTML file: everything inside it, no scripts."""
-    page = _environment(autoescape=True, finalize=_html_safe).get_template("card.html")
+    page = environment(autoescape=True, finalize=html_safe).get_template("card.html")
     return page.render(card=card, lines=lines_on_paper(card), seat=card.seat, **seat_geometry(card.seat))
 
 
 def markdown(card: Card) -> str:
     """The card as Markdown, with the tables of GitHub's dialect."""
-    page = _environment(finalize=_markdown_safe).get_template("card.md")
+    page = environment(finalize=markdown_safe).get_template("card.md")
     return page.render(card=card, drawing=Markup(drawing(card.seat)), line=LINE)
 
 
 def plain_text(card: Card, *, ascii: bool = False) -> str:
     """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
-    page = _environment(finalize=_visible, wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
+    page = environment(finalize=_visible, wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
     label_width = max(len(label) for label, _ in card.subject) + 2
     text = page.get_template("card.txt").render(
         card=card, drawing=drawing(card.seat), columns=COLUMNS, blank=BLANK, label_width=label_width
@@ -61,16 +61,24 @@ def lines_on_paper(card: Card) -> int:
     return sum(1 + len(text) // 100 for text in texts) + headings + rows
 
 
-def _environment(
-    *, autoescape: bool = False, finalize: Callable[[Any], Any] | None = None, **filters: Callable[..., str]
+def environment(
+    package: str = "",
+    *,
+    autoescape: bool = False,
+    finalize: Callable[[Any], Any] | None = None,
+    **filters: Callable[..., str],
 ) -> Environment:
-    """Where templates are found, and how what they print is made safe; lines with nothing but a tag leave none."""
-    environment = Environment(
-        loader=PackageLoader("hdassist.mounting"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    """Where templates are found, and how what they print is made safe; lines with nothing but a tag leave none.
+
+    Arguments: package whose templates come before those of this one; finalize, what each value goes through; filters.
+    """
+    places = [PackageLoader(name) for name in (package, "hdassist.mounting") if name]
+    found = Environment(
+        loader=ChoiceLoader(places), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=autoescape, finalize=finalize,
     )  # fmt: skip
-    environment.filters.update(filters)
-    return environment
+    found.filters.update(filters)
+    return found
 
 
 def _visible(value: Any) -> Any:
@@ -78,12 +86,12 @@ def _visible(value: Any) -> Any:
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _html_safe(value: Any) -> Any:
+def html_safe(value: Any) -> Any:
     """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
     return round(value, 2) if isinstance(value, float) else _visible(value)
 
 
-def _markdown_safe(value: Any) -> Any:
+def markdown_safe(value: Any) -> Any:
     """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
     if isinstance(value, Markup):
         return value

@@ -39,6 +39,7 @@ def command(
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,
+    details: o.Details = False,
     pitch: o.PitchOptions,
     card: o.CardOptions,
     options: o.FigureOptions,
@@ -53,7 +54,7 @@ def command(
     Examples:
       hdassist mount vzp160
       hdassist mount vzp160 --step 10 --csv curve.csv
-      hdassist mount my-drive.yaml --set uncertainty.phases.xi_b=10 --set uncertainty.tolerances.e_hb=15
+      hdassist mount my-drive.yaml --set "phases.xi_b=260±10"
       hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
       hdassist mount my-drive.yaml --pitch-b wheel.csv --mark-b 120
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
@@ -113,7 +114,9 @@ def command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: card_facts(advice, say)
-    raise typer.Exit(give_with_card("mount", answer(advice, seed=seed, plots=plot), card_file, facts, options, out))
+    raise typer.Exit(
+        give_with_card("mount", answer(advice, seed=seed, plots=plot, details=details), card_file, facts, options, out)
+    )
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from shlex import quote
 
@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hdassist.error.rests_on import LEAST
 from hdassist.error.sensitivity import Sensitivity
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import names
@@ -19,9 +20,10 @@ from hdassist.mounting.card import CardFacts, warnings_of
 from hdassist.mounting.positions import Chances, MountingCurve, Position
 from hdassist.mounting.robust import Robust
 from hdassist.mounting.seat_page import TRADE, instruction, place, seat_text, wheel
-from hdassist.mounting.stays_page import stays_objects, stays_table
+from hdassist.mounting.stays_page import stays_line, stays_objects, stays_table
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
+from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style, grid
 from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
@@ -29,6 +31,7 @@ from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
 from hdassist.verdict import Verdict
 
+MICROMETRES = {"j_n": "flank clearance j_n", "W_0": "wave W_0", "g_b": "bearing clearance g_b"}
 SHOWN = 6  # positions that the table of uncertainty lists, best first
 
 
@@ -56,11 +59,14 @@ def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def answer(advice: Advice, *, seed: int, plots: bool) -> Answer:
-    """What there is to say of an advice; seed, of its samples; plots, whether seat and curves are drawn."""
+def answer(advice: Advice, *, seed: int, plots: bool, details: bool = False) -> Answer:
+    """What there is to say of an advice.
+
+    Arguments: seed, of its samples; plots, whether seat and curves are drawn; details, whether all tables are shown.
+    """
     return Answer(
         to_json=lambda: to_json(advice, seed),
-        page=lambda style: render(advice, style, plots=plots),
+        page=lambda style: render(advice, style, plots=plots, details=details),
         summary_line=lambda: summary_line(advice),
         figures=lambda: figures(advice),
         warnings=warnings(advice),
@@ -99,27 +105,65 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
     return f"{why} {measure}"
 
 
-def render(advice: Advice, style: Style, *, plots: bool = True) -> RenderableType:
-    """The instruction, the seat, a plot per torque, and tables of the positions."""
+def render(advice: Advice, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+    """The instruction, the seat, the positions, and what to know of them; with details a plot per torque and tables."""
     drive, result = advice.drive, advice.curve
     words = f"{drive.name}: turning the fixed {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
     parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(what_to_do(advice)))]
     if plots and not advice.any_hole:
         parts.append(Text(seat_text(advice.choice, style)))
-    if plots and advice.has_curve:
+    if plots and details and advice.has_curve:
         parts += [Text(drawn) for drawn in _curves(advice, style)]
     parts += [] if advice.any_hole else [_positions(advice, style)]
-    if advice.has_curve:
-        parts.append(_torques(advice, style))
-    if advice.robust:
-        parts.append(_uncertain(advice, advice.robust, style))
-    if advice.now:
-        parts.append(_slopes(advice, style))
-    if advice.rests_on:
-        parts.append(stays_table(drive, advice.rests_on, style))
+    if details:
+        parts += _tables(advice, style)
     turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
-    parts += [Text(style.text(turns)), Text(_proof(result))]
+    parts += [Text(style.text(turns)), Text(_proof(result)) if details else facts(style, _lines(advice))]
     return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _tables(advice: Advice, style: Style) -> Iterator[Table]:
+    if advice.has_curve:
+        yield _torques(advice, style)
+    if advice.robust:
+        yield _uncertain(advice, advice.robust, style)
+    if advice.now:
+        yield _slopes(advice, style)
+    if advice.rests_on:
+        yield stays_table(advice.drive, advice.rests_on, style)
+
+
+def _lines(advice: Advice) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the positions, a label and a text each."""
+    sampled = advice.robust
+    sure = f"gains with {sampled.probability_gain:.0%} over {len(sampled.merits)} samples" if sampled else ""
+    yield "sure", sure if advice.order != "none" else ""
+    yield "lever", _lever(advice)
+    yield "rests on", stays_line(advice.drive, advice.rests_on)
+    yield "unknown", names(advice.unknown)
+    if advice.order != "none":  # else the sentence above names it
+        card = again("mount", advice.drive, "--card", "card.html")
+        yield "next", card + (" with the same pitch files" if advice.measured else "")
+    yield "proof", proof(advice.curve.certificate, advice.curve.cross_checks)
+    yield "more", "--details"
+
+
+def _lever(advice: Advice) -> str:
+    """The micrometre that changes the greatest share of F'_ior where the wheel is to stand; empty if not computed."""
+    target, at = ("there", advice.best) if advice.choice.turn else ("now", advice.now)
+    if not at:
+        return ""
+    place = advice.choice.target
+    slopes = [
+        (abs(value) / max(F_ior, LEAST), value, words, M_g)
+        for M_g, F_ior, slope in zip(advice.curve.torques, place.F_ior_arcsec, at, strict=True)
+        for name, words in MICROMETRES.items()
+        if (value := getattr(slope, name))
+    ]
+    if not slopes:
+        return ""
+    _, value, words, M_g = max(slopes)
+    return f"a micrometre more of {words}: {value:+.2f} arcsec at {M_g:g} N·m {target}"
 
 
 def _curves(advice: Advice, style: Style) -> list[str]:
@@ -136,8 +180,8 @@ def _curves(advice: Advice, style: Style) -> list[str]:
 
 def _proof(result: MountingCurve) -> str:
     solved, places = int(result.every_state.sum()), result.every_state.size
-    proof = result.certificate
-    words = f"certificate: {proof.states} states, greatest residual {proof.max_residual:.1e} of its scale"
+    proven = result.certificate
+    words = f"certificate: {proven.states} states, greatest residual {proven.max_residual:.1e} of its scale"
     words += cross_checked(result.cross_checks)
     if solved < places:
         words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
@@ -195,7 +239,7 @@ def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
 
 
 def _slopes(advice: Advice, style: Style) -> Table:
-    heads = ("torque, N·m", "flank clearance j_n", "wave W_0", "bearing clearance g_b")
+    heads = ("torque, N·m", *MICROMETRES.values())
     rows = grid(style, "what a micrometre more does to F'_ior, arcsec", "position", *heads)
     for words, values in (("now", advice.now), ("best", advice.best)):
         for M_g, slope in zip(advice.curve.torques, values, strict=True):

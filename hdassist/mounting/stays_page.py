@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.table import Table
 
@@ -34,6 +34,20 @@ def stays_table(drive: Drive, held: Iterable[Stays], style: Style, *, trials: bo
         words = f"{path} {drive.number(path):g} {unit_of(field_table()[path])}".rstrip()
         rows.add_row(style.text(words), *(cell for end in each.ends for cell in cells(end)))
     return rows
+
+
+def stays_line(drive: Drive, held: Sequence[Stays]) -> str:
+    """The same in a line: at the worst end of the first what is the best there and what is lost, the others named."""
+    if not held:
+        return ""
+    first, holes = held[0], drive.mounting.holes
+    end = max(first.ends, key=lambda end: end.loss or 0.0)
+    words = f"assumed {first.assumption.path} (the position stays the best)"
+    if end.loss and end.best_deg is not None:
+        hole = hole_of(end.best_deg, holes)
+        where = f"{end.best_deg:g} deg" if hole is None else f"hole {hole}"
+        words = f"assumed {first.assumption.path} (at {short(end.value)} {where} is the best, {end.loss:.0%} lost)"
+    return ", ".join([words, *(each.assumption.path for each in held[1:])])
 
 
 def stays_objects(drive: Drive, held: Iterable[Stays], *, trials: bool = False) -> list[Json]:

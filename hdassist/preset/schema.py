@@ -150,3 +150,14 @@ def counted(drive: Drive) -> dict[str, int]:
     """How many fields that a preset gives are given, identified, or only assumed."""
     kinds = [row.kind for row in resolved(drive)]
     return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
+
+
+def value_text(value: Any) -> str:
+    """A value with every digit it has."""
+    if value is None:
+        return "-"
+    if isinstance(value, tuple):
+        return ", ".join(map(value_text, value))
+    if isinstance(value, dict):
+        return ", ".join(f"{key}: {value_text(item)}" for key, item in value.items()) or "-"
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)

@@ -10,9 +10,10 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.errors import DataError, UsageError
-from hdassist.preset.fields import SCHEMA, fields, read_range, sections
+from hdassist.preset.fields import SCHEMA, Source, field_table, fields, read_range, sections
 from hdassist.preset.kinds import Section, plain, unit_of
 from hdassist.preset.load import load_text
+from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import Path, read, resolve
 
 MAX_NAME = 200
@@ -115,6 +116,44 @@ def with_found_values(
     return changed
 
 
+def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
+    """Text of a preset with overrides put in, its comments and order as they are.
+
+    A changed value that was assumed or identified is assumed from now on, without a range that it has left. Arguments:
+    text; file, its name in messages; overrides, such as "cam.W_0=0.95". Raises what loading the preset with them
+    raises; DataError where an override is of no single field, or the text is not laid out so that it can be changed in
+    place.
+    """
+    wanted, before = load_text(text, file, overrides), load_text(text, file)
+    changed = text.decode("utf-8-sig").replace("\r\n", "\n")
+    changed = changed if changed.endswith("\n") else changed + "\n"
+    for override in overrides:
+        key, _, written = override.partition("=")
+        path = ".".join(map(str, path_of(key)))
+        if path not in field_table():
+            raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
+        changed = _with_value(changed, file, path, written.strip())
+        source = before.source.get(path)
+        if source is not None and wanted.value(path) != before.value(path):
+            changed = _with_source(changed, file, path, _assumed(source, wanted.value(path)))
+    try:
+        same = load_text(changed, file)
+        right = all(same.value(path) == wanted.value(path) for path in field_table())
+        right = right and same.uncertainty == wanted.uncertainty
+    except DataError:
+        right = False
+    if not right:
+        raise DataError(f"{file} is not laid out so that its values can be changed in place", "change it by hand")
+    return changed
+
+
+def _assumed(source: Source, value: Any) -> str:
+    """The source of a value that was changed by hand, in place of that of the value before."""
+    inside = source.range is not None and isinstance(value, int | float) and source.range[0] <= value <= source.range[1]
+    kept = f"range: [{source.range[0]!r}, {source.range[1]!r}], " if inside and source.range else ""
+    return f"{{kind: assumed, {kept}ref: {json.dumps(f'changed by hand; was {source.kind}', ensure_ascii=False)}}}"
+
+
 def _with_value(text: str, file: str, path: str, written: str) -> str:
     section, name = path.split(".")
     place = read(text, file).places.get((section, name))
@@ -123,8 +162,20 @@ def _with_value(text: str, file: str, path: str, written: str) -> str:
         return _with_key(text, file, section, f"{name}: {written}")
     row, column = place.value.line - 1, place.value.column - 1
     length = len(place.text) + 2 * place.quoted
+    if lines[row][column : column + 1] in ("[", "{"):
+        length = _bracketed(lines[row][column:])
     lines[row] = lines[row][:column] + written + lines[row][column + length :]
     return "\n".join(lines)
+
+
+def _bracketed(text: str) -> int:
+    """Length of the list or table that a text begins with; 0 where it does not end on its line."""
+    depth = 0
+    for place, letter in enumerate(text, 1):
+        depth += (letter in "[{") - (letter in "]}")
+        if not depth:
+            return place
+    return 0
 
 
 def _range_around(text: str, file: str, path: str, value: float) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from rich.table import Table
 
-from hdassist.error.rests_on import Effect
+from hdassist.error.rests_on import Effect, spans
 from hdassist.model.unknown import Unknown
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import short, unit_of
@@ -34,6 +34,17 @@ def basis_objects(effects: Iterable[Effect], torques: Sequence[float]) -> list[J
         }
         for effect in effects
     ]
+
+
+def basis_line(effects: Sequence[Effect], torques: Sequence[float]) -> str:
+    """The same in a line: the first with the range of F'_ior at the torque where that is widest, the others named."""
+    if not effects:
+        return ""
+    first = effects[0]
+    k = int(np.argmax(spans(first.F_ior_arcsec, first.at)))
+    ends = [*first.F_ior_arcsec[k], first.at[k]]
+    words = f"assumed {first.assumption.path} ({min(ends):.1f} to {max(ends):.1f} arcsec at {torques[k]:g} N·m)"
+    return ", ".join([words, *(effect.assumption.path for effect in effects[1:])])
 
 
 def basis_table(drive: Drive, effects: Iterable[Effect], torques: Sequence[float], style: Style) -> Table:

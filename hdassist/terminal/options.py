@@ -51,6 +51,7 @@ Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.
 NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or control codes.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors.")]
 Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")]
+Details = Annotated[bool, typer.Option("--details", help="All tables, not the short page.", rich_help_panel="Answer")]
 Solver = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),

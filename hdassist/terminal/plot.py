@@ -20,14 +20,20 @@ HEIGHT = 10  # rows, about
 WIDEST = 80  # columns: wider says no more
 
 
-def curve(style: Style, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT) -> str:
+def curve(
+    style: Style, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT, over: float = 0.0
+) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
-    x_label and y_label carry the units; height, about how many rows. Returns lines without a final newline.
+    x_label and y_label carry the units; height, about how many rows; over, a length of x: two lines are drawn then,
+    the least and the greatest of y over so much around each place. Returns lines without a final newline.
     """
     wide, tall = (1, 1) if style.ascii else (2, 4)
     frame = _Frame.around(style, [y], height)
-    dots = _fill(x, y, frame.columns * wide, frame.rows * tall, frame.ticks[0], frame.ticks[-1])
+    columns, tall = frame.columns * wide, frame.rows * tall
+    lines = _envelope(x, y, columns, over) if over else [(x, y)]
+    drawn = [_fill(*line, columns, tall, frame.ticks[0], frame.ticks[-1]) for line in lines]
+    dots = np.logical_or.reduce(drawn)
     rows = ["".join(row) for row in (dots_to_ascii(dots) if style.ascii else dots_to_braille(dots))]
     return frame.drawn(style, rows, x, x_label, y_label)
 
@@ -57,10 +63,10 @@ class _Frame:
     @classmethod
     def around(cls, style: Style, series: Sequence[Array], height: int) -> _Frame:
         low, high = (float(end(end(y) for y in series)) for end in (min, max))
-        ticks = _ticks(low, high, max(2, height // 2))
-        margin = max(7, *(len(f"{tick:g}") for tick in ticks))
-        apart = max(1, round((height - 1) / (len(ticks) - 1)))
-        return cls(ticks, apart, min(style.width, WIDEST) - margin - 2, margin)
+        marks = ticks(low, high, max(2, height // 2))
+        margin = max(7, *(len(f"{tick:g}") for tick in marks))
+        apart = max(1, round((height - 1) / (len(marks) - 1)))
+        return cls(marks, apart, min(style.width, WIDEST) - margin - 2, margin)
 
     @property
     def rows(self) -> int:
@@ -90,6 +96,15 @@ def dots_to_ascii(dots: Dots) -> list[list[str]]:
     return [["*" if dot else " " for dot in row] for row in dots]
 
 
+def _envelope(x: Array, y: Array, columns: int, over: float) -> list[tuple[Array, Array]]:
+    """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least."""
+    reach = max(over, float(x[-1] - x[0]) / columns) / 2
+    places = np.linspace(x[0], x[-1], columns)
+    ends = zip(np.searchsorted(x, places - reach), np.searchsorted(x, places + reach, "right"), strict=True)
+    parts = [y[first:last] for first, last in ends]
+    return [(places, np.array([end(part) for part in parts])) for end in (np.min, np.max)]
+
+
 def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float) -> Dots:
     if len(x) < columns:
         # between points that lie apart the curve is drawn straight
@@ -112,7 +127,7 @@ def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float
     return dots
 
 
-def _ticks(low: float, high: float, count: int) -> list[float]:
+def ticks(low: float, high: float, count: int) -> list[float]:
     """Round numbers that enclose low and high, at most count steps apart."""
     if high - low <= FLAT * max(1.0, abs(low), abs(high)):
         low, high = low - 1, high + 1
@@ -125,7 +140,7 @@ def _ticks(low: float, high: float, count: int) -> list[float]:
 
 def _x_numbers(low: float, high: float, columns: int) -> str:
     line = [" "] * columns
-    for tick in _ticks(low, high, 6):
+    for tick in ticks(low, high, 6):
         number = f"{tick:g}"
         place = round((tick - low) / (high - low) * (columns - 1))
         if 0 <= place < columns:

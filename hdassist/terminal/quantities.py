@@ -13,20 +13,24 @@ T = TypeVar("T")
 class Quantity(Generic[T]):
     """A reported quantity of things T.
 
-    key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits:
-    format of the number there; value: how to get it, full precision, None where there is none.
+    key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits: format of the
+    number there, or what writes it; value: how to get it, full precision, None where there is none.
     """
 
     key: str
     label: str
     unit: str
-    digits: str
+    digits: str | Callable[[Any], str]
     value: Callable[[T], Any]
 
     def text(self, thing: T) -> str:
         """The quantity as a table shows it."""
         value = self.value(thing)
-        return "-" if value is None else format(value, self.digits) if self.digits else str(value)
+        if value is None:
+            return "-"
+        if callable(self.digits):
+            return self.digits(value)
+        return format(value, self.digits) if self.digits else str(value)
 
     @property
     def words(self) -> str:

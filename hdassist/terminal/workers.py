@@ -34,7 +34,7 @@ def workers(jobs: int) -> Iterator[Executor]:
         if context.get_start_method() == "forkserver":
             context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
         pool = ProcessPoolExecutor(
-            max_workers=count(jobs), mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+            max_workers=count(jobs), mp_context=context, initializer=begin_worker, initargs=(os.getpid(),)
         )
     try:
         with _refusals():
@@ -79,16 +79,17 @@ def _refusals() -> Iterator[None]:
         raise DataError(words, "they need /dev/shm, and room in the limits of ulimit -a") from None
 
 
-def _begin(parent: int) -> None:
+def begin_worker(parent: int) -> None:
     """What a worker does first: leave interrupts to the process that began it, and end when that ends, in any way.
 
-    parent: its process id. Linux kills the worker, even in the middle of a solver; elsewhere a thread waits for that.
+    parent: its process id. Linux kills the worker, even in the middle of a solver; elsewhere, and where a process
+    between the two did the forking, which lives as long as its workers do, a thread waits for that.
     """
     for stop in STOPS:
         signal.signal(stop, signal.SIG_IGN if stop == signal.SIGINT else signal.SIG_DFL)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    else:
+    if os.getppid() != parent or sys.platform != "linux":
         threading.Thread(target=_end_with_parent, daemon=True).start()
     if not Path("/proc", str(parent)).exists() and Path("/proc/self").exists():  # it ended before
         os._exit(1)

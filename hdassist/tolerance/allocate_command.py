@@ -35,7 +35,7 @@ def command(
     Examples:
       hdassist allocate vzp160 --torque 80 --limit 20
       hdassist allocate vzp160 --limit 80:20 --limit 800:6 --yield 0.99 --classes
-      hdassist allocate my-drive.yaml --limit 30 --set cost.tolerances.e_hb.share=3
+      hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
     What a tolerance costs stands in the preset: cost: {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 as the
     preset has it and 3 (now/tolerance)^1.5 else, and no less than 10 um can be made; without it 1, k = 1 and a tenth.

@@ -27,7 +27,7 @@ def command(
     Examples:
       hdassist sensitivity vzp160
       hdassist sensitivity vzp160 --torque 80 -n 1024 --json
-      hdassist sensitivity my-drive.yaml --distribution uniform --csv sensitivity.csv
+      hdassist sensitivity own.yaml --distribution uniform --csv figures.csv
 
     Over random drives as built (as hdassist tolerance draws them): the share of the variance of F'_ior that comes from
     a deviation alone, and together with others (Sobol indices with 95 % confidence), and what 95 % of the drives stay

@@ -51,10 +51,12 @@ def command(
     \b
     Examples:
       hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11
-      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11 --vary operation.M_g=40:800:5
+      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11 \\
+          --vary operation.M_g=40:800:5
       hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
       hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
-      hdassist sweep vzp160 --vary supports.C_2=1e4:4e4:101 -o rows.parquet --scheduler tcp://10.0.0.5:8786
+      hdassist sweep vzp160 --vary supports.C_2=1e4:4e4:101 -o rows.parquet \\
+          --scheduler tcp://10.0.0.5:8786
 
     A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
     In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
@@ -100,6 +102,8 @@ def command(
             write_bytes(packed, data, options.force)
         elif file is not None:
             note(f"wrote {file}")
+        if page.exit_code(swept):
+            note(f"error: no row has an answer: {swept.reason}")
         return Answer(
             to_json=lambda: page.to_json(swept, results.records()),
             page=None if streamed else lambda style: page.render(swept, style, name, plots=plot),

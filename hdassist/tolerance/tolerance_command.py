@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from itertools import islice
 from typing import Annotated
 
@@ -38,7 +39,8 @@ def command(
       hdassist tolerance vzp160
       hdassist tolerance vzp160 -n 10000 --limit 80:30 --yield 0.95 --json
       hdassist tolerance vzp160 --set tolerances.e_hb=40 --distribution uniform
-      hdassist tolerance vzp160 --scatter tolerances.F_i2=measured.csv --known phases.phi_hh
+      hdassist tolerance own.yaml --scatter tolerances.F_i2=measured.csv
+      hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
     Sizes of deviations lie between zero and the preset's tolerance, directions are any. A value with an uncertainty
@@ -74,9 +76,12 @@ def command(
         if kept.done < count:
             with pool() as (executor, _), out.progress("table of the error", production.table_states) as progress:
                 production = production.tabled(executor=executor, progress=progress)
-        with out.progress(drive.name, count - kept.done) as progress:
+        with (
+            out.progress(drive.name, count - kept.done) as progress,
+            closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
+        ):
             try:
-                for records in stream(production.records, count, done=kept.done, pool=pool):
+                for records in chunks:
                     kept.append(records)
                     summary.add(records)
                     progress(len(records))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance.checks import CODES
-from tests.process import SMALL, run
+from tests.process import ASSUMED, SMALL, run
 from tests.rigs import drive_error, text, whole_range
 from tests.tutorial import told_by
 
@@ -120,7 +120,8 @@ def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
 
 def test_people_see_each_check_with_how_it_is_known(rig):
     args = ("--measured", "4:run.csv", "--limit", "F_ior=400", "--limit", "order_2@4=1")
-    done = run("accept", SMALL, *args[:4], "--limit", "order_2=1", "--limit", "lost_motion=1", "--ascii", cwd=rig)
+    done = run("accept", SMALL, *args[:4], "--limit", "order_2=1", "--limit", "lost_motion=1", "--ascii", "--details",
+               cwd=rig)  # fmt: skip
     assert done.returncode == 3
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert done.stdout.isascii()
@@ -130,18 +131,31 @@ def test_people_see_each_check_with_how_it_is_known(rig):
         assert words in done.stdout
 
 
+def test_the_short_page_has_the_verdict_and_what_to_do_next(rig):
+    limits = ("--limit", "F_ior@4=1", "--limit", "lost_motion=1")
+    done = accepted(rig, "--measured", "4:run.csv", *limits, budget="encoder=0.1")
+    lines = done.stdout.splitlines()
+    assert lines[0] == "small: FAIL"
+    assert len(lines) <= 24
+    assert "certificate" not in done.stdout
+    command = next(line for line in lines if line.startswith("next")).split()[1:]
+    assert command == ["hdassist", "explain", "F_IOR"]
+    assert run(*command[1:]).returncode == 0
+
+
 def test_what_a_margin_leaves_open_is_to_be_measured(tmp_path):
     """A prediction near its limit is no fault of the drive: no cause to explain, but a value to find out."""
     limits = ("--limit", "lost_motion=234", "--limit", "K_1=1e5")
-    sets = ("--set", "operation.M_g=4", "--set", "operation.rated=4")
+    sets = ("--set", "operation.M_g=4", "--set", "operation.rated=4", "--set", ASSUMED)
     done = run(
-        "accept", SMALL, *sets, "--limit", "F_ior@4=25", *limits, "--margin", "20", "--junit", "a.xml", cwd=tmp_path
-    )
+        "accept", SMALL, *sets, "--limit", "F_ior@4=25", *limits, "--margin", "20", "--junit", "a.xml", "--details",
+        cwd=tmp_path,
+    )  # fmt: skip
     assert done.returncode == 3
     told = " ".join(done.stdout.split())
     assert re.search(r"F'_ior at 4 N·m: \d\d\.\d\d is within 20 % of 25: measure it, --measured 4:FILE", told)
     assert re.search(
-        r"assumed \(F'_ior without self error, arcsec\): bearing\.g_b 0 to 3\.75: [\d. to]+ at 4 N·m; ", told
+        r"assumed \(F'_ior without self error, arcsec\): bearing\.g_b 0 to 3\.75: [\d. to]+ at 4 N·m ", told
     )
     assert "lost motion: 234.29 is within 20 % of 234: measure it, --value lost_motion=VALUE±U" in told
     assert told.endswith("what to do: hdassist explain K_1")  # far beyond its limit

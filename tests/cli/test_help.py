@@ -29,7 +29,7 @@ def test_help_of_a_command_is_the_same_either_way(name: str) -> None:
     told = run(name, "--help").stdout
     assert run("help", name).stdout == told
     assert "Examples:" in told
-    assert "Answer:" in told
+    assert ("Answer:" in told) is (name != "explore")
 
 
 def test_options_stand_in_sections() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, trace
-from hdassist.comparing.compare import RecordConvention, alignment_of, compare, torque_of, zero_of
-from hdassist.comparing.page import overrides_of
+from hdassist.comparing.compare import Comparison, RecordConvention, alignment_of, compare, torque_of, zero_of
+from hdassist.comparing.page import overrides_of, render
 from hdassist.comparing.record import Alignment, solved_curve
 from hdassist.comparing.vectors import VECTORS, vectors_of
 from hdassist.error.waves import ErrorWaves
@@ -17,7 +17,9 @@ from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
+from hdassist.terminal.console import Style
 from hdassist.terminal.options import degrees_or_fit
+from hdassist.terminal.output import Output
 from tests.process import SMALL
 from tests.rigs import recorded
 
@@ -36,6 +38,12 @@ def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float
     result = trace(hidden, M_G, start_deg=START, revolutions=turns, cross_check=None)
     error = result.error.error_arcsec + noise * np.random.default_rng(seed).standard_normal(len(result.error.states))
     return recorded(result.error.states.phi_h / (2 * np.pi), way * error)
+
+
+def told_on(result: Comparison, **asked: bool) -> str:
+    """The page of a comparison as words one space apart."""
+    style = Style(ascii=False, codes=False, width=80)
+    return " ".join(Output(style).page(render(result, style, plots=False, **asked)).split())
 
 
 def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
@@ -63,6 +71,7 @@ def test_its_mirror_image_does_not_and_is_reported(drive):
     assert result.conclusion.kind == "mirrored"
     assert result.mirror is not None
     assert result.mirror.swapped == "error_is"
+    assert "--error-is output-cam" in told_on(result)
     assert result.difference_rms_arcsec > 20 * result.mirror.rms_arcsec
     again = compare(
         rig(drive, 4, way=-1.0), drive, M_G, convention=RecordConvention(start_deg=START, error_is="output-cam")
@@ -130,6 +139,15 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
     assert solved == pytest.approx(kinematic_error(hidden, M_G, cross_check=None).F_ior_arcsec, rel=0.05)
     assert best.left_arcsec is not None
     assert best.left_arcsec < 0.5 * result.difference_rms_arcsec
+    page = told_on(result, details=True)
+    for words in (
+        "limited to the orders",
+        "none: as the",
+        "all deviations fitted",
+        "To go on with it",
+        "phi_g0 = 20 deg",
+    ):
+        assert words in page
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ import pytest
 
 from hdassist import kinematic_error, load_preset, self_error
 from hdassist.version import __version__
-from tests.process import CLEAN, COMMAND, SMALL, interrupted, on_terminal, run, run_cold
+from tests.process import ASSUMED, CLEAN, COMMAND, SMALL, interrupted, on_terminal, run, run_cold
 
 
 @pytest.fixture(scope="module")
@@ -79,15 +79,30 @@ def test_people_read_it_in_80_columns(human):
     assert human.stderr == ""
     assert "\x1b" not in human.stdout
     assert max(map(len, human.stdout.splitlines())) <= 80
-    for words in (
-        "F'_ior, full cycle",
-        "self error",
-        "NO_LIMIT",
-        "certificate",
-        "one-wave",
-        "cam angle phi_h",
-    ):
+    for words in ("F'_ior, full cycle", "self error", "NO_LIMIT", "proof", "CLARABEL", "cam angle phi_h"):
         assert words in human.stdout
+
+
+def test_the_short_page_fits_a_screen_and_ends_in_a_command():
+    asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED, "--draws", "2")
+    lines = run("check", SMALL, *asked).stdout.splitlines()
+    assert lines[0].startswith("small: NO_LIMIT")
+    assert len(lines) <= 24
+    found = [match for line in lines if (match := re.match(r"(lever|rests on|unknown|next|proof|more)  +(\S.*)", line))]
+    assert [match[1] for match in found] == ["lever", "rests on", "unknown", "next", "proof", "more"]
+    told = {match[1]: match[2] for match in found}
+    assert told["unknown"] == "phases.phi_hb"
+    assert told["rests on"].startswith("assumed bearing.g_b (")
+    assert told["next"].startswith("hdassist mount ")
+
+
+def test_the_rest_stands_in_the_details(answer):
+    page = run("check", SMALL, "--details", "--no-plot").stdout
+    for words in ("one-wave", "self error, arcsec", "what a micrometre more", "equilibrium", "tip circles"):
+        assert words in page
+    turns, degrees = re.search(r"greatest at phi_h, turns \+ deg +(\d+) \+ ([\d.]+) ", page).groups()
+    told = json.loads(answer.stdout)["operating_points"][0]["at_max"]["phi_h_deg"]
+    assert 360 * int(turns) + float(degrees) == pytest.approx(told, abs=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -146,8 +161,7 @@ def test_many_torques_stay_within_the_width():
     page = run("check", SMALL, "--set", "operation.M_g=[1, 1.5, 2, 2.5, 3, 3.5, 4]", "--no-plot").stdout
     assert max(map(len, page.splitlines())) <= 80
     heads = [line.split("N·m")[1].split() for line in page.splitlines() if "torque M_g" in line]
-    # the error, then what a micrometre does
-    assert [float(n) for row in heads for n in row] == 2 * [1, 1.5, 2, 2.5, 3, 3.5, 4]
+    assert [float(n) for row in heads for n in row] == [1, 1.5, 2, 2.5, 3, 3.5, 4]
 
 
 def test_torques_from_the_command_line_take_the_presets_place():

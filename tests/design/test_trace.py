@@ -43,9 +43,12 @@ def test_people_see_curve_range_and_orders():
         "range",
         "orders",
         "2 rigid wheel",
-        "certificate",
+        "-n 30",
+        "proof",
     ):
         assert words in page.stdout
+    assert len(run("trace", SMALL, "--no-plot").stdout.splitlines()) <= 24
+    assert "amplitude·cos(order·phi_h + phase)" in run("trace", SMALL, "--no-plot", "--details").stdout
     assert "turns" in run("trace", SMALL, "-n", "3").stdout
 
 

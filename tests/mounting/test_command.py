@@ -9,6 +9,7 @@ import json
 import pytest
 
 from hdassist import kinematic_error, load_preset
+from hdassist.mounting.seat_page import HIGH
 from tests.process import SMALL, interrupted, run, run_cold
 
 QUICK = ("mount", SMALL, "--set", "mounting.holes=6")
@@ -59,11 +60,18 @@ def test_people_see_curve_and_tables(answer):
     page = run(*QUICK)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("F'_ior at 1 N·m", "phase xi_b - phi_hb", "each torque alone", "counter-clockwise", "certificate"):
+    for words in ("seat from the cam side", "positions", "counter-clockwise", "a micrometre more", "proof"):
         assert words in page.stdout
+    assert len(page.stdout.splitlines()) <= 24 + HIGH + 3  # the seat and its legend
     told = json.loads(answer.stdout)
     assert f"{told['recommended']['F_ior_arcsec'][0]:.2f} / {told['recommended']['F_ior_arcsec'][1]:.2f}" in page.stdout
     assert run(*QUICK, "-q").stdout == f"{told['recommended']['hole']}\n"
+
+
+def test_curves_and_the_other_tables_stand_in_the_details():
+    page = run(*QUICK, "--details")
+    for words in ("F'_ior at 1 N·m", "phase xi_b - phi_hb", "each torque alone", "what a micrometre", "certificate"):
+        assert words in page.stdout
 
 
 def test_figures_and_torques():

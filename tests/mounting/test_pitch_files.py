@@ -90,7 +90,7 @@ def test_numbers_are_those_of_the_python_interface(answer, files):
 
 @pytest.mark.parametrize("command", ["mount", "check", "trace"])
 def test_people_see_whose_teeth_were_measured(command, files):
-    args = QUICK if command == "mount" else ("--torque", "4")
+    args = (*QUICK, "--details") if command == "mount" else ("--torque", "4")
     page = pitch(command, SMALL, *args, "--pitch-b", "wheel.csv", "--mark-b", "120", files=files)
     assert (page.returncode, page.stderr) == (0, "")
     assert "measured teeth: rigid wheel (wheel.csv)" in " ".join(page.stdout.split())

@@ -13,7 +13,7 @@ from hdassist.preset.fields import fields
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.load import load_text
 from hdassist.preset.schema import resolved
-from hdassist.preset.write import new_preset, with_found_values
+from hdassist.preset.write import new_preset, with_changes, with_found_values
 from tests.process import SMALL
 
 
@@ -168,3 +168,40 @@ def test_the_shape_that_values_were_identified_on_is_said_from_then_on(numerics:
     assert not drive.origin.warnings
     (warning,) = load_text(with_found_values(text, "small", FOUND, "rig"), "small").origin.warnings or ("linear",)
     assert "nominal" in warning or curve == "linear"
+
+
+def test_changes_keep_comments_and_order_and_a_changed_value_is_assumed() -> None:
+    changed = with_changes(VZP160.encode(), "vzp160", ["gears.j_n=7.5", "operation.M_g=[80]", "contact.k_face=9"])
+    lines = list(difflib.ndiff(VZP160.splitlines(), changed.splitlines()))
+    assert {line[2:] for line in lines if line.startswith("- ")} == {
+        "  j_n: 5.937        # um, clearance per flank",
+        "  M_g: [80, 800]    # N*m",
+        '  gears.j_n: {kind: identified, range: [0, 20], ref: "tooth thinning; from Fig. 3"}',
+        '  operation.M_g: {kind: given, ref: "p. 6, Fig. 2 and 3"}',
+    }
+    assert {line[2:] for line in lines if line.startswith("+ ")} == {
+        "  j_n: 7.5        # um, clearance per flank",
+        "  M_g: [80]    # N*m",
+        "  k_face: 9",
+        '  gears.j_n: {kind: assumed, range: [0.0, 20.0], ref: "changed by hand; was identified"}',
+        '  operation.M_g: {kind: assumed, ref: "changed by hand; was given"}',
+    }
+    drive = load_text(changed, "vzp160")
+    assert (drive.gears.j_n, drive.operation.M_g, drive.contact.k_face) == (7.5, (80.0,), 9.0)
+    assert drive.source["gears.j_n"].kind == "assumed" and drive.source["gears.m"].kind == "given"
+
+
+def test_a_changed_value_outside_its_range_leaves_the_range() -> None:
+    changed = with_changes(VZP160.encode(), "vzp160", ["gears.j_n=30"])
+    source = load_text(changed, "vzp160").source["gears.j_n"]
+    assert (source.kind, source.range) == ("assumed", None)
+
+
+def test_changes_are_refused_that_are_wrong_or_of_no_single_field() -> None:
+    text = VZP160.encode()
+    with pytest.raises(UsageError, match="out of range"):
+        with_changes(text, "vzp160", ["gears.j_n=-1"])
+    with pytest.raises(DataError, match="cannot be saved"):
+        with_changes(text, "vzp160", ["uncertainty.gears.j_n=1"])
+    with pytest.raises(DataError, match="not laid out"):
+        with_changes(text.replace(b"M_g: [80, 800]", b"M_g:\n  - 80\n  - 800"), "vzp160", ["operation.M_g=[80]"])

@@ -14,10 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 from xml.dom.minidom import parseString
 
+import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hdassist.mounting import card_render
+from hdassist.reporting import render as report_render
+from hdassist.reporting.blocks import Figure, Paragraph, Report, Section, Table, Tile
+from hdassist.reporting.charts import Dot, chart
 from tests.advices import advice_of, card
 from tests.process import SMALL, on_terminal, run
 from tests.test_visible import EVERY_HIDDEN, hidden
@@ -181,6 +185,34 @@ def test_cards(word: str, ascii: bool) -> None:
     )
     pages = card_render.html(made), card_render.markdown(made), card_render.plain_text(made, ascii=ascii)
     assert not hidden("".join(pages))
+
+
+def report_of(word: str) -> Report:
+    """A report with a word wherever text may stand."""
+    x = np.arange(3.0)
+    drawn = chart(x, x, x_label=word, y_label=word, dots=[Dot(1, 1, word, "now")])
+    blocks = (
+        Paragraph(word),
+        Table(word, (word, word), ((word, word),), (False, True), (word,)),
+        Figure(word, drawn, word),
+        Figure(word, replace(CARD.seat, title=word), word),
+    )
+    return Report(word, word, word, (word,), (Tile(word, word, word),), (word,), (Section(word, blocks),), (word,))
+
+
+PLAIN = [*map(report_render.html(report_of("a")).count, "<>")]
+
+
+@hostile
+@example(STEERING)
+@example("<script>alert(1)</script>")
+@example("</title><svg onload=x> | `a` ```")
+@given(WORDS)
+def test_reports(word: str) -> None:
+    page, text = (make(report_of(word)) for make in (report_render.html, report_render.markdown))
+    assert not hidden(page + text)
+    assert [*map(page.count, "<>")] == PLAIN  # no more elements than with a word of letters
+    assert text.count("\n```") == 4
 
 
 def test_a_true_terminal_is_sent_our_colours_alone() -> None:

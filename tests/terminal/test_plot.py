@@ -51,6 +51,16 @@ def test_crowded_points_show_their_range():
     assert all(set(row) == {"*"} and len(row) >= 70 for row in drawn)
 
 
+def test_an_envelope_has_two_lines_and_nothing_between():
+    x = np.linspace(0, 100, 20000)
+    drawn = rows(curve(ASCII, x, 10 * np.sin(2 * np.pi * x), x_label="x", y_label="y", over=1.0))
+    marked = [row for row in drawn if row.strip()]
+    assert len(marked) == 2
+    assert all(set(row) == {"*"} and len(row) >= 70 for row in marked)
+    assert drawn[0] == marked[0]
+    assert drawn[-1] == marked[-1]
+
+
 def test_braille_dots_are_where_unicode_has_them():
     dots = np.zeros((4, 2), dtype=bool)
     dots[0, 0] = dots[3, 1] = True

@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +27,17 @@ if {thread}:
 with workers(1) as executor:
     known = executor.submit(eval, "'cvxpy' in __import__('sys').modules").result()
     print(executor._mp_context.get_start_method(), known)
+"""
+
+
+AT_WORK = """
+import os, threading
+from hdassist.terminal.workers import workers
+
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+with workers(1) as executor:
+    print(executor.submit(os.getpid).result(), flush=True)
+    threading.Event().wait()
 """
 
 
@@ -65,6 +78,18 @@ def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert told.stdout == f"{way} True\n"
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
+def test_workers_that_another_process_forked_end_with_the_one_that_began_them():
+    with subprocess.Popen([sys.executable, "-c", AT_WORK], env=CLEAN, stdout=subprocess.PIPE, text=True) as process:
+        worker = Path("/proc", process.stdout.readline().strip())
+        assert worker.exists()
+        process.kill()
+    until = time.monotonic() + 20
+    while worker.exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    assert not worker.exists()
 
 
 def test_a_solver_with_threads_of_its_own_may_have_run_before():

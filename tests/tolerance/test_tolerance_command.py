@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, run
+from tests.process import CLEAN, COMMAND, SMALL, run, run_cold
 
 FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
 
@@ -52,6 +52,15 @@ def test_json_has_quantiles_yield_and_what_was_drawn(kept: Path) -> None:
 def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "two.jsonl"
     run("tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "2", "--results", str(file))
+    assert file.read_bytes() == kept.read_bytes()
+
+
+@pytest.mark.slow  # tests/tolerance/test_sweep.py has a cluster in every run; here are the tables of drives on one
+def test_a_cluster_writes_the_same_bytes_as_one_process(kept: Path, tmp_path: Path) -> None:
+    file = tmp_path / "cluster.jsonl"
+    options = ("--torque", "1", "--scheduler", "local", "--jobs", "2", "--results", str(file))
+    done = run_cold("tolerance", SMALL, "-n", "12", *options)
+    assert done.returncode == 0, done.stderr
     assert file.read_bytes() == kept.read_bytes()
 
 

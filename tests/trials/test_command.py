@@ -191,7 +191,7 @@ def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     text = " ".join(card.read_text(encoding="utf-8").split())
     assert "hole 0: 73 arcsec; hole 4: 18.7 arcsec; hole 8: 25 arcsec" in text
     assert "not from the last trial" in text
-    assert "bearing.g_b, 0 to 3.75: " in text
+    assert "bearing.g_b, 0 to 3.75: with 3.75 hardly anything explains the trials" in text
     now, best = (f"{answer[0][name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "best_bet"))
     assert f"F'_ior {now} -> {best} arcsec at 4" in text
 

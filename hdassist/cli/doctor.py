@@ -1,0 +1,130 @@
+"""`hdassist doctor`: whether this installation can be relied on, and what this machine and terminal offer."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from typing import Literal
+
+from hdassist.errors import HdassistError, UntrustedError
+from hdassist.terminal import options as o
+from hdassist.version import __version__
+
+Status = Literal["ok", "note", "broken"]
+PRESET, M_G, F_IOR, AGREES = "vzp160", 800.0, 8.753611660682, 1e-6  # arcsec: what a search of it gave, and how near
+CROSS = "CLARABEL"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was looked at, how it is, and in words what was found; broken: answers cannot be had, or not be trusted."""
+
+    what: str
+    status: Status
+    found: str
+
+
+@o.with_groups
+def command(*, options: o.PageOptions) -> None:
+    """Whether this installation can be relied on: versions, solvers, a self-test, the terminal, cores and memory.
+
+    \b
+    Examples:
+      hdassist doctor
+      hdassist doctor --json
+
+    The self-test searches a drive of the library, solves its extremes again by another solver, and compares with
+    stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
+    """
+    from hdassist.terminal.answers import json_text
+
+    out = options.open()
+    found = [*packages(), *machine(), *terminal(), self_test(), library()]
+    broken = any(finding.status == "broken" for finding in found)
+    code = UntrustedError.exit_code if broken else 0
+    if options.json:
+        told = {
+            "schema": "hdassist.doctor/1", "version": __version__, "exit_code": code, "warnings": [],
+            "findings": [{"what": f.what, "status": f.status, "found": f.found} for f in found],
+        }  # fmt: skip
+        out.text(json_text(told))
+    else:
+        width = max(len(finding.what) for finding in found)
+        lines = [f"{finding.what:{width}}  {finding.status:6}  {finding.found}" for finding in found]
+        out.human(out.style.text("\n".join([*lines, *([] if broken else ["", "this installation is fine"])])))
+    if broken:
+        wrong = ", ".join(finding.what for finding in found if finding.status == "broken")
+        raise UntrustedError(
+            f"answers of this installation cannot be trusted: {wrong}", "install hdassist anew into a fresh environment"
+        )
+
+
+def packages() -> Iterator[Finding]:
+    """hdassist, Python, and each package it needs."""
+    yield Finding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
+    for needed in requires("hdassist") or ():
+        name = needed.split(">")[0].split("<")[0].split("=")[0].split(";")[0].strip()
+        if "extra ==" in needed:
+            continue
+        try:
+            yield Finding(name, "ok", f"{version(name)} ({needed} needed)")
+        except PackageNotFoundError:
+            yield Finding(name, "broken", f"not installed: {needed} needed")
+
+
+def machine() -> Iterator[Finding]:
+    """Cores, memory, threads of linear algebra."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    yield Finding("cores", "ok", f"{cores} that this process may use")
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+        yield Finding("memory", "ok" if memory >= 1 else "note", f"{memory:.1f} GB")
+    except (AttributeError, ValueError, OSError):
+        yield Finding("memory", "note", "not told by this system")
+    threads = os.environ.get("OPENBLAS_NUM_THREADS", "")
+    yield Finding("OPENBLAS_NUM_THREADS", "ok" if threads == "1" else "note", f"{threads or 'not set'}; 1 is fastest")
+
+
+def terminal() -> Iterator[Finding]:
+    """What standard output shows."""
+    from hdassist.terminal.console import Style
+
+    style = Style.of(sys.stdout)
+    kind = "a terminal" if sys.stdout.isatty() else "no terminal"
+    yield Finding("output", "ok", f"{kind}, {style.width} columns, encoding {sys.stdout.encoding}")
+    plain = "plots in 7-bit characters" if style.ascii else "plots in braille"
+    yield Finding("characters", "ok", f"{plain}, {'colours' if style.codes else 'no colours'}")
+
+
+def self_test() -> Finding:
+    """A search of a known drive against stored digits, and its extremes by another solver."""
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.error.search import CycleSearch
+    from hdassist.model.kinematics import Kinematics, pitch_locked_states
+    from hdassist.preset.library import load_preset
+
+    try:
+        drive = load_preset(PRESET)
+        found = CycleSearch(drive, M_G).extremes(drive)
+        import numpy as np
+
+        states = pitch_locked_states(Kinematics.of(drive), np.array([found.at_max, found.at_min]))
+        again = kinematic_error(drive, M_G, states=states, solver=CROSS, cross_check=None).range_arcsec
+    except HdassistError as error:
+        return Finding("self-test", "broken", error.message)
+    off, apart = abs(found.F_ior_arcsec - F_IOR), abs(again - found.F_ior_arcsec)
+    told = f"{found.F_ior_arcsec:.6f} arcsec, {off:.0e} from what is stored; {apart:.0e} by {CROSS}"
+    fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
+    return Finding("self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}")
+
+
+def library() -> Finding:
+    """Whether the drives of the library are there."""
+    from hdassist.preset.library import preset_names
+
+    names = preset_names()
+    return Finding("presets", "ok" if PRESET in names else "broken", f"{len(names)} drives in the library")

@@ -1,0 +1,81 @@
+"""A drive as `check`, `mount` and `stiffness` see it, together."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from hdassist.design.check import DesignCheck, check
+from hdassist.design.check import estimate_states as check_states
+from hdassist.error.stiffness import Stiffness, stiffness
+from hdassist.error.stiffness import estimate_states as stiffness_states
+from hdassist.error.unknown_range import DRAWS
+from hdassist.mounting.advice import Advice, advise
+from hdassist.mounting.advice import estimate_states as advice_states
+from hdassist.mounting.positions import seat_positions
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import Certificate, Progress
+from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.window import in_wide_enough_window
+
+SAMPLES = 200  # of what is uncertain, as `hdassist mount` takes them
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSheet:
+    """What there is to say of a drive: its check, the advice where to mount its wheel, its stiffness."""
+
+    check: DesignCheck
+    advice: Advice
+    stiffness: Stiffness
+
+    @property
+    def drive(self) -> Drive:
+        """The drive."""
+        return self.check.drive
+
+    @property
+    def certificate(self) -> Certificate:
+        """Worst residuals of all three."""
+        return self.check.certificate + self.advice.curve.certificate + self.stiffness.certificate
+
+    @property
+    def cross_checks(self) -> tuple[CrossCheck | None, ...]:
+        """Cross-checks of all three."""
+        return (*self.check.cross_checks, *self.advice.curve.cross_checks, self.stiffness.cross_check)
+
+
+def estimate_states(drive: Drive, draws: int = DRAWS) -> int:
+    """Number of states that a sheet solves, about, for a progress bar."""
+    torques, turns = drive.operation.M_g, seat_positions(drive)
+    mounting = advice_states(drive, torques, turns, every_state=False, samples=SAMPLES)
+    return check_states(drive, draws=draws) + mounting + stiffness_states()
+
+
+def sheet_of(
+    drive: Drive,
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> DriveSheet:
+    """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
+
+    Arguments: draws, drives drawn from what is not known, and seed of these and of samples; executor, to spread the
+    work over (the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where
+    an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
+    """
+
+    def checked(there: Drive) -> DesignCheck:
+        return check(there, draws=draws, seed=seed, executor=executor, progress=progress)
+
+    def advised(there: Drive) -> Advice:
+        torques, turns = there.operation.M_g, seat_positions(there)
+        return advise(there, torques, turns, samples=SAMPLES, seed=seed, executor=executor, progress=progress)
+
+    found = in_wide_enough_window(drive, checked)
+    advice = in_wide_enough_window(drive, advised)
+    if advice.curve.interrupted:
+        raise KeyboardInterrupt
+    return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, progress=progress)))

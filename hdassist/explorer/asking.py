@@ -1,0 +1,134 @@
+"""What the explorer holds: a session, what is known of it, and the processes that are asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from textual.app import App
+from textual.timer import Timer
+
+from hdassist.errors import HdassistError
+from hdassist.explorer.answers import Advised, Answer, Curve, Sure
+from hdassist.explorer.known import Known, Memory
+from hdassist.explorer.pictures import Inks
+from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, SlopesQuestion, TrialsQuestion
+from hdassist.explorer.service import Service
+from hdassist.explorer.state import Session
+from hdassist.explorer.themes import THEMES, inks
+from hdassist.visible import visible
+
+REST = 0.7  # s that the wheel rests in a position before that is proven
+
+
+class Asking(App[int]):
+    """A session, and questions about it: each change asks what is not known yet, and ends what is no longer wanted."""
+
+    def __init__(self, session: Session, service: Service, effort: Effort, dark: bool) -> None:
+        super().__init__()
+        self.session, self.service, self.effort = session, service, effort
+        self.memory = Memory()
+        self._rest: Timer | None = None
+        for theme in THEMES:
+            self.register_theme(theme)
+        self.theme = THEMES[0 if dark else 1].name
+
+    def draw(self) -> None:
+        """Show the session and what is known of it."""
+
+    def wants_slopes(self) -> bool:
+        """Whether slopes are on the screen."""
+        return False
+
+    @property
+    def inks(self) -> Inks:
+        """Styles of the theme."""
+        return inks(self.current_theme.dark)
+
+    @property
+    def known(self) -> Known:
+        """What is known of the drive without trials."""
+        return self.memory.of_drive(self.session)
+
+    @property
+    def of_trials(self) -> Known | None:
+        """What is known from the trials; None where there are none."""
+        return self.memory.of_trials(self.session) if self.session.trials else None
+
+    def show(self, session: Session) -> None:
+        """Go on with another session: ask what is not known of it, and draw it."""
+        old, self.session = self.session, session
+        if session.changes != old.changes:
+            self.ask_of_drive()
+        if session.step != old.step:
+            self.ask_of_trials()
+        self.when_at_rest()
+        self.draw()
+
+    def change(self, change: Callable[[Session], Session]) -> None:
+        """Go on with a changed session; say why where that cannot be."""
+        try:
+            self.show(change(self.session))
+        except HdassistError as error:
+            self.complain(error)
+
+    def complain(self, error: HdassistError) -> None:
+        """Say what is wrong, and what to do about it."""
+        hint = f"\n{error.hint}" if error.hint else ""
+        self.notify(visible(f"{error.message}{hint}"), severity="error", markup=False, timeout=8)
+
+    def ask_of_drive(self) -> None:
+        """Ask where the wheel of the drive is best, unless that is known."""
+        known = self.known
+        self.workers.cancel_group(self, "drive")
+        if known.advised is None:
+            known.failed = None
+            self.follow(MountQuestion(self.session.drive, self.effort), known.take, "drive")
+        self.when_at_rest()
+
+    def ask_of_trials(self) -> None:
+        """Ask what the trials teach, unless that is known or there are none."""
+        self.workers.cancel_group(self, "trials")
+        if (known := self.of_trials) and known.advised is None:
+            known.failed = None
+            session = self.session
+            asked = TrialsQuestion(session.drive, session.trials, session.rig, self.effort)
+            self.follow(asked, known.take, "trials")
+
+    def follow(self, question: Question, take: Callable[[Answer], None], group: str) -> None:
+        """Ask, and take each answer; another question of the group ends the process of this one."""
+
+        async def follow() -> None:
+            async for answer in self.service.ask(question):
+                take(answer)
+                self.draw()
+                whole = isinstance(answer, Curve) and len(answer.places) == len(self.session.positions)
+                if group == "drive" and (whole or isinstance(answer, Advised)):
+                    self.when_at_rest()
+            self.call_later(self.draw)
+
+        self.run_worker(follow(), group=group, exclusive=True)
+
+    def when_at_rest(self) -> None:
+        """Prove the position that is looked at, and look for slopes there, once the wheel rests in it."""
+        for group in ("proof", "slopes"):
+            self.workers.cancel_group(self, group)
+        if self._rest:
+            self._rest.stop()
+        self._rest = self.set_timer(REST, self._at_rest)
+
+    def _at_rest(self) -> None:
+        known, session = self.known, self.session
+        curve, turn = known.curve, session.turn_deg
+        if curve is None or curve.sure is Sure.COARSE or known.failed:
+            return
+        if self.wants_slopes() and turn not in known.slopes:
+            self.follow(SlopesQuestion(session.drive, turn, self.effort), known.take, "slopes")
+        place = curve.at(turn)
+        open_ = known.facts and known.facts.any_hole
+        if known.advised and not open_ and (place is None or place.sure is not Sure.PROVEN):
+            self.follow(ProofQuestion(session.drive, turn, self.effort), known.take, "proof")
+
+    @property
+    def busy(self) -> bool:
+        """Whether processes compute."""
+        return any(not worker.is_finished for worker in self.workers if worker.group in ("drive", "trials", "proof"))

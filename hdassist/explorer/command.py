@@ -1,0 +1,78 @@
+"""`hdassist explore`: a drive turned on the screen."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hdassist.terminal import options as o
+
+
+@o.with_groups
+def command(
+    preset: o.Preset,
+    trials: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="WHERE:F_IOR", help="Trials to begin with, as hdassist trials takes them."),
+    ] = None,
+    *,
+    drives: o.LoadedDriveOptions,
+    trial_torque: Annotated[
+        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior, about.")
+    ] = 1.0,
+    reseat: Annotated[
+        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
+    ] = 0.0,
+    sure: Annotated[
+        float, typer.Option(metavar="SHARE", help="Probability of a loss below 5 % from which on trials settle it.")
+    ] = 0.9,
+    light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False,
+    jobs: o.Jobs = 0,
+    debug: o.Debug = False,  # noqa: ARG001 (main() looks for it)
+) -> None:
+    """A drive turned on the screen: where the fixed wheel is best, and what each value of the preset does.
+
+    \b
+    Examples:
+      hdassist explore vzp160
+      hdassist explore my-drive.yaml --set phases.xi_b=230
+      hdassist explore my-drive.yaml h0:28.1 h4:17.3 h8:24.9
+
+    Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); t adds a trial, c
+    writes the assembly card, ? explains the screen. Numbers are coarse at once, then refined, then proven; a card comes
+    only from what mount and trials would order too. The line at the bottom is the command that gives the same answer in
+    a script.
+    """
+    import sys
+
+    from hdassist.errors import UsageError
+    from hdassist.explorer.state import opened, with_trials
+    from hdassist.explorer.trial_entry import RigAsked, rig_of
+
+    if preset == "-":
+        raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
+    overrides = (*drives.overrides, *o.torque_overrides(drives.torque))
+    session = opened(preset, overrides, RigAsked(trial_torque, noise, reseat, sure))
+    rig_of(session.drive, session.rig)
+    if trials:
+        session = with_trials(session, " ".join(trials))
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
+
+    from hdassist.explorer.app import Explorer
+    from hdassist.explorer.guard import terminal_guarded
+    from hdassist.explorer.questions import Effort
+    from hdassist.explorer.service import Service
+
+    with terminal_guarded():
+        service = Service()
+        try:
+            app = Explorer(session, service, Effort(jobs=jobs), dark=not light)
+            app.run()
+        finally:
+            service.close()
+    raise typer.Exit(app.return_code or 0)

@@ -1,0 +1,338 @@
+"""What the explorer's processes compute: answers to a question, quick ones first, each by the function of a command.
+
+An F'_ior is first the range over a few states, then that of a search, then of every state where `hdassist mount` solves
+every state. Advice, cards and JSON are those of mount and trials.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from datetime import date
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.table import DEVIATIONS
+from hdassist.errors import HdassistError
+from hdassist.explorer import trial_entry
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Value
+from hdassist.explorer.compute_views import compared, turned
+from hdassist.explorer.levers import SETTINGS, stepped
+from hdassist.explorer.questions import (
+    Effort,
+    MountQuestion,
+    ProofQuestion,
+    Question,
+    RenderQuestion,
+    SlopesQuestion,
+    TraceQuestion,
+    TrialsQuestion,
+    TurnQuestion,
+)
+from hdassist.model.assumed import assumptions
+from hdassist.model.deviations import deviation_scalars
+from hdassist.model.geometry import Array
+from hdassist.model.unknown import unknown_turn, unknowns
+from hdassist.mounting import card_render
+from hdassist.mounting import page as mount_page
+from hdassist.mounting.advice import Advice, advise
+from hdassist.mounting.card import card_of
+from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_positions
+from hdassist.mounting.stays import Stays
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import kind_of
+from hdassist.preset.rules import conflicts
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.window import in_wide_enough_window
+from hdassist.terminal.answers import json_text
+from hdassist.terminal.texts import texts
+from hdassist.terminal.workers import workers
+from hdassist.trials import page as trials_page
+from hdassist.trials.advice import TrialAdvice
+
+FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
+FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
+GROUP = 2  # positions that one task searches: few, so that the curve grows under the eye
+SEED = 0  # of samples and of what is solved again, as the commands have it
+LOW, HIGH = 0.05, 0.95
+
+
+def answers(question: Question) -> Iterator[Answer]:
+    """Answers to a question, ever surer. Raises HdassistError where there is none."""
+    match question:
+        case MountQuestion():
+            return _mount(question.drive, question.effort)
+        case TrialsQuestion():
+            return _trials(question)
+        case ProofQuestion():
+            return _proof(question.drive, question.rotation_deg, question.effort)
+        case SlopesQuestion():
+            return _slopes(rotated(question.drive, question.rotation_deg), question)
+        case TurnQuestion():
+            return iter([turned(question)])
+        case TraceQuestion():
+            return iter([compared(question)])
+        case RenderQuestion():
+            return iter([Rendered(_rendered(question))])
+
+
+def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
+    """What is known of a drive, its curve ever surer, and the advice of `hdassist mount`."""
+    yield _facts(drive)
+    if searchable(drive):
+        yield from _coarse(drive, effort.turns)
+    with workers(effort.jobs) as executor:
+        if searchable(drive):
+            yield from _refined(drive, executor)
+        analysis = partial(
+            advise,
+            torques=drive.operation.M_g,
+            rotations_deg=seat_positions(drive),
+            samples=effort.samples,
+            seed=SEED,
+            executor=executor,
+        )
+        yield _mount_advised(in_wide_enough_window(drive, analysis))
+
+
+def _trials(asked: TrialsQuestion) -> Iterator[Answer]:
+    """The advice of `hdassist trials`."""
+    with workers(asked.effort.jobs) as executor:
+        samples = asked.effort.trial_samples
+        yield _trials_advised(
+            trial_entry.advice(asked.drive, asked.trials, asked.rig, samples=samples, executor=executor)
+        )
+
+
+def _proof(drive: Drive, rotation: float, effort: Effort) -> Iterator[Answer]:
+    """The curve of one position alone."""
+    with workers(effort.jobs) as executor:
+        tasks = [(drive, M_g, rotation) for M_g in drive.operation.M_g]
+        values = tuple(Value(value, Sure.PROVEN) for value in executor.map(_every_state, tasks))
+    yield Curve(tuple(drive.operation.M_g), (_place(drive, rotation, values),), drive.mounting.holes)
+
+
+def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
+    """Changes of the range over a few states with a step of each field, told as they come."""
+    if not searchable(drive):
+        return
+    turns, torques = asked.effort.turns, drive.operation.M_g
+    cases = [LoadCase.of(drive, M_g) for M_g in torques]
+    now = [_ranges(case, [drive], turns)[0] for case in cases]
+    found: dict[str, tuple[float, ...]] = {}
+    for path in _moving(drive):
+        there = drive.with_values({path: stepped(field_table()[path], drive.number(path))})
+        with suppress(HdassistError):  # a drive that cannot be computed has no slope
+            same = path.startswith(DEVIATIONS)  # the same contact system, moved otherwise
+            there_cases = cases if same else [LoadCase.of(there, M_g) for M_g in torques]
+            after = [_ranges(case, [there], turns)[0] for case in there_cases]
+            found[path] = tuple(b - a for a, b in zip(now, after, strict=True))
+            if len(found) % 8 == 0:
+                yield Slopes(asked.rotation_deg, dict(found))
+    yield Slopes(asked.rotation_deg, found)
+
+
+def _moving(drive: Drive) -> Iterator[str]:
+    """Fields that a step can be taken of."""
+    for path, info in field_table().items():
+        if kind_of(info) != "number" or path.split(".")[0] in SETTINGS or drive.value(path) is None:
+            continue
+        value = stepped(info, drive.number(path))
+        there = drive.with_values({path: value})
+        if drive.allows(path, value) and not any(conflicts({each: there.value(each) for each in field_table()})):
+            yield path
+
+
+def _rendered(asked: RenderQuestion) -> str:
+    """A text as the command writes it."""
+    advice = pickle.loads(asked.sealed)  # of this program's own process
+    page: Any = mount_page if isinstance(advice, Advice) else trials_page
+    if asked.kind == "json":
+        return json_text(page.to_json(advice, SEED))
+    say = texts(asked.language)
+    card = card_of(page.card_facts(advice, say), say, serial=asked.serial, made=date.today())
+    made = {".html": card_render.html, ".md": card_render.markdown, ".txt": card_render.plain_text}
+    return made[asked.kind](card)
+
+
+def _facts(drive: Drive) -> Facts:
+    open_ = unknowns(drive)
+    assumed = {each.path: (each.low, each.high) for each in assumptions(drive)}
+    return Facts(tuple(each.path for each in open_), bool(open_ and unknown_turn(drive)), assumed)
+
+
+def _places(drive: Drive) -> list[float]:
+    """Turns [deg] that the curve has at first: the holes, or steps where the angle is free."""
+    return seat_positions(drive, FREE_STEP)
+
+
+def _place(drive: Drive, rotation: float, values: tuple[Value, ...]) -> Place:
+    hole, allowed = hole_of(rotation, drive.mounting.holes), drive.mounting.allowed
+    return Place(rotation, hole, values, allowed == "all" or hole is None or hole in allowed)
+
+
+def _curve(drive: Drive, values: Array, sure: Sequence[Sequence[Sure]]) -> Curve:
+    """Arguments: values and sure, shape (torques, places), NaN where nothing is known."""
+    places = tuple(
+        _place(drive, rotation, tuple(Value(float(v[k]), s[k]) for v, s in zip(values, sure, strict=True)))
+        for k, rotation in enumerate(_places(drive))
+        if not np.isnan(values[:, k]).any()
+    )
+    return Curve(tuple(drive.operation.M_g)[: len(values)], places, drive.mounting.holes)
+
+
+def _coarse(drive: Drive, turns: int) -> Iterator[Curve]:
+    """The curve from a few states of each position: one torque after the other from the fewest, then all from more."""
+    there = [rotated(drive, rotation) for rotation in _places(drive)]
+    cases: list[LoadCase] = []
+    rows: list[list[float]] = []
+    for M_g in drive.operation.M_g:
+        cases.append(LoadCase.of(drive, M_g))
+        rows.append(_ranges(cases[-1], there, min(FEWEST, turns)))
+        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
+    if turns > FEWEST:
+        rows = [_ranges(case, there, turns) for case in cases]
+        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
+
+
+def _ranges(case: LoadCase, drives: Sequence[Drive], turns: int) -> list[float]:
+    """Ranges of the error [arcsec] over a few states, spread over both wheels' turns: never more than F'_ior.
+
+    Drives differ in their deviations alone: the engine is far quicker with all of their states at once.
+    """
+    angles = 2 * np.pi * np.arange(turns) / turns
+    alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
+    gaps = [case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b)) for drive in drives]
+    rotation = case.solve(np.concatenate(gaps), lambda k: f"state {k}").rotation_arcsec
+    return [float(each) for each in np.ptp(rotation.reshape(len(drives), -1), axis=1)]
+
+
+def _refined(drive: Drive, executor: Executor) -> Iterator[Curve]:
+    """The curve as its positions are searched, one group after the other."""
+    rotations, torques = _places(drive), drive.operation.M_g
+    groups = [list(range(first, min(first + GROUP, len(rotations)))) for first in range(0, len(rotations), GROUP)]
+    values = np.full((len(torques), len(rotations)), np.nan)
+    tasks = [(drive, M_g, [rotations[k] for k in group]) for group in groups for M_g in torques]
+    found = executor.map(_searched, tasks)
+    sure = [[Sure.REFINED] * len(rotations)] * len(torques)
+    for group in groups:
+        for t in range(len(torques)):
+            values[t, group] = next(found)
+        yield _curve(drive, values, sure)
+
+
+def _searched(task: tuple[Drive, float, Sequence[float]]) -> list[float]:
+    drive, M_g, rotations = task
+    search = CycleSearch(drive, M_g)
+    return [search.extremes(rotated(drive, rotation)).F_ior_arcsec for rotation in rotations]
+
+
+def _every_state(task: tuple[Drive, float, float]) -> float:
+    drive, M_g, rotation = task
+    return kinematic_error(rotated(drive, rotation), M_g).F_ior_arcsec
+
+
+def _sealed(advice: Advice | TrialAdvice) -> bytes:
+    return pickle.dumps(advice, protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def _mount_advised(advice: Advice) -> Advised:
+    drive, curve = advice.drive, advice.curve
+    settled = advice.order != "none"
+    why = "" if settled else "nothing can be ordered: what is not known could reverse it"
+    return Advised(
+        command="mount",
+        order=advice.order,
+        words=mount_page.what_to_do(advice),
+        target_deg=advice.choice.target.rotation_deg if settled else 0.0,
+        best_deg=advice.chosen.rotation_deg,
+        reasons=tuple(_mount_reasons(advice)),
+        warnings=mount_page.warnings(advice),
+        settled=settled,
+        why_not=why,
+        next_deg=advice.to_measure[0].rotation_deg if not settled else None,
+        curve=_mount_curve(drive, curve, advice),
+        sealed=_sealed(advice),
+    )
+
+
+def _mount_reasons(advice: Advice) -> Iterator[str]:
+    if sampled := advice.robust:
+        yield f"P(gain) {sampled.probability_gain:.0%}, {advice.needed:.0%} wanted, {len(sampled.merits)} samples"
+    yield from _rests_on(advice.rests_on)
+    proof = advice.curve.certificate
+    yield f"{proof.states} states, greatest residual {proof.max_residual:.0e}"
+
+
+def _rests_on(held: Sequence[Stays]) -> Iterator[str]:
+    """The assumption over whose range the choice loses most."""
+    for each in held[:1]:
+        path, (low, high) = each.assumption.path, each.ends
+        shares = [end.loss if end.good is None else end.good for end in each.ends]
+        known = [share for share in shares if share is not None]
+        told = "hardly anything explains the trials there"
+        if known:
+            told = f"loses up to {max(known):.0%} there" if low.good is None else f"P(good) {min(known):.0%} there"
+        yield f"rests on {path} {low.value:.4g} to {high.value:.4g}: {told}"
+
+
+def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
+    """The curve of an advice: where every state is solved it is proven, elsewhere searched."""
+    bands: dict[int, Array] = {}
+    if advice.robust:
+        spread = np.quantile(advice.robust.F_ior_arcsec, (LOW, HIGH), axis=0)  # ends, torques, places
+        bands = {place: spread[:, :, k] for k, place in enumerate(advice.robust.places)}
+    places = []
+    for k in np.argsort(curve.rotation_deg):
+        every, band = curve.every_state[:, k], bands.get(int(k))
+        values = tuple(
+            Value(
+                float(value),
+                Sure.PROVEN if every[t] else Sure.REFINED,
+                None if band is None else (float(band[0, t]), float(band[1, t])),
+            )
+            for t, value in enumerate(curve.F_ior_arcsec[:, k])
+        )
+        places.append(_place(drive, float(curve.rotation_deg[k]), values))
+    return Curve(curve.torques, tuple(places), curve.holes)
+
+
+def _trials_advised(advice: TrialAdvice) -> Advised:
+    losses, drive = advice.losses, advice.drive
+    spread = np.quantile(losses.F_ior_arcsec, (LOW, HIGH), axis=1)  # ends, torques, places
+    places = []
+    for place in np.argsort(losses.rotations_deg):
+        at = advice.at(int(place))
+        values = tuple(
+            Value(value, Sure.FITTED, (float(spread[0, t, place]), float(spread[1, t, place])))
+            for t, value in enumerate(at.F_ior_arcsec)
+        )
+        places.append(_place(drive, at.rotation_deg, values))
+    best, good = losses.rotations_deg[losses.best], losses.probability_good[losses.best]
+    facing, off = advice.direction
+    size = np.abs(advice.cloud.offset_um[advice.draws.places])
+    toward = "direction open" if off >= 40 else f"at {facing:.0f}±{off:.0f} deg"
+    return Advised(
+        command="trials",
+        order=("turn" if advice.choice.turn else "leave") if advice.settled else "none",
+        words=trials_page.instruction(advice),
+        target_deg=best,
+        best_deg=best,
+        reasons=(
+            f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
+            f"cam offset {size.mean():.0f}±{size.std():.0f} um {toward}",
+            *_rests_on(advice.rests_on),
+        ),
+        warnings=tuple(trials_page.warnings(advice, texts())),
+        settled=advice.settled,
+        why_not="" if advice.settled else "the trials do not settle it",
+        next_deg=advice.next.rotation_deg,
+        curve=Curve(tuple(drive.operation.M_g), tuple(places), drive.mounting.holes),
+        sealed=_sealed(advice),
+    )

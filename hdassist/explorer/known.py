@@ -1,0 +1,71 @@
+"""What is known so far of each variant that was looked at, so that undo and redo need no process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Slopes
+from hdassist.explorer.state import Session, Step
+
+MOST = 64  # steps that are remembered
+
+
+@dataclass
+class Known:
+    """Answers about one drive, or about one drive with trials."""
+
+    facts: Facts | None = None
+    curve: Curve | None = None
+    advised: Advised | None = None
+    failed: Failed | None = None
+    slopes: dict[float, Slopes] = field(default_factory=dict)
+
+    def take(self, answer: Answer) -> None:
+        """Learn an answer."""
+        match answer:
+            case Facts():
+                self.facts = answer
+            case Curve():
+                self.curve = merged(self.curve, answer)
+            case Slopes():
+                self.slopes[answer.rotation_deg] = answer
+            case Advised():
+                self.advised = answer
+                self.curve = merged(self.curve, answer.curve)
+            case Failed():
+                self.failed = answer
+
+
+def merged(old: Curve | None, new: Curve) -> Curve:
+    """A curve with what another one knows as surely or more so."""
+    if old is None or old.torques != new.torques:
+        return new
+    for place in new.places:
+        old = old.with_place(place)
+    return old
+
+
+class Memory:
+    """What is known, by what was changed of the preset and by trials."""
+
+    def __init__(self) -> None:
+        self._known: dict[Step, Known] = {}
+
+    def of_drive(self, session: Session) -> Known:
+        """What is known without trials."""
+        return self._of(Step(session.changes))
+
+    def of_pinned(self, session: Session) -> Known:
+        """What is known of the variant to compare with."""
+        return self._of(Step(session.pinned))
+
+    def of_trials(self, session: Session) -> Known:
+        """What is known from the trials."""
+        return self._of(session.step)
+
+    def _of(self, step: Step) -> Known:
+        known = self._known.pop(step, None) or Known()
+        self._known[step] = known  # the last one asked for is forgotten last
+        while len(self._known) > MOST:
+            self._known.pop(next(iter(self._known)))
+        return known

@@ -1,0 +1,86 @@
+"""The fields of a preset as levers: what each says, in which unit, how far a step goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import floor, log10
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import bounds_of, kind_of, plain, range_of, unit_of
+
+SETTINGS = ("mounting", "operation", "acceptance", "numerics")  # sections that are no part of the drive
+STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
+
+
+@dataclass(frozen=True)
+class Lever:
+    """One field: path, value as text, unit, range and meaning in words; mark: ? assumed, * changed, or nothing."""
+
+    path: str
+    text: str
+    unit: str
+    range: str
+    meaning: str
+    mark: str = ""
+
+    @property
+    def section(self) -> str:
+        """Section of the preset."""
+        return self.path.split(".")[0]
+
+    @property
+    def name(self) -> str:
+        """Name of the field in its section."""
+        return self.path.split(".")[1]
+
+
+def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
+    """The fields of a drive in the order in which a preset has them; changed: paths that differ from the preset."""
+    for path, info in field_table().items():
+        source = drive.source.get(path)
+        section, name = path.split(".")
+        left_out = name not in getattr(drive, section).model_fields_set
+        by_default = left_out and section not in SETTINGS and drive.value(path) is not None
+        assumed = source.kind == "assumed" if source is not None else by_default
+        mark = "*" if path in changed else "?" if assumed else ""
+        unit = unit_of(info)
+        yield Lever(path, text_of(drive.value(path)), unit, range_of(info, unit), str(info.description), mark)
+
+
+def text_of(value: Any) -> str:
+    """A value as one would write it in a preset."""
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool | str):
+        return str(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(text_of, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {text_of(each)}' for key, each in value.items())}}}"
+    return plain(value) if float(plain(value)) == value else repr(value)
+
+
+def is_knob(info: FieldInfo) -> bool:
+    """Whether a field can be turned by steps."""
+    return kind_of(info) in ("number", "count")
+
+
+def step_of(info: FieldInfo, value: float) -> float:
+    """How far a step of a field goes from a value: by its unit, else about one per cent in a round number."""
+    unit = unit_of(info)
+    if kind_of(info) == "count":
+        return 1.0
+    if unit in STEPS:
+        return STEPS[unit]
+    reach = abs(value) or bounds_of(info).get("le", 1.0) / 100
+    return 10.0 ** floor(log10(reach) - 1)
+
+
+def stepped(info: FieldInfo, value: float, steps: int = 1) -> float:
+    """The value so many steps on, without the dust of binary fractions."""
+    there = value + steps * step_of(info, value)
+    return float(f"{there:.10g}")

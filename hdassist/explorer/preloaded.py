@@ -1,0 +1,11 @@
+"""What the process has imported that the explorer's processes are forked from; for it alone to import.
+
+It ends with the screen, in whatever way that ends, and with it all that it forked.
+"""
+
+import os
+
+import hdassist.explorer.compute  # noqa: F401
+from hdassist.terminal.workers import begin_worker
+
+begin_worker(os.getppid())

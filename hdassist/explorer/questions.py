@@ -1,0 +1,97 @@
+"""What the screen asks of processes that compute: light to make, so that the screen imports nothing that computes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdassist.explorer.trial_entry import RigAsked
+from hdassist.preset.fields import Drive
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is computed.
+
+    turns: positions of each wheel that a coarse value rests on; samples of what is not known, of mount and of trials
+    (None: as many as the command takes); jobs: processes at work (0: one for each core).
+    """
+
+    turns: int = 8
+    samples: int = 200
+    trial_samples: int | None = None
+    jobs: int = 0
+
+
+FULL = Effort()
+
+
+@dataclass(frozen=True)
+class MountQuestion:
+    """Where the fixed wheel of a drive is best."""
+
+    drive: Drive
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class TrialsQuestion:
+    """Where the fixed wheel is best by trials."""
+
+    drive: Drive
+    trials: tuple[str, ...]
+    rig: RigAsked
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class ProofQuestion:
+    """F'_ior by every state of the cycle with the fixed wheel turned."""
+
+    drive: Drive
+    rotation_deg: float
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class SlopesQuestion:
+    """What a step of each field does with the fixed wheel turned."""
+
+    drive: Drive
+    rotation_deg: float
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class TurnQuestion:
+    """The error over one cam turn with the fixed wheel turned, and the forces on the teeth."""
+
+    drive: Drive
+    rotation_deg: float
+    M_g: float
+    start_deg: float
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class TraceQuestion:
+    """A measured trace, in a file, over the prediction."""
+
+    drive: Drive
+    file: str
+    M_g: float
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class RenderQuestion:
+    """A text of an advice: its JSON (json), or a card (.html, .md, .txt)."""
+
+    sealed: bytes
+    kind: str
+    language: str = "en"
+    serial: str = ""
+
+
+Question = (
+    MountQuestion | TrialsQuestion | ProofQuestion | SlopesQuestion | TurnQuestion | TraceQuestion | RenderQuestion
+)

@@ -1,0 +1,114 @@
+"""What the explorer asks: a form, whether to replace a file; and what explains the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical, VerticalScroll
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from hdassist.errors import HdassistError
+from hdassist.visible import visible
+
+EXPLAINED = """\
+[b]What you see[/b]
+The [b]seat[/b] of the fixed wheel from the cam side: its holes, counted counter-clockwise from where the wheel stands.
+[b]N[/b] now, [b]B[/b] best, [b]W[/b] worst, [b]?[/b] to measure next; filled numbers were measured.
+The [b]curve[/b] is F'_ior, the kinematic error from peak to peak over the full cycle, in each of these positions.
+
+[b]How sure a number is[/b]
+[b]COARSE[/b] ·  the range over a few states of the cycle: never more than the error, mostly some per cent less.
+[b]REFINED[/b] ○  the extremes of the cycle were searched for.
+[b]PROVEN[/b] ●  every state of the cycle was solved, and each answer proven.
+[b]FITTED[/b] ◌  what your trials make likely, with the range that holds 90 % of it.
+A card is written only from the advice of mount or trials, and only where these would write one.
+
+[b]Levers[/b]
+[b]?[/b] assumed, [b]*[/b] changed here. "per step": what a step more (+) does to F'_ior at the first torque, where the
+wheel is looked at, COARSE. Enter edits; an empty value takes a change back.
+
+[b]Keys[/b]
+← → turn the wheel     b best hole     0 where it stands     Tab next pane
+t add trials           x drop the last one
+Enter edit a field     + - a step      u undo   r redo       p pin the drive as it is, to compare
+c card   s save   j JSON   g picture   y copy the command line
+1 seat   2 over the cam angle   3 a measured trace over the prediction
+l levers   d dark or light   ctrl+p all actions   q quit
+"""
+
+
+class Form(ModalScreen[tuple[str, ...] | None]):
+    """A few lines to fill in; check says what is wrong with them, and the form stays until nothing is.
+
+    Arguments: title; fields, label and value of each; hint below; check, which may raise HdassistError.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "leave")]
+
+    def __init__(
+        self,
+        title: str,
+        fields: Sequence[tuple[str, str]],
+        hint: str = "",
+        check: Callable[[tuple[str, ...]], object] | None = None,
+    ) -> None:
+        super().__init__()
+        self._title, self._fields, self._hint, self._check = title, fields, hint, check
+
+    def compose(self) -> ComposeResult:
+        """Title, lines, hint, and room for what is wrong."""
+        with Vertical(id="form") as form:
+            form.border_title = visible(self._title)
+            form.border_subtitle = "Enter takes it, Escape leaves it"
+            for label, value in self._fields:
+                if label:
+                    yield Static(label, classes="label")
+                yield Input(value, select_on_focus=True)
+            yield Static(visible(self._hint), id="hint", markup=False)
+            yield Static("", id="wrong", markup=False)
+
+    def on_input_submitted(self) -> None:
+        """Take what was filled in, or say what is wrong with it."""
+        values = tuple(line.value for line in self.query(Input))
+        try:
+            if self._check:
+                self._check(values)
+        except HdassistError as error:
+            hint = f"\n{error.hint}" if error.hint else ""
+            self.query_one("#wrong", Static).update(visible(f"{error.message}{hint}"))
+            return
+        self.dismiss(values)
+
+
+class Confirm(ModalScreen[bool]):
+    """A question with yes and no."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("y", "dismiss(True)", "yes"),
+        Binding("n,escape", "dismiss(False)", "no"),
+    ]
+
+    def __init__(self, question: str) -> None:
+        super().__init__()
+        self._question = question
+
+    def compose(self) -> ComposeResult:
+        """The question."""
+        yield Static(f"{visible(self._question)}\n\ny yes    n no", id="confirm", markup=False)
+
+
+class Explain(ModalScreen[None]):
+    """What is on the screen, and every key."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,question_mark,q,enter", "dismiss", "close")]
+
+    def compose(self) -> ComposeResult:
+        """The text."""
+        with VerticalScroll(id="explain") as scroll:
+            scroll.border_title = "explain"
+            scroll.border_subtitle = "Escape closes"
+            yield Static(EXPLAINED)

@@ -1,0 +1,120 @@
+"""Processes that compute for the screen: one for each question under way, ended when nobody wants its answer."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, SpawnContext
+from multiprocessing.process import BaseProcess
+from typing import TYPE_CHECKING
+
+from hdassist.errors import HdassistError
+from hdassist.explorer.answers import Answer, Failed
+
+if TYPE_CHECKING:
+    from hdassist.explorer.questions import Question
+
+PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a process with several cannot be forked
+
+
+class Service:
+    """Begins processes, hands on what they tell, and ends them.
+
+    They are forked from a process that has imported all that computes (a second, once), so that each begins within
+    milliseconds and has no threads of the screen's.
+    """
+
+    def __init__(self) -> None:
+        self._context: ForkServerContext | SpawnContext = multiprocessing.get_context("spawn")
+        if "forkserver" in multiprocessing.get_all_start_methods():
+            self._context = multiprocessing.get_context("forkserver")
+            self._context.set_forkserver_preload(PRELOADED)
+            for name in ONE_THREAD:
+                os.environ.setdefault(name, "1")
+            forkserver.ensure_running()  # now: it inherits streams that the screen takes away
+        self._running: set[BaseProcess] = set()
+        self._closed = False
+
+    async def ask(self, question: Question) -> AsyncIterator[Answer]:
+        """What a process of its own answers; when the caller stops listening, or is cancelled, it is ended."""
+        here, there = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=answer, args=(question, there), daemon=False)
+        begun = asyncio.create_task(asyncio.to_thread(self._begin, process, there))
+        try:
+            try:
+                await asyncio.shield(begun)
+            except OSError as error:
+                yield Failed(f"cannot begin a process that computes: {error.strerror or error}", "ulimit -a shows why")
+                return
+            while True:
+                await _readable(here)
+                try:
+                    yield here.recv()
+                except EOFError:
+                    return
+        finally:
+            with suppress(asyncio.CancelledError, OSError):
+                await asyncio.shield(begun)
+            self._end(process)
+            here.close()
+
+    def _begin(self, process: BaseProcess, there: Connection) -> None:
+        try:
+            if not self._closed:
+                process.start()
+                self._running.add(process)
+        finally:
+            there.close()
+
+    def _end(self, process: BaseProcess) -> None:
+        if process in self._running:
+            self._running.discard(process)
+            process.kill()
+            process.join()
+
+    def close(self) -> None:
+        """End all that still computes."""
+        self._closed = True
+        for process in list(self._running):
+            self._end(process)
+
+
+async def _readable(connection: Connection) -> None:
+    """Wait until there is something to read, or the other end is closed."""
+    loop, ready = asyncio.get_running_loop(), asyncio.Event()
+    loop.add_reader(connection.fileno(), ready.set)
+    try:
+        await ready.wait()
+    finally:
+        loop.remove_reader(connection.fileno())
+
+
+def answer(question: Question, there: Connection) -> None:
+    """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
+    from hdassist.explorer.compute import answers
+    from hdassist.terminal.workers import begin_worker
+
+    begin_worker(os.getppid())
+    _silence()
+    try:
+        for each in answers(question):
+            there.send(each)
+    except HdassistError as error:
+        there.send(Failed(error.message, error.hint))
+    except Exception as error:
+        there.send(Failed(f"internal error: {type(error).__name__}: {error}", "this is a bug in hdassist"))
+    finally:
+        there.close()
+
+
+def _silence() -> None:
+    """Leave the terminal to the screen, whatever a library has to say."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)

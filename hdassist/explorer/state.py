@@ -1,0 +1,195 @@
+"""What the explorer shows, as one value that never changes: each action makes another one of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from shlex import quote
+
+from hdassist.errors import UsageError
+from hdassist.explorer import trial_entry
+from hdassist.explorer.trial_entry import USUAL, RigAsked
+from hdassist.model.deviations import carried
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.library import read_preset
+from hdassist.preset.load import load_text
+
+MOST_PAST = 200  # steps that can be undone
+
+Change = tuple[str, str]  # path of a field, and its value as --set takes it
+
+
+@dataclass(frozen=True)
+class Source:
+    """A preset as it was opened: the name that was asked for, its text, its name in messages, overrides on top."""
+
+    name: str
+    text: bytes
+    file: str
+    overrides: tuple[str, ...] = ()
+
+    def drive(self, changes: tuple[Change, ...] = ()) -> Drive:
+        """The drive with changes. Raises PresetError, or UsageError with the loader's words about them."""
+        return load_text(self.text, self.file, [*self.overrides, *(f"{path}={value}" for path, value in changes)])
+
+
+@dataclass(frozen=True)
+class Step:
+    """What can be undone."""
+
+    changes: tuple[Change, ...] = ()
+    trials: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Session:
+    """A preset, what was changed of it, trials, and where its fixed wheel is looked at.
+
+    turn_deg: from where it stands; pinned: changes of the variant that the others are compared with; past and future:
+    for undo and redo.
+    """
+
+    source: Source
+    drive: Drive
+    rig: RigAsked = USUAL
+    step: Step = Step()
+    turn_deg: float = 0.0
+    pinned: tuple[Change, ...] = ()
+    past: tuple[Step, ...] = ()
+    future: tuple[Step, ...] = ()
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What was changed of the preset."""
+        return self.step.changes
+
+    @property
+    def trials(self) -> tuple[str, ...]:
+        """Trials as the command takes them: h4:17.3 or 120:17.3."""
+        return self.step.trials
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What stands on top of the preset's text, as --set takes it: of one field the last one counts."""
+        return _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in self.changes)))
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """Turns [deg] that the wheel can be looked at in."""
+        holes = self.drive.mounting.holes or 72
+        return tuple(360 * k / holes for k in range(holes))
+
+    def turned_changes(self) -> tuple[Change, ...]:
+        """The changes, and the fixed wheel as it is looked at: its directions that are known, turned."""
+        moved = {path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None}
+        turned = tuple((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in sorted(moved))
+        return (*(change for change in self.changes if change[0] not in moved), *turned)
+
+    def command(self, name: str = "", *more: str) -> str:
+        """The command line that gives the same answer.
+
+        Arguments: name of the command, mount without or, where there are trials, trials; more of its words.
+        """
+        name, behind = name or ("trials" if self.trials else "mount"), list(more)
+        if name == "trials":
+            behind = [*self.trials, *self.rig.options()]
+        changes = self.turned_changes() if name in ("trace", "compare") else self.changes
+        for text in _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in changes))):
+            behind += ["--set", text]
+        return " ".join(map(quote, ["hdassist", name, self.source.name, *behind]))
+
+
+def _last_of_each(overrides: tuple[str, ...]) -> tuple[str, ...]:
+    """Of overrides of one field the last one."""
+    return tuple({text.partition("=")[0]: text for text in overrides}.values())
+
+
+def opened(name: str, overrides: tuple[str, ...] = (), rig: RigAsked | None = None) -> Session:
+    """A session of a preset. Raises what loading it raises."""
+    text, file = read_preset(name)
+    source = Source(name, text, file, overrides)
+    return Session(source, source.drive(), rig or USUAL)
+
+
+def edited(session: Session, path: str, value: str) -> Session:
+    """The session with a field changed; an empty value takes the change back.
+
+    Raises UsageError with the loader's words where the value is refused.
+    """
+    if path not in field_table():
+        raise UsageError(f"no field {path}")
+    if "\n" in value:
+        raise UsageError("a value is one line")
+    changes = dict(session.changes)
+    changes.pop(path, None)
+    if value.strip():
+        changes[path] = value.strip()
+    return _stepped(session, replace(session.step, changes=tuple(changes.items())))
+
+
+def with_trials(session: Session, text: str) -> Session:
+    """The session with trials more: "28.1" at the hole that is looked at, or "h4:17.3", several with blanks between.
+
+    Raises UsageError for what is none.
+    """
+    words = text.split()
+    if not words:
+        raise UsageError("no trial given", "like 28.1, or h4:17.3")
+    told = tuple(trial_entry.told(word, session.drive, session.turn_deg) for word in words)
+    return _stepped(session, replace(session.step, trials=(*session.trials, *told)))
+
+
+def without_trial(session: Session, place: int = -1) -> Session:
+    """The session without one of its trials, the last one unless said."""
+    if not session.trials:
+        return session
+    kept = list(session.trials)
+    kept.pop(place)
+    return _stepped(session, replace(session.step, trials=tuple(kept)))
+
+
+def turned(session: Session, by: int) -> Session:
+    """The session with the wheel looked at so many positions further, counter-clockwise."""
+    positions = session.positions
+    here = min(range(len(positions)), key=lambda k: abs((positions[k] - session.turn_deg + 180) % 360 - 180))
+    return replace(session, turn_deg=positions[(here + by) % len(positions)])
+
+
+def turned_to(session: Session, rotation_deg: float) -> Session:
+    """The session with the wheel looked at in a position [deg]."""
+    return replace(session, turn_deg=rotation_deg % 360)
+
+
+def pinned(session: Session) -> Session:
+    """The session with the drive as it is now to compare with; pinned again, with the preset."""
+    return replace(session, pinned=() if session.pinned == session.changes else session.changes)
+
+
+def undone(session: Session) -> Session:
+    """The session before its last change."""
+    if not session.past:
+        return session
+    back = _at(session, session.past[-1])
+    return replace(back, past=session.past[:-1], future=(session.step, *session.future))
+
+
+def redone(session: Session) -> Session:
+    """The session with the change that was undone last."""
+    if not session.future:
+        return session
+    on = _at(session, session.future[0])
+    return replace(on, past=(*session.past, session.step), future=session.future[1:])
+
+
+def _stepped(session: Session, step: Step) -> Session:
+    """The session at a new step, which forgets what was undone."""
+    if step == session.step:
+        return session
+    return replace(_at(session, step), past=(*session.past, session.step)[-MOST_PAST:], future=())
+
+
+def _at(session: Session, step: Step) -> Session:
+    """The session at a step. Raises what loading raises."""
+    drive = session.drive if step.changes == session.changes else session.source.drive(step.changes)
+    for trial in step.trials:
+        trial_entry.told(trial, drive, 0.0)  # holes may have become fewer
+    return replace(session, drive=drive, step=step)

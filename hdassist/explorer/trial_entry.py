@@ -1,0 +1,93 @@
+"""All that the explorer asks of trials: reading one, and what they teach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hdassist.mounting.positions import hole_of
+from hdassist.preset.fields import Drive
+from hdassist.trials.trial import Rig, Trial, read_trial
+
+if TYPE_CHECKING:
+    from hdassist.solve.answers import Progress
+    from hdassist.trials.advice import TrialAdvice
+
+
+@dataclass(frozen=True)
+class RigAsked:
+    """How trials are measured, as `hdassist trials` takes it: torque (None: the lightest) [N*m], noise, seat, sure."""
+
+    torque: float | None = None
+    noise: float = 1.0
+    reseat: float = 0.0
+    sure: float = 0.9
+
+    def options(self) -> list[str]:
+        """The same as options of the command, where they are not its own."""
+        usual = USUAL
+        told = (
+            ("--trial-torque", self.torque, usual.torque),
+            ("--noise", self.noise, usual.noise),
+            ("--reseat", self.reseat, usual.reseat),
+            ("--sure", self.sure, usual.sure),
+        )
+        return [word for name, value, own in told if value != own for word in (name, f"{value:g}")]
+
+
+USUAL = RigAsked()
+
+
+def told(text: str, drive: Drive, turn_deg: float) -> str:
+    """A trial as the command takes it; a value alone is one at the turn [deg] that is looked at.
+
+    Raises UsageError for what is none.
+    """
+    if ":" not in text:
+        hole = hole_of(turn_deg, drive.mounting.holes)
+        text = f"{turn_deg:g}:{text}" if hole is None else f"h{hole}:{text}"
+    read_trial(text, drive.mounting.holes)
+    return text
+
+
+def read(texts: Sequence[str], drive: Drive) -> list[Trial]:
+    """Trials with their turns and values."""
+    return [read_trial(text, drive.mounting.holes) for text in texts]
+
+
+def rig_of(drive: Drive, asked: RigAsked) -> Rig:
+    """The rig of a drive's trials. Raises UsageError for what none can be."""
+    rig = Rig(min(drive.operation.M_g, key=abs) if asked.torque is None else asked.torque, asked.noise, asked.reseat)
+    rig.require_sound()
+    return rig
+
+
+def advice(
+    drive: Drive,
+    trials: Sequence[str],
+    asked: RigAsked,
+    *,
+    samples: int | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> TrialAdvice:
+    """What trials teach, as `hdassist trials` computes it; samples: those of the command without."""
+    from dataclasses import replace
+
+    from hdassist.solve.window import in_wide_enough_window
+    from hdassist.trials.advice import advise_from_trials
+    from hdassist.trials.cloud import FULL
+
+    analysis = partial(
+        advise_from_trials,
+        trials=read(trials, drive),
+        rig=rig_of(drive, asked),
+        needed=asked.sure,
+        effort=FULL if samples is None else replace(FULL, samples=samples),
+        executor=executor,
+        progress=progress,
+    )
+    return in_wide_enough_window(drive, analysis)

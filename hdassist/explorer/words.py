@@ -1,0 +1,128 @@
+"""The explorer's lines of text: its head, the trials, and the advice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.text import Text
+
+from hdassist.explorer.answers import Advised, Curve, Sure
+from hdassist.explorer.known import Known
+from hdassist.explorer.pictures import Inks
+from hdassist.explorer.state import Session
+from hdassist.mounting.positions import hole_of
+from hdassist.visible import visible
+
+STAGES = (Sure.COARSE, Sure.REFINED, Sure.PROVEN)
+
+
+def where(rotation_deg: float, holes: int) -> str:
+    """A position in few letters: h4, or its angle."""
+    hole = hole_of(rotation_deg, holes)
+    return f"{rotation_deg:g}°" if hole is None else f"h{hole}"
+
+
+def head(session: Session, known: Known, inks: Inks) -> Text:
+    """The drive, what is not known and assumed of it, and how far the computing has come."""
+    drive, facts = session.drive, known.facts
+    gears = drive.gears
+    line = Text(no_wrap=True, overflow="ellipsis")
+    line.append(visible(drive.name), f"{inks.text} bold")
+    line.append(f"  {gears.z_g}/{gears.z_b}  m {gears.m:g} mm  {drive.mounting.fixed} fixed", inks.muted)
+    if facts and facts.any_hole:
+        line.append("  PHASES UNKNOWN", inks.limit)
+    elif facts and facts.unknown:
+        line.append(f"  {len(facts.unknown)} unknown", inks.limit)
+    if facts and facts.assumed:
+        line.append(f"  {len(facts.assumed)} assumed", inks.muted)
+    if session.changes:
+        line.append(f"  {len(session.changes)} changed", inks.best)
+    return line
+
+
+def basis(known: Known, of_trials: Known | None) -> str:
+    """What the curve rests on, in its title; empty where all is known."""
+    if of_trials and of_trials.advised:
+        return " · 90 % band"
+    if known.facts and known.facts.any_hole:
+        return ""
+    return " · not known taken as 0" if known.facts and known.facts.unknown else ""
+
+
+def stage(known: Known, of_trials: Known | None, busy: bool, inks: Inks) -> Text:
+    """How sure the curve is by now, and whether it is being made surer."""
+    if known.failed:
+        return Text("NO ANSWER", inks.limit)
+    if of_trials and of_trials.advised:
+        return Text("FITTED", inks.best)
+    curve, advised = known.curve, known.advised
+    if known.facts and known.facts.any_hole:
+        return Text("NO ORDER", inks.limit)
+    if curve is None:
+        return Text("computing", inks.muted)
+    if advised and not busy:
+        return Text("PROVEN" if Sure.PROVEN in {p.sure for p in curve.places} else f"{curve.sure}", inks.best)
+    return Text.assemble(
+        (f"{curve.sure}", inks.text), (" proving …" if curve.sure is Sure.REFINED else " …", inks.muted)
+    )
+
+
+def trials_text(session: Session, trial_torque: float, inks: Inks) -> Text:
+    """The trials so far, and how to add one."""
+    text = Text()
+    for k, trial in enumerate(session.trials):
+        place, _, value = trial.partition(":")
+        text.append("  " if k else "")
+        text.append(f"{place}:", inks.muted)
+        text.append(value, inks.trial)
+    if not session.trials:
+        text.append("none yet. ", inks.muted)
+        text.append("t", f"{inks.text} bold")
+        text.append(f" adds F'_ior measured at {trial_torque:g} N·m in a position", inks.muted)
+    return text
+
+
+def advice_text(session: Session, known: Known, of_trials: Known | None, inks: Inks) -> Text:
+    """What to do, how sure that is, and what it rests on."""
+    text = Text()
+    here = of_trials or known
+    if here.failed:
+        text.append(visible(here.failed.message), inks.limit)
+        if here.failed.hint:
+            text.append(f"\n{visible(here.failed.hint)}", inks.muted)
+    elif advised := here.advised:
+        _append_advice(text, advised, inks)
+    elif of_trials is not None:
+        text.append("Weighing the trials …", inks.muted)
+    elif known.facts and known.facts.any_hole:
+        text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).", inks.text)
+    elif known.curve and len(known.curve.places) > 1:
+        text.append_text(_preview(session, known, known.curve, inks))
+    else:
+        text.append("Computing …", inks.muted)
+    return text
+
+
+def _append_advice(text: Text, advised: Advised, inks: Inks) -> None:
+    text.append(visible(advised.words), f"{inks.text} bold" if advised.settled else inks.text)
+    told = " · ".join(_reasons(advised))
+    text.append(f"\n{visible(told)}", inks.muted)
+    for warning in advised.warnings:
+        text.append(f"\n{visible(warning)}", inks.trial)
+
+
+def _reasons(advised: Advised) -> Iterator[str]:
+    yield "c writes the card" if advised.settled else f"no card: {advised.why_not}"
+    yield from advised.reasons
+
+
+def _preview(session: Session, known: Known, curve: Curve, inks: Inks) -> Text:
+    """What looks best by now; nothing is ordered from that."""
+    best, now = curve.best, curve.places[0]
+    if best is now:
+        return Text(f"{curve.sure}: best where it stands, by now. No order before it is proven …", inks.text)
+    if known.facts and known.facts.unknown:
+        return Text("What is not known is taken as 0 so far; the order takes it in …", inks.text)
+    gain = 1 - curve.merit(best)
+    hole = where(best.rotation_deg, session.drive.mounting.holes)
+    return Text(f"{curve.sure}: {hole} looks best, {gain:.0%} less than now. No order before it is proven …", inks.text)

@@ -1,0 +1,1 @@
+"""report: everything about a drive as one page to hand on."""

@@ -1,0 +1,89 @@
+"""Short pages: a verdict in its colour, labelled lines, the command to type next, one line of proof."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator
+
+from rich.table import Table
+from rich.text import Text
+
+from hdassist.model.assumed import assumptions
+from hdassist.model.unknown import names, unknowns
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.terminal.console import Style
+from hdassist.textfile import STDIN
+from hdassist.verdict import Verdict
+
+COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
+
+
+def verdict_coloured(word: str) -> Text:
+    """A word in the colour of the verdict that it is; in none where it is no verdict."""
+    return Text(word, style=COLOURS.get(word, ""))
+
+
+def verdict_text(style: Style, before: str, verdict: Verdict, behind: str = "") -> Text:
+    """A bold line with a verdict in it, green or red where there are colours."""
+    return Text(style.text(before), style="bold").append(verdict_coloured(verdict)).append(style.text(behind))
+
+
+def facts(style: Style, rows: Iterable[tuple[str, str]]) -> Table:
+    """Labelled lines, those without text left out; what wraps stays beside its label."""
+    found = Table.grid(padding=(0, 2, 0, 0))
+    found.add_column(no_wrap=True)
+    found.add_column(overflow="fold")
+    for label, text in rows:
+        if text:
+            found.add_row(label, style.text(text))
+    return found
+
+
+def again(command: str, drive: Drive, *more: str) -> str:
+    """A command about the same drive, as a shell takes it."""
+    origin = drive.origin
+    preset = "-" if origin.file == STDIN else origin.file or drive.name
+    return shlex.join(["hdassist", command, preset, *_options(origin.overrides), *more])
+
+
+def _options(overrides: Iterable[str]) -> Iterator[str]:
+    """Overrides as options; torques as they were asked for."""
+    for override in overrides:
+        if torques := re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override):
+            yield from (f"--torque={torque.strip().removesuffix('.0')}" for torque in torques[1].split(","))
+        else:
+            yield from ("--set", override)
+
+
+def proof(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
+    """A certificate in one line: states, greatest residual as a share of its scale, what another solver solved."""
+    words = f"{thousands(certificate.states)} states, residual {certificate.max_residual:.0e}"
+    if crosses := [cross for cross in cross_checks if cross]:
+        words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
+    return words
+
+
+def thousands(count: int) -> str:
+    """A count with its thousands apart: 20 200."""
+    return f"{count:,}".replace(",", " ")
+
+
+def turns_and_degrees(degrees: float) -> str:
+    """An angle as whole turns and degrees."""
+    turns, rest = divmod(degrees, 360.0)
+    return f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f} deg"
+
+
+def on_what(drive: Drive) -> str:
+    """What is assumed of a drive, where nobody has weighed it."""
+    assumed = len(assumptions(drive))
+    return f"{assumed} assumed values; hdassist check tells which weigh" if assumed else ""
+
+
+def not_known(drive: Drive) -> str:
+    """What is not known of a drive and was computed as 0."""
+    open_ = unknowns(drive)
+    return f"taken as 0: {names(open_)}" if open_ else ""

@@ -1,0 +1,36 @@
+"""hdassist doctor: what it finds of an installation, and what it says where one is broken."""
+
+import json
+
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.cli import doctor
+from tests.process import run
+
+
+def test_a_sound_installation_is_fine() -> None:
+    done = run("doctor", "--ascii")
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.splitlines()[-1] == "this installation is fine"
+    for words in ("cvxpy", "daqp", "self-test", "cores", "memory", "presets"):
+        assert words in done.stdout
+
+
+def test_stored_digits_are_those_of_every_state() -> None:
+    error = kinematic_error(load_preset(doctor.PRESET), doctor.M_G, cross_check=None)
+    assert error.F_ior_arcsec == pytest.approx(doctor.F_IOR, abs=doctor.AGREES)
+
+
+def test_findings_are_there_as_json() -> None:
+    told = json.loads(run("doctor", "--json").stdout)
+    assert told["schema"] == "hdassist.doctor/1"
+    assert {finding["status"] for finding in told["findings"]} <= {"ok", "note"}
+
+
+def test_other_digits_are_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "F_IOR", 8.7536)
+    done = run("doctor")
+    assert done.returncode == 5
+    assert "self-test" in done.stdout
+    assert "cannot be trusted: self-test" in done.stderr

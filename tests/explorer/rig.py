@@ -1,0 +1,97 @@
+"""An explorer under test: its keys pressed, its screen read back, its answers computed once for all tests."""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import cache
+from multiprocessing import resource_tracker
+
+from textual.pilot import Pilot
+
+from hdassist.errors import HdassistError
+from hdassist.explorer.answers import Answer, Failed
+from hdassist.explorer.app import Explorer
+from hdassist.explorer.compute import answers
+from hdassist.explorer.questions import Effort, Question
+from hdassist.explorer.state import Session, opened
+from hdassist.explorer.trial_entry import RigAsked
+from tests.process import SMALL
+
+QUICK = Effort(turns=4, samples=64, trial_samples=1024, jobs=1)
+FEW = ("operation.M_g=[4.0]", "mounting.holes=6", "numerics.n_max=8", "numerics.n_2=16")  # states, and quick ones
+LONGEST = 60.0  # s
+
+
+class Recorded:
+    """A service that computes in this process, each question once."""
+
+    def __init__(self) -> None:
+        self.asked: list[Question] = []
+        resource_tracker.ensure_running()  # inherits a stream that the screen takes away
+
+    async def ask(self, question: Question) -> AsyncIterator[Answer]:
+        self.asked.append(question)
+        for each in _answers(pickle.dumps(question)):
+            await asyncio.sleep(0)
+            yield each
+
+    def close(self) -> None:
+        pass
+
+
+@cache
+def _answers(pickled: bytes) -> list[Answer]:
+    found: list[Answer] = []
+    try:
+        found.extend(answers(pickle.loads(pickled)))
+    except HdassistError as error:
+        found.append(Failed(error.message, error.hint))
+    return found
+
+
+def small(*overrides: str, rig: RigAsked | None = None) -> Session:
+    """The small drive at one torque, with six holes and coarse rings, and more on top."""
+    return opened(SMALL, (*FEW, *overrides), rig)
+
+
+def explored(
+    act: Callable[[Explorer, Pilot[int]], Awaitable[None]],
+    session: Session | None = None,
+    size: tuple[int, int] = (100, 30),
+) -> Explorer:
+    """Run an explorer without a terminal, do something with it once its first answers are there, and give it back."""
+    app = Explorer(session or small(), Recorded(), QUICK)  # type: ignore[arg-type]
+
+    async def run() -> None:
+        async with app.run_test(size=size) as pilot:
+            await settled(app, pilot)
+            await act(app, pilot)
+
+    asyncio.run(run())
+    return app
+
+
+async def settled(app: Explorer, pilot: Pilot[int]) -> None:
+    """Wait until all that was asked is answered and drawn."""
+    await pilot.pause()
+    await app.workers.wait_for_complete()
+    await pilot.pause()
+
+
+async def typed(pilot: Pilot[int], text: str) -> None:
+    """Type a text."""
+    named = {" ": "space", ":": "colon", ".": "full_stop", "-": "minus", "/": "slash", "_": "underscore"}
+    await pilot.press(*(named.get(letter, letter) for letter in text))
+
+
+def screen(app: Explorer) -> str:
+    """What stands on the screen."""
+    rows = app.screen._compositor.render_strips()
+    return "\n".join("".join(segment.text for segment in row) for row in rows)
+
+
+def said(app: Explorer) -> str:
+    """What was notified."""
+    return "\n".join(notification.message for notification in app._notifications)

@@ -1,0 +1,388 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input
+
+from hdassist.explorer.answers import Sure
+from hdassist.explorer.app import Explorer
+from hdassist.explorer.asking import REST
+from hdassist.explorer.screens import Confirm, Explain, Form
+from hdassist.explorer.state import opened, with_trials
+from hdassist.preset.load import load_text
+from tests.explorer.rig import FEW, explored, said, screen, settled, small, typed
+from tests.process import SMALL
+
+SETS = [word for text in FEW for word in ("--set", text)]
+
+
+def test_the_first_view_shows_seat_curve_levers_and_the_order() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        told = screen(app)
+        advised = app.known.advised
+        assert advised is not None and advised.settled and advised.words.split(":")[0] in told.replace("│", "")[:99999]
+        assert "SEAT, cam side" in told and "LEVERS" in told and "F'_ior, arcsec" in told
+        assert f"= hdassist mount {SMALL[:40]}" in told
+        assert "PROVEN" in told and "80 N·m" not in told
+
+    explored(act, size=(140, 40))
+
+
+def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("right", "right", "left")
+        assert app.session.turn_deg == 60
+        curve = app.known.curve
+        assert curve is not None
+        place = curve.at(60)
+        assert place is not None
+        assert "hole 1, turned +60°" in screen(app) and f"4 N·m {place.values[0].F_ior_arcsec:.1f}″" in screen(app)
+        await pilot.press("b")
+        assert app.session.turn_deg == curve.best.rotation_deg != 0
+        await pilot.press("0")
+        assert app.session.turn_deg == 0
+
+    explored(act)
+
+
+def test_a_position_that_is_looked_at_is_proven() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        curve = app.known.curve
+        assert curve is not None
+        place = curve.at(60)
+        assert place is not None
+        searched = replace(place, values=(replace(place.values[0], sure=Sure.REFINED),))
+        others = tuple(each for each in curve.places if each.hole != 1)
+        app.known.curve = replace(curve, places=(*others, searched))  # as of a drive with a long cycle
+        await pilot.press("right")
+        assert "REFINED" in screen(app)
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        assert app.known.curve.at(60) == place and "PROVEN" in screen(app)  # the same, every state solved again
+        assert app.known.slopes[60.0].changes["gears.j_n"] != (0.0,)
+
+    explored(act)
+
+
+def test_clicks_and_the_mouse_wheel_turn_it_too() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        seat = app.seat.content_size
+        await pilot.click(app.seat, offset=(2 + seat.width // 2, 1))
+        assert app.session.turn_deg in (60, 120)
+        await pilot.click(app.plot, offset=(app.plot.size.width // 2 + 3, 4))
+        assert abs(app.session.turn_deg - 180) <= 60
+
+    explored(act)
+
+
+def test_trials_are_entered_dropped_undone_and_weighed() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("right", "t")
+        await typed(pilot, "480 h3:470")
+        await pilot.press("enter")
+        await settled(app, pilot)
+        assert app.session.trials == ("h1:480", "h3:470")
+        found = app.of_trials
+        assert found is not None and (found.advised or found.failed)
+        assert "hdassist trials" in screen(app) and "h3:470" in screen(app)
+        await pilot.press("x")
+        assert app.session.trials == ("h1:480",)
+        await pilot.press("u", "u")
+        assert app.session.trials == () and app.of_trials is None
+        await pilot.press("r")
+        assert app.session.trials == ("h1:480", "h3:470")
+
+    explored(act)
+
+
+@pytest.fixture(scope="module")
+def likely() -> str:
+    """Trials that the small drive can show: what is computed of it, turned by a hole."""
+    app = explored(lambda app, pilot: pilot.pause())
+    curve = app.known.curve
+    assert curve is not None
+    values = [place.values[0].F_ior_arcsec for place in curve.places]
+    return " ".join(f"h{k}:{values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
+
+
+def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likely: str) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        found = app.of_trials
+        assert found is not None and found.advised is not None
+        curve = found.advised.curve
+        assert all(place.sure is Sure.FITTED and place.values[0].band for place in curve.places)
+        assert "◆" in screen(app) and "90 % band" in screen(app)
+        await pilot.press("c")
+        if not found.advised.settled:
+            assert "no card: the trials do not settle it" in said(app)
+
+    explored(act, with_trials(small(), likely))
+
+
+def test_a_trial_that_cannot_be_is_refused_where_it_is_entered() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("t")
+        await typed(pilot, "h99:3")
+        await pilot.press("enter")
+        assert isinstance(app.screen, Form) and "the seat's holes are h0 to h5" in screen(app)
+        await pilot.press("escape")
+        assert app.session.trials == () and not isinstance(app.screen, Form)
+
+    explored(act)
+
+
+async def to_lever(app: Explorer, pilot: Pilot[int], path: str) -> None:
+    app.levers.focus()
+    app.levers.move_cursor(row=app.levers.get_row_index(path))
+    await pilot.pause()
+
+
+def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await to_lever(app, pilot, "gears.j_n")
+        assert "clearance per flank" in screen(app)
+        before = app.known.curve
+        await pilot.press("enter")
+        await typed(pilot, "8")
+        await pilot.press("enter")
+        await settled(app, pilot)
+        assert app.session.changes == (("gears.j_n", "8"),) and app.session.drive.gears.j_n == 8
+        told = screen(app)
+        assert "j_n *" in told and "1 changed" in told and "┄ preset" in told
+        assert "--set gears.j_n=8" in app.command_line()
+        assert app.known.curve is not None and app.known.curve != before
+        await pilot.press("p")
+        assert app.session.pinned == app.session.changes and "┄" not in screen(app)
+        await pilot.press("u")
+        assert app.session.changes == () and app.known.curve == before and "┄ pinned" in screen(app)
+
+    explored(act, size=(150, 40))
+
+
+def test_a_value_out_of_range_is_refused_with_the_loaders_words() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await to_lever(app, pilot, "gears.j_n")
+        await pilot.press("enter")
+        await typed(pilot, "-3")
+        await pilot.press("enter")
+        assert isinstance(app.screen, Form) and "out of range: 0 to 200 um" in screen(app)
+        await pilot.press("escape")
+        assert app.session.changes == ()
+
+    explored(act)
+
+
+def test_a_step_is_a_key() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await to_lever(app, pilot, "gears.j_n")
+        await pilot.press("plus", "plus", "minus")
+        assert app.session.changes == (("gears.j_n", "7"),)
+        await to_lever(app, pilot, "bearing.g_b")
+        await pilot.press("minus")
+        assert app.session.changes == (("gears.j_n", "7"),) and "out of range" in said(app)
+        await to_lever(app, pilot, "mounting.fixed")
+        await pilot.press("plus")
+        assert app.session.changes == (("gears.j_n", "7"),)  # no knob
+
+    explored(act)
+
+
+def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert app.known.failed is not None and "NO ANSWER" in screen(app)
+        assert app.known.failed.message[:30] in screen(app)
+        await to_lever(app, pilot, "operation.M_g")
+        await pilot.press("enter")
+        app.screen.query_one(Input).value = "[4]"
+        await pilot.press("enter")
+        await settled(app, pilot)
+        assert app.known.advised is not None
+
+    explored(act, small("operation.M_g=[9000000.0]"))
+
+
+def test_unknown_directions_have_no_curve_no_order_and_no_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        told = screen(app)
+        assert "PHASES UNKNOWN" in told and "directions unknown" in told and "NO ORDER" in told and "″" not in told
+        await pilot.press("c")
+        await pilot.pause()
+        assert "no card" in said(app) and not isinstance(app.screen, Form) and not list(tmp_path.iterdir())
+
+    explored(act, small("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0"))
+
+
+def test_panes_fold_where_there_is_little_room() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
+        await pilot.press("l")
+        await pilot.pause()
+        assert "LEVERS" in screen(app) and "SEAT" in screen(app)
+        await pilot.press("l")
+        await pilot.resize_terminal(140, 40)
+        await pilot.pause()
+        assert "LEVERS" in screen(app)
+        await pilot.resize_terminal(50, 15)
+        await pilot.pause()
+        assert "50 x 15 is too small" in screen(app)
+        await pilot.resize_terminal(100, 30)
+        await pilot.pause()
+        assert "SEAT" in screen(app) and "too small" not in screen(app)
+
+    explored(act, size=(80, 24))
+
+
+def test_themes_explanation_palette_and_views_are_a_key_away() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("d")
+        assert not app.current_theme.dark and app.inks.text == "#1c2430"
+        await pilot.press("question_mark")
+        assert isinstance(app.screen, Explain) and "COARSE" in screen(app)
+        await pilot.press("escape", "ctrl+p")
+        await pilot.pause(0.2)
+        assert type(app.screen).__name__ == "CommandPalette"
+        listed = {command.title for command in app.get_system_commands(app.screen)}
+        assert {"trial", "card", "save", "undo", "redo", "write JSON", "dark or light"} <= listed
+        await pilot.press("escape")
+        await pilot.press("2")
+        await settled(app, pilot)
+        turned = app.turn_view.found
+        assert turned is not None and "mesh zone at 180°" in screen(app) and "hdassist trace" in screen(app)
+        await pilot.press("right", "right")
+        assert app.turn_view.state == 2 and f"cam {turned.phi_h_deg[2]:.1f}°" in screen(app)
+        await pilot.press("up")
+        await settled(app, pilot)
+        assert app.turn_view.found is not None and app.turn_view.found.start_deg == 10
+        await pilot.press("space")
+        await pilot.pause(0.4)
+        assert app.turn_view.state > 2
+        await pilot.press("1")
+        assert "SEAT" in screen(app) and app.session.turn_deg == 0
+
+    explored(act)
+
+
+def test_a_trace_lies_over_the_prediction(tmp_path: Path) -> None:
+    from tests.process import run
+
+    record = run("trace", SMALL, *SETS, "-n", "3", "-q", "--csv", "-")
+    rows = [line.split(",") for line in record.stdout.splitlines() if "," in line]
+    file = tmp_path / "run.csv"
+    file.write_text("".join(f"{row[0]},{row[3]}\n" for row in rows))
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("3")
+        app.screen.query(Input).first().value = str(tmp_path / "missing.csv")
+        await pilot.press("enter")
+        await settled(app, pilot)
+        assert app.trace_view.failed is not None and "missing.csv" in app.trace_view.failed.message
+        await pilot.press("o")
+        app.screen.query(Input).first().value = str(file)
+        await pilot.press("enter")
+        await settled(app, pilot)
+        found = app.trace_view.found
+        assert found is not None and "agrees" in found.page and "━ measured" in screen(app)
+        apart = [m - p for m, p in zip(found.measured_arcsec, found.predicted_arcsec, strict=True)]
+        assert max(map(abs, apart)) < 0.05 * max(map(abs, found.measured_arcsec))
+        assert f"hdassist compare {SMALL[:20]}" in screen(app)
+
+    explored(act)
+
+
+def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
+    file = tmp_path / "drive.yaml"
+    text = Path(SMALL).read_text().replace("name: small", 'name: "a\\u202eb"').replace("mounting", "mounting")
+    file.write_text(text)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert "\u202e" not in screen(app) and "a\\u202eb" in screen(app)
+
+    explored(act, opened(str(file), FEW))
+
+
+def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:
+    original = Path(SMALL).read_text()
+    there = tmp_path / "mine.yaml"
+
+    async def save(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("s")
+        app.screen.query_one(Input).value = str(there)
+        await pilot.press("enter")
+        await pilot.pause()
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await to_lever(app, pilot, "gears.j_n")
+        await pilot.press("plus")
+        await save(app, pilot)
+        wanted = original.replace("j_n: 6", "j_n: 7").replace("[1, 4]", "[4.0]").replace("20, n_2: 40", "8, n_2: 16")
+        assert there.read_text() == f"{wanted}\nmounting:\n  holes: 6\n"
+        assert load_text(there.read_bytes(), str(there)).gears.j_n == 7 and f"wrote {there}" in said(app)
+        there.write_text("precious")
+        await save(app, pilot)
+        assert isinstance(app.screen, Confirm)
+        await pilot.press("n")
+        assert there.read_text() == "precious"
+        await save(app, pilot)
+        await pilot.press("y")
+        assert "j_n: 7" in there.read_text()
+
+    explored(act)
+
+
+def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("g")
+        app.screen.query_one(Input).value = str(tmp_path / "nowhere" / "screen.svg")
+        await pilot.press("enter")
+        await pilot.pause(0.2)
+        assert "cannot write" in said(app) and "there is no directory" in said(app)
+        await pilot.press("g")
+        app.screen.query_one(Input).value = str(tmp_path / "screen.svg")
+        await pilot.press("enter")
+        await pilot.pause(0.3)
+        assert (tmp_path / "screen.svg").read_text().startswith("<svg") and "SEAT" in (
+            tmp_path / "screen.svg"
+        ).read_text()
+
+    explored(act)
+
+
+def test_the_card_and_the_json_are_those_of_the_command(tmp_path: Path) -> None:
+    from tests.process import run
+
+    card, told = tmp_path / "card.md", tmp_path / "mount.json"
+    made = run(
+        "mount",
+        SMALL,
+        *SETS,
+        "--samples",
+        "64",
+        "--json",
+        "-o",
+        str(told),
+        "--card",
+        str(card),
+    )
+    assert made.returncode == 0
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("c")
+        app.screen.query(Input).first().value = str(tmp_path / "card.pdf")
+        await pilot.press("enter")
+        assert isinstance(app.screen, Form) and "its name ends in .txt, .md, .html" in screen(app)
+        app.screen.query(Input).first().value = str(tmp_path / "mine.md")
+        await pilot.press("enter")
+        await settled(app, pilot)
+        await pilot.press("j")
+        app.screen.query_one(Input).value = str(tmp_path / "mine.json")
+        await pilot.press("enter")
+        await settled(app, pilot)
+        assert (tmp_path / "mine.md").read_text() == card.read_text()
+        assert (tmp_path / "mine.json").read_text() == told.read_text()
+
+    explored(act)

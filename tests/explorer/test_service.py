@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Sure
+from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question
+from hdassist.explorer.service import Service
+from tests.explorer.rig import QUICK, small
+
+needs_proc = pytest.mark.skipif(not Path("/proc").exists(), reason="processes are counted in /proc")
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    service = Service()
+    yield service
+    service.close()
+
+
+async def told(service: Service, question: Question) -> list[Answer]:
+    return [answer async for answer in service.ask(question)]
+
+
+def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
+    answers = asyncio.run(told(service, MountQuestion(small().drive, QUICK)))
+    assert isinstance(answers[0], Facts) and isinstance(answers[-1], Advised)
+    curves = [answer for answer in answers if isinstance(answer, Curve)]
+    assert [curve.sure for curve in curves][:2] == [Sure.COARSE, Sure.REFINED] and len(curves[-1].places) == 6
+    for place in answers[-1].curve.places:
+        coarse, refined = (curve.at(place.rotation_deg) for curve in (curves[0], curves[-1]))
+        assert coarse is not None and refined is not None
+        assert coarse.values[0].F_ior_arcsec <= refined.values[0].F_ior_arcsec + 1e-6  # a few states of all
+        assert refined.values[0].F_ior_arcsec == pytest.approx(place.values[0].F_ior_arcsec, abs=0.01)
+
+
+def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
+    drive = small("operation.M_g=[9000000.0]").drive
+    [failed] = asyncio.run(told(service, ProofQuestion(drive, 0.0, QUICK)))
+    assert isinstance(failed, Failed) and "linear model" in failed.message
+
+
+def test_no_process_that_can_begin_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    service = Service()
+    monkeypatch.setattr(service, "_begin", refused)
+    [failed] = asyncio.run(told(service, ProofQuestion(small().drive, 0.0, QUICK)))
+    assert isinstance(failed, Failed) and "cannot begin a process" in failed.message
+
+
+def processes() -> set[int]:
+    """Processes of this one, and theirs."""
+    parents: dict[int, int] = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+    found = {os.getpid()}
+    while more := {pid for pid, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found - {os.getpid()}
+
+
+def vanished(before: set[int]) -> bool:
+    """Whether no process is there that was not before; each gets some time to go."""
+    end = time.monotonic() + 20
+    while processes() - before and time.monotonic() < end:
+        time.sleep(0.05)
+    return not processes() - before
+
+
+LONG = Effort(turns=4, samples=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
+
+
+def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awaitable[None]]) -> set[int]:
+    """Ask what takes minutes, and end that once its workers are at work; the processes that there were."""
+    drive = small("uncertainty.cam.W_0=0.001").drive
+    seen: set[int] = set()
+
+    async def run() -> None:
+        task = asyncio.create_task(told(service, MountQuestion(drive, LONG)))
+        before = processes()
+        while len(seen) < 3:  # the one that answers, and two workers
+            await asyncio.sleep(0.1)
+            seen.update(processes() - before)
+        await end(task)
+
+    asyncio.run(run())
+    return seen
+
+
+@needs_proc
+def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> None:
+    asyncio.run(told(service, ProofQuestion(small().drive, 0.0, QUICK)))  # what it forks from has begun
+    before = processes()
+
+    async def cancelled(task: asyncio.Task[list[Answer]]) -> None:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+    assert len(asked_for(service, cancelled)) >= 3 and vanished(before)
+
+
+@needs_proc
+def test_a_service_that_is_closed_leaves_no_process() -> None:
+    service = Service()
+    asyncio.run(told(service, ProofQuestion(small().drive, 0.0, QUICK)))
+    before = processes()
+
+    async def closed(task: asyncio.Task[list[Answer]]) -> None:
+        service.close()
+        await task
+
+    assert len(asked_for(service, closed)) >= 3 and vanished(before)

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+from shlex import quote
+
+import pytest
+
+from hdassist.errors import UsageError
+from hdassist.explorer import state
+from hdassist.explorer.state import Session, Step
+from hdassist.explorer.trial_entry import RigAsked
+from hdassist.preset.load import load_text
+from tests.explorer.rig import FEW, small
+from tests.process import SMALL
+
+
+@pytest.fixture
+def session() -> Session:
+    return state.opened(SMALL)
+
+
+def test_an_edit_is_an_override_and_makes_another_drive(session: Session) -> None:
+    there = state.edited(session, "gears.j_n", "8")
+    assert (session.drive.gears.j_n, there.drive.gears.j_n) == (6, 8)
+    assert there.command() == f"hdassist mount {SMALL} --set gears.j_n=8"
+    same = load_text(there.source.text, SMALL, ["gears.j_n=8"])
+    assert there.drive == same and there.drive.origin.overrides == same.origin.overrides
+
+
+def test_units_are_converted_as_in_a_preset(session: Session) -> None:
+    assert state.edited(session, "gears.j_n", "0.008 mm").drive.gears.j_n == pytest.approx(8)
+
+
+def test_a_refused_value_bears_the_loaders_words_and_changes_nothing(session: Session) -> None:
+    with pytest.raises(UsageError, match=r"gears\.j_n: out of range: 0 to 200 um"):
+        state.edited(session, "gears.j_n", "-3")
+    with pytest.raises(UsageError, match="one line"):
+        state.edited(session, "gears.j_n", "3\n4")
+
+
+def test_an_empty_value_takes_the_change_back(session: Session) -> None:
+    assert state.edited(state.edited(session, "gears.j_n", "8"), "gears.j_n", " ").changes == ()
+
+
+def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) -> None:
+    steps = [state.edited(session, "gears.j_n", "8")]
+    steps.append(state.with_trials(state.turned(steps[-1], 2), "28.1"))
+    last = steps[-1]
+    assert last.trials == ("h2:28.1",)
+    back = state.undone(last)
+    assert (back.step, back.turn_deg) == (steps[0].step, 60)
+    assert state.undone(back).step == Step() and state.undone(state.undone(back)).step == Step()
+    assert state.redone(state.redone(state.undone(back))).step == last.step
+    assert state.edited(back, "gears.j_n", "9").future == ()  # what was undone is forgotten
+
+
+def test_a_value_alone_is_a_trial_where_the_wheel_is_looked_at(session: Session) -> None:
+    looked = state.turned(session, -1)
+    assert state.with_trials(looked, "17.3 h4:20").trials == ("h11:17.3", "h4:20")
+    assert state.without_trial(state.with_trials(looked, "17.3 h4:20")).trials == ("h11:17.3",)
+
+
+@pytest.mark.parametrize("text", ["", "h12:3", "abc", "h1:", "h1:-3", "17:3"])
+def test_what_is_no_trial_is_refused(session: Session, text: str) -> None:
+    with pytest.raises(UsageError):
+        state.with_trials(session, text)
+
+
+def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -> None:
+    tried = state.with_trials(session, "h11:20")
+    with pytest.raises(UsageError, match="h0 to h5"):
+        state.edited(tried, "mounting.holes", "6")
+
+
+def test_the_command_of_trials_says_how_they_were_measured() -> None:
+    tried = state.with_trials(small(rig=RigAsked(torque=1.0, noise=0.5)), "h0:28.1 h4:17.3")
+    assert tried.command() == (f"hdassist trials {SMALL} h0:28.1 h4:17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
+        f"--set {quote(text)}" for text in FEW
+    )
+
+
+def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
+    looked = state.turned(session, 1)
+    assert dict(looked.turned_changes())["phases.xi_b"] == "120"
+    assert "--set phases.xi_b=120" in looked.command("trace", "--torque", "4")
+    assert "phases.xi_b" not in looked.command()
+
+
+def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
+    assert state.turned(small(), -1).turn_deg == 300
+    free = small("mounting.holes=0")
+    assert state.turned(free, 1).turn_deg == 5 and state.with_trials(state.turned(free, 1), "20").trials == ("5:20",)
+
+
+def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
+    there = state.edited(session, "gears.j_n", "8")
+    assert state.pinned(there).pinned == there.changes
+    assert state.pinned(state.pinned(there)).pinned == ()
+
+
+def test_of_two_values_of_a_field_the_last_one_counts() -> None:
+    there = state.edited(small("gears.j_n=7"), "gears.j_n", "8")
+    assert there.drive.gears.j_n == 8 and there.command().count("gears.j_n") == 1

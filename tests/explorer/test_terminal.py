@@ -1,0 +1,177 @@
+"""The explorer in a true terminal, its screen read back."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import pyte
+import pytest
+
+from tests.explorer.rig import FEW
+from tests.explorer.test_service import needs_proc, processes, vanished
+from tests.process import CLEAN, COMMAND, LONGEST, SMALL, run
+
+SETS = [word for text in FEW for word in ("--set", text)]
+COLUMNS, ROWS = 80, 24
+
+
+class Terminal:
+    """A process on a pseudo-terminal, and the screen that its user sees."""
+
+    def __init__(self, *args: str, command: Sequence[str] = COMMAND) -> None:
+        self._leader, follower = pty.openpty()
+        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+        self.before = termios.tcgetattr(follower)
+        self._follower = follower
+        self.process = subprocess.Popen(
+            [*command, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
+            start_new_session=True, env=CLEAN | {"TERM": "xterm-256color"},
+        )  # fmt: skip
+        self._screen = pyte.Screen(COLUMNS, ROWS)
+        self._stream = pyte.ByteStream(self._screen)
+        self.sent = b""
+
+    def press(self, keys: str) -> None:
+        os.write(self._leader, keys.encode())
+
+    def read(self, seconds: float = 0.2) -> str:
+        """The screen after what is sent in some seconds."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0 and select.select([self._leader], [], [], left)[0]:
+            try:
+                part = os.read(self._leader, 65536)
+            except OSError:
+                break
+            self.sent += part
+            # pyte does not know the questions about the terminal that begin with CSI and a sign
+            self._stream.feed(part.replace(b"\x1b[>", b"\x1b[").replace(b"\x1b[=", b"\x1b["))
+        return "\n".join(self._screen.display)
+
+    def wait_for(self, words: str) -> str:
+        """The screen once words stand on it."""
+        end = time.monotonic() + LONGEST
+        while words not in (seen := self.read()):
+            assert time.monotonic() < end and self.process.poll() is None, seen
+        return seen
+
+    def end(self) -> int:
+        """Exit code; all that is sent until then is read."""
+        end = time.monotonic() + 60
+        while self.process.poll() is None and time.monotonic() < end:
+            self.read()
+        self.read(0.5)
+        return self.process.wait(timeout=1)
+
+    @property
+    def as_it_was(self) -> bool:
+        """Whether the line is as before, the alternate screen left and the cursor shown."""
+        line = termios.tcgetattr(self._follower)[:4] == self.before[:4]
+        left = self.sent.rfind(b"\x1b[?1049l") > self.sent.rfind(b"\x1b[?1049h") > -1
+        return line and left and self.sent.rfind(b"\x1b[?25h") > self.sent.rfind(b"\x1b[?25l")
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        os.close(self._leader)
+        os.close(self._follower)
+
+
+@contextmanager
+def explorer(*args: str) -> Iterator[Terminal]:
+    terminal = Terminal("explore", SMALL, *SETS, *args)
+    try:
+        yield terminal
+    finally:
+        terminal.close()
+
+
+@needs_proc
+def test_a_session_in_a_terminal() -> None:
+    before = processes()
+    with explorer() as terminal:
+        seen = terminal.wait_for("c writes the card")
+        assert "SEAT, cam side" in seen and "F'_ior, arcsec" in seen and "hole 0, where it stands" in seen
+        terminal.press("\x1b[C")
+        assert "hole 1, turned +60°" in terminal.wait_for("turned")
+        terminal.press("t")
+        terminal.wait_for("add trials")
+        terminal.press("h9:3\r")
+        terminal.wait_for("h0 to h5")
+        terminal.press("\x1b")
+        while "add trials" in terminal.read():  # an escape and a letter at once would be another key
+            pass
+        terminal.press("q")
+        assert terminal.end() == 0
+        assert terminal.as_it_was
+    assert vanished(before)
+
+
+@needs_proc
+@pytest.mark.parametrize(("stop", "code"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
+def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: signal.Signals, code: int) -> None:
+    before = processes()
+    with explorer() as terminal:
+        terminal.wait_for("COARSE" if stop == signal.SIGKILL else "SEAT")
+        os.kill(terminal.process.pid, stop)
+        assert terminal.end() == code
+        end = time.monotonic() + 10
+        while not terminal.as_it_was and time.monotonic() < end:
+            terminal.read()
+        assert terminal.as_it_was
+    assert vanished(before)
+
+
+@needs_proc
+def test_a_crash_gives_the_terminal_back_too() -> None:
+    before = processes()
+    crash = "import hdassist.explorer.words as words; from hdassist.cli.main import main; words.stage = None; main()"
+    terminal = Terminal("explore", SMALL, *SETS, command=[sys.executable, "-c", crash])
+    try:
+        assert terminal.end() == 1  # a bug
+        assert terminal.as_it_was
+    finally:
+        terminal.close()
+    assert vanished(before)
+
+
+def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None:
+    done = run("explore", SMALL, "h0:28.1", "--set", "gears.j_n=7")
+    assert done.returncode == 2 and done.stdout == ""
+    assert "the explorer needs a terminal" in done.stderr
+    assert f"hdassist trials {SMALL} h0:28.1 --set gears.j_n=7" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (("explore", "-"), 2, "needs standard input for its keys"),
+        (("explore", "nosuch"), 4, "no such preset"),
+        (("explore", SMALL, "--set", "gears.j_n=-1"), 2, "out of range"),
+        (("explore", SMALL, "h99:3"), 2, "the seat's holes"),
+        (("explore", SMALL, "--noise", "0"), 2, "noise"),
+    ],
+)
+def test_what_cannot_be_opened_is_refused_before_the_screen(args: tuple[str, ...], code: int, words: str) -> None:
+    done = run(*args)
+    assert done.returncode == code and words in done.stderr
+
+
+def test_help_imports_no_screen() -> None:
+    code = (
+        "import sys; sys.argv[1:] = ['explore', '--help']\ntry:\n import hdassist.__main__ as m; m.main()\nfinally:\n"
+    )
+    code += " assert not {'textual', 'numpy', 'cvxpy'} & set(sys.modules), sorted(sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], env=CLEAN, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "A drive turned on the screen" in done.stdout, done.stderr

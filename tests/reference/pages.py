@@ -1,0 +1,65 @@
+"""The reference of commands and of preset fields, as pages of docs/."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import typer
+
+from hdassist.cli.main import app
+from hdassist.preset.fields import BY_PATH, sections
+from hdassist.preset.kinds import choices_of, is_optional, kind_of, may_be_unknown, range_of, unit_of
+from tests.process import run
+
+DOCS = Path(__file__).parents[2] / "docs"
+MADE = "Made by `python -m tests.reference` from the declarations of the code; CI fails when the two differ."
+
+
+@cache
+def made() -> dict[Path, str]:
+    """Each page by its path."""
+    return {DOCS / "commands.md": "\n".join(commands()) + "\n", DOCS / "fields.md": "\n".join(fields()) + "\n"}
+
+
+def commands() -> Iterator[str]:
+    """Lines of the reference of commands, in the order and groups in which `hdassist` lists them."""
+    yield from ("# Commands", "", MADE, "", "```text", run().stdout.rstrip(), "```")
+    root = typer.main.get_command(app)
+    for name, command in root.commands.items():  # type: ignore[attr-defined]
+        if command.hidden:
+            continue
+        yield from _command(name)
+        for inner in getattr(command, "commands", {}):
+            yield from _command(name, inner)
+
+
+def _command(*names: str) -> Iterator[str]:
+    told = run(*names, "--help").stdout.rstrip()
+    yield from ("", f"{'#' * (len(names) + 1)} hdassist {' '.join(names)}", "", "```text", told, "```")
+
+
+def fields() -> Iterator[str]:
+    """Lines of the reference of preset fields, in the order in which presets have them."""
+    yield from ("# Fields of a preset", "", MADE, "")
+    yield "A bare number is in the unit of its field; `75 um` or `0.8 mm` are converted; `260 ± 10` adds an uncertainty"
+    yield "(k = 2). A field without a default has to be given; a deviation that is left out is `unknown`"
+    yield "([unknown.md](unknown.md))."
+    for name, model in (*sections(), *BY_PATH.items()):
+        head = f"`{name}`, by the path of a field" if name in BY_PATH else f"`{name}`"
+        yield from ("", f"## {head}", "", str(model.__doc__), "")
+        yield from ("| key | meaning | unit | range | default |", "| --- | --- | --- | --- | --- |")
+        for key, info in model.model_fields.items():
+            unit = unit_of(info)
+            span = ", ".join(choices_of(info)) if kind_of(info) == "choice" else range_of(info)
+            default = "unknown" if may_be_unknown(info) else "" if info.is_required() else _default(info.default)
+            if is_optional(info) and not default:
+                default = "none"
+            yield f"| `{key}` | {info.description} | {unit} | {span} | {default} |"
+
+
+def _default(value: object) -> str:
+    if value is None or value == {} or value == ():
+        return "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)

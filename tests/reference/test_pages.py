@@ -1,0 +1,18 @@
+"""The reference pages are those that the code declares."""
+
+import pytest
+
+from tests.reference.pages import DOCS, made
+
+
+@pytest.mark.parametrize("name", ["commands.md", "fields.md"])
+def test_a_page_is_not_stale(name: str) -> None:
+    assert (DOCS / name).read_text("utf-8") == made()[DOCS / name], "python -m tests.reference"
+
+
+def test_every_command_and_field_stands_in_them() -> None:
+    commands, fields = made()[DOCS / "commands.md"], made()[DOCS / "fields.md"]
+    for words in ("## hdassist mount", "### hdassist presets new", "--assume-phases"):
+        assert words in commands
+    for words in ("| `F_i1` | tangential composite deviation", "| um |", "0 to 1000", "| unknown |", "`cost`"):
+        assert words in fields

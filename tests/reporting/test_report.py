@@ -1,0 +1,195 @@
+"""`hdassist report`: one file, true to the other commands, the same bytes every time, and no order without reason."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.dom.minidom import parseString
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.comparing.sheet import DriveSheet, sheet_of
+from hdassist.design.check_page import to_json as check_json
+from hdassist.mounting.page import to_json as mount_json
+from hdassist.mounting.page import what_to_do
+from hdassist.preset.schema import counted
+from hdassist.reporting.blocks import Figure
+from hdassist.reporting.charts import COLUMNS, chart
+from hdassist.reporting.page import exit_code, report_of, to_json
+from hdassist.reporting.render import html, markdown
+from hdassist.terminal.console import Style
+from tests.process import SMALL, run
+
+LIMIT = "acceptance.F_ior=30"
+ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3]}"
+SETS = ["mounting.holes=4", ASSUMED, LIMIT]  # few holes: the less to compute
+ASKED = [word for text in SETS for word in ("--set", text)]
+ALONE = {"meta", "path", "polyline", "polygon", "circle", "line"}  # elements without an end
+
+
+class Page(HTMLParser):
+    """Elements in their order, checked to close as they open, and all text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+        self.links: list[str] = []
+        self.text = ""
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append(tag)
+        self.links += [value for name, value in attrs if name in ("src", "href", "srcset", "action") and value]
+        if tag not in ALONE:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.seen.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def sheet() -> DriveSheet:
+    return sheet_of(load_preset(SMALL, [*SETS, "operation.M_g=[4.0]"]))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A folder with a report as the command writes it."""
+    place = tmp_path_factory.mktemp("report")
+    result = run("report", SMALL, *ASKED, "--torque", "4", "-o", "a.html", "--jobs", "2", cwd=place)
+    assert (result.returncode, result.stdout) == (0, "")
+    assert result.stderr.endswith("wrote a.html\n")
+    return place
+
+
+def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
+    again = html(report_of(sheet, draws=64, seed=0))
+    assert (folder / "a.html").read_bytes() == again.encode("utf-8")
+
+
+def test_it_is_one_file_that_asks_for_no_other(folder):
+    page = Page((folder / "a.html").read_text(encoding="utf-8"))
+    assert not page.links
+    assert not {"script", "link", "img", "iframe"} & {*page.seen}
+    assert not re.search(r"@import|url\(", page.text)
+    assert "prefers-color-scheme: dark" in page.text
+    assert "@page { size: A4" in page.text
+
+
+def test_its_drawings_are_svg(sheet, folder):
+    text = (folder / "a.html").read_text(encoding="utf-8")
+    drawn = [parseString(svg).documentElement for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)]
+    figures = [b for s in report_of(sheet, draws=64, seed=0).sections for b in s.blocks if isinstance(b, Figure)]
+    assert len(drawn) == len(figures) == 4  # error, seat, positions, stiffness
+    assert all(svg.getElementsByTagName("title") for svg in drawn)
+
+
+def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sheet, folder):
+    text = re.sub(r"\s+", " ", Page((folder / "a.html").read_text(encoding="utf-8")).text.split("}", 1)[1])
+    point = check_json(sheet.check, 0)["operating_points"][0]
+    order = ["PASS: within its limits", f"F'_ior {point['F_ior_arcsec']:.2f}", "Kinematic error", "Provenance"]
+    assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
+    assert what_to_do(sheet.advice).replace("->", "→") in text
+    mount = mount_json(sheet.advice, 0)
+    assert f"hole {mount['recommended']['hole']}" in text
+    values = counted(sheet.drive)
+    assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
+    assert "It rests most on bearing.g_b = 0 um (which may be 0 to 3)" in text
+    for words in (
+        sheet.drive.origin.sha256,
+        "; ".join(sheet.drive.origin.overrides),
+        f"certificate: {sheet.certificate}",
+        "what a micrometre more does",
+    ):
+        assert words in text
+
+
+def test_markdown_says_the_same(sheet):
+    report = report_of(sheet, draws=64, seed=0)
+    text = markdown(report)
+    plain = text.replace("\\", "")
+    assert "**PASS: within its limits**" in text
+    assert [f"\n## {section.title}\n" in plain for section in report.sections] == [True] * 6
+    for section in report.sections:
+        for block in section.blocks:
+            words = block.caption if isinstance(block, Figure) else getattr(block, "title", None) or block.rows[0][1] \
+                if hasattr(block, "rows") else block.text  # fmt: skip
+            assert words in plain
+    assert text.count("```text") == text.count("\n```\n") == 4
+
+
+def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
+    style = Style(ascii=True, codes=False, width=80)
+    text = markdown(report_of(sheet, draws=64, seed=0, ascii=True), style.text)
+    assert text.isascii()
+    prose = re.sub(r"```text\n.*?\n```\n", "", text, flags=re.DOTALL)
+    assert "N\\*m" in prose
+    assert not re.search(r"(?<!\\)\*", prose.replace("**", ""))
+
+
+def test_where_nothing_can_be_ordered_it_orders_nothing():
+    drive = load_preset(SMALL, [*SETS[:-1], "operation.M_g=[4.0]", "phases.phi_hb=unknown"])
+    sheet = sheet_of(drive, draws=2)
+    report, told = report_of(sheet, draws=2, seed=0), to_json(sheet, 0)
+    assert exit_code(sheet) == told["exit_code"] == 6
+    assert (told["mount"]["recommended"], told["mount"]["order"]) == (None, "none")
+    assert any(reason.startswith("No order: nothing is known of the direction") for reason in report.reasons)
+    assert not any("--card" in reason for reason in report.reasons)
+    assert next(tile for tile in report.tiles if tile.label == "position of the wheel").value == "unknown"
+    section = next(s for s in report.sections if s.title == "Mounting the fixed wheel")
+    figures = [block for block in section.blocks if isinstance(block, Figure)]
+    assert [figure.drawing.dots for figure in figures] == [()]  # no seat, no place marked: over phases alone
+    errors = report.sections[0].blocks[0]
+    assert errors.caption.endswith("what is not known taken as 0")
+    assert "phases.phi_hb" in markdown(report).replace("\\", "")
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "words"),
+    [
+        (["-o", "report.pdf"], 2, "a report cannot be written as 'report.pdf'"),
+        (["-o", "kept.html"], 2, "kept.html exists"),
+        (["-o", "none/report.html"], 4, "there is no directory"),
+        (["--set", "gears.j_n=-1", "-o", "new.html"], 2, "out of range"),
+    ],
+)
+def test_faults_end_before_anything_is_computed_or_written(tmp_path, args, code, words):
+    (tmp_path / "kept.html").write_text("mine")
+    result = run("report", SMALL, *args, cwd=tmp_path)
+    assert (result.returncode, result.stdout) == (code, "")
+    assert words in result.stderr
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("kept.html", "mine")]
+
+
+def test_for_scripts_there_is_one_object_and_one_line(sheet):
+    told = to_json(sheet, 0)
+    assert (told["schema"], told["verdict"], told["exit_code"]) == ("hdassist.report/1", "PASS", 0)
+    assert told["check"] == check_json(sheet.check, 0)
+    json.dumps(told, allow_nan=False)
+
+
+def test_a_chart_keeps_the_extremes_of_a_curve_of_many_points():
+    x = np.linspace(0, 100, 20_000)
+    y = np.sin(x) * 0.1
+    y[12_345], y[777] = 5.0, -3.0
+    [area] = chart(x, y, x_label="x", y_label="y").shapes
+    down = [float(pair.split(",")[1]) for pair in area.points.split()]
+    drawn = chart(x, y, x_label="x", y_label="y")
+    heights = {float(label.words): label.y - 4 for label in drawn.ticks if label.kind == "y"}
+    (low, at_low), (high, at_high) = min(heights.items()), max(heights.items())
+    scale = (at_high - at_low) / (high - low)
+    assert min(down) == pytest.approx(at_low + scale * (5.0 - low), abs=0.06)
+    assert max(down) == pytest.approx(at_low + scale * (-3.0 - low), abs=0.06)
+    assert len(down) == 2 * COLUMNS

@@ -1,0 +1,68 @@
+"""Short pages: verdicts, labelled lines, commands that go on."""
+
+from __future__ import annotations
+
+import io
+import shlex
+
+import pytest
+
+from hdassist.preset.library import load_preset
+from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.terminal.brief import again, facts, proof, turns_and_degrees, verdict_text
+from hdassist.terminal.console import Style, console
+from hdassist.terminal.options import torque_overrides
+from hdassist.verdict import Verdict
+from tests.process import SMALL
+
+
+def shown(style: Style, answer: object) -> str:
+    stream = io.StringIO()
+    console(stream, style).print(answer)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("verdict", "code"), [(Verdict.PASS, "32m"), (Verdict.FAIL, "31m"), (Verdict.INCONCLUSIVE, None)]
+)
+def test_verdicts_are_green_or_red_where_there_are_colours(monkeypatch, verdict, code):
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    coloured = shown(Style(False, True, 80), verdict_text(Style(False, True, 80), "own: ", verdict))
+    assert verdict in coloured
+    for found in ("32m", "31m"):
+        assert (found in coloured) == (found == code)
+    assert (
+        shown(Style(False, False, 80), verdict_text(Style(False, False, 80), "own: ", verdict)) == f"own: {verdict}\n"
+    )
+
+
+@pytest.mark.parametrize("width", [40, 80])
+def test_lines_stay_beside_their_label_and_empty_ones_are_left_out(width):
+    words = "one two three four five six seven eight nine ten eleven twelve"
+    lines = shown(Style(True, False, width), facts(Style(True, False, width), [("lever", words), ("next", "")]))
+    first, *rest = lines.splitlines()
+    assert first.startswith("lever  one")
+    assert all(line.startswith("       ") for line in rest)
+    assert " ".join(lines.split()) == f"lever {words}"
+    assert max(map(len, lines.splitlines())) <= width
+
+
+def test_a_command_that_goes_on_is_about_the_same_drive():
+    overrides = [*torque_overrides([2.0, -3.5]), "phases.xi_b=90±10", "name=a b"]
+    drive = load_preset(SMALL, overrides)
+    words = shlex.split(again("check", drive, "--json"))
+    assert words == [
+        "hdassist", "check", SMALL, "--torque=2", "--torque=-3.5", "--set", "phases.xi_b=90±10", "--set", "name=a b",
+        "--json",
+    ]  # fmt: skip
+    assert again("mount", load_preset("vzp160")) == "hdassist mount vzp160"
+
+
+def test_the_proof_in_a_line_and_an_angle_in_turns():
+    certificate = Certificate(20200, 0.0, 8.1e-11, 1e-12, 0.0, 0)
+    assert proof(certificate) == "20 200 states, residual 8e-11"
+    crossed = [CrossCheck("CLARABEL", 10, 1e-6), None, CrossCheck("CLARABEL", 10, 1e-6)]
+    assert proof(certificate, crossed) == "20 200 states, residual 8e-11, 20 again by CLARABEL"
+    assert [turns_and_degrees(deg) for deg in (14916.83, 400.0)] == ["41 turns + 156.8 deg", "1 turn + 40.0 deg"]
