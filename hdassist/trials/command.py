@@ -17,18 +17,20 @@ from hdassist.terminal import options as o
 def command(
     preset: o.Preset,
     trials: Annotated[
-        list[str], typer.Argument(metavar="WHERE:F_IOR", help="Measured: h4:17.3 (hole), 120:17.3 (deg).")
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
     ],
     *,
     drives: o.LoadedDriveOptions,
     trial_torque: Annotated[
         float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
     ] = None,
-    noise: Annotated[float, typer.Option(metavar="ARCSEC", help="Noise of a trial (standard deviation), about.")] = 1.0,
-    reseat: Annotated[float, typer.Option(metavar="UM", help="How far the wheel sits off each time (sd).")] = 0.0,
+    noise: Annotated[
+        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial; repeats tell it.")
+    ] = 1.0,
+    reseat: Annotated[float, typer.Option(metavar="UM", help="Standard deviation of where the wheel sits.")] = 0.0,
     sure: Annotated[float, typer.Option(metavar="SHARE", help="Probability of a good choice that settles it.")] = 0.9,
     verify: Annotated[
-        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to hold against the trials.")
+        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None,
     choosing: ChoiceOptions,
     samples: Annotated[int, typer.Option(min=1024, max=1_000_000, help="Samples of what is not known.")] = 12_288,
@@ -73,9 +75,8 @@ def command(
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
     measured = [read_trial(text, drive.mounting.holes) for text in trials]
     outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
-    torques = drive.operation.M_g
+    torques, begun = drive.operation.M_g, time.monotonic()
     rig = Rig(min(torques, key=abs) if trial_torque is None else trial_torque, noise, reseat)
-    begun = time.monotonic()
     total = len({*torques, rig.M_g}) * FULL.mesh.states
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         analysis = partial(

@@ -141,8 +141,7 @@ def _trials(advice: TrialAdvice, style: Style) -> Table:
     heads = ("position", "measured", "predicted", "2.5 %", "97.5 %")
     rows = grid(style, f"trials, predicted by those before ({noise})", *heads)
     for trial, p in zip(advice.trials, (None, *advice.predictions), strict=True):
-        predicted = (p.expected_arcsec, p.low_arcsec, p.high_arcsec) if p else ()
-        cells = [f"{value:.1f}" for value in predicted] or ["-"] * 3
+        cells = [f"{v:.1f}" for v in (p.expected_arcsec, p.low_arcsec, p.high_arcsec)] if p else ["-"] * 3
         rows.add_row(advice.where(trial.rotation_deg), f"{trial.F_ior_arcsec:g}", *cells)
     return rows
 

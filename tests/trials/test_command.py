@@ -45,6 +45,7 @@ def test_json_tells_positions_and_what_the_trials_teach(answer):
     assert [m["hole"] for m in told["trials"]["measured"]] == [0, 4, 8, 4, 3]
     assert [p["hole"] for p in told["prediction_errors"]] == [4, 8, 4, 3]
     assert told["prediction_errors"][2]["as_predicted"]
+    assert abs(told["prediction_errors"][2]["surprise"]) < 3
     assert sum(p["probability_best"] for p in told["positions"]) == pytest.approx(1)
     best = min(told["positions"], key=lambda p: p["expected_loss"])
     assert best == told["best_bet"]
