@@ -25,12 +25,13 @@ def measure(quick: bool) -> dict[str, Any]:
     measured: dict[str, Any] = {"schema": FORMAT, "quick": quick, "machine": machine.machine()}
     # a child starts with its parent's memory on its account: nothing heavy is imported before these are measured
     measured["processes"] = _timed("processes", processes.measure, quick)
-    from benchmarks import coned, engine, growth, search
+    from benchmarks import coned, engine, growth, search, tolerance
 
     measured["engine"] = _timed("engine", engine.measure, quick)
     measured["growth"] = _timed("growth", growth.measure, quick)
     measured["coned"] = _timed("coned", coned.measure, quick)
     measured["search"] = _timed("search", search.measure, quick)
+    measured["tolerance"] = _timed("tolerance", tolerance.measure, quick)
     return measured
 
 

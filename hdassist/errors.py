@@ -3,29 +3,59 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Fault(StrEnum):
+    """Kinds of errors, by codes that stay; `hdassist explain` says what is behind each."""
+
+    USAGE = "USAGE"
+    FILE_EXISTS = "FILE_EXISTS"
+    DATA = "DATA"
+    FILE_UNREADABLE = "FILE_UNREADABLE"
+    FILE_UNWRITABLE = "FILE_UNWRITABLE"
+    FILE_INVALID = "FILE_INVALID"
+    SCHEDULER_LOST = "SCHEDULER_LOST"
+    SYSTEM_LIMITS = "SYSTEM_LIMITS"
+    UNTRUSTED = "UNTRUSTED"
+    UNTRUSTED_STATE = "UNTRUSTED_STATE"
+    SOLVERS_DISAGREE = "SOLVERS_DISAGREE"
+    BEYOND_MODEL = "BEYOND_MODEL"
+    EDGE_OF_WINDOW = "EDGE_OF_WINDOW"
+    NO_MESH = "NO_MESH"
+    ORDERS_UNTOLD = "ORDERS_UNTOLD"
+    FIT_UNSETTLED = "FIT_UNSETTLED"
+    WORKERS_LOST = "WORKERS_LOST"
+    MEMORY_SHORT = "MEMORY_SHORT"
+    BUG = "BUG"
 
 
 class HdassistError(Exception):
-    """Base of every error that hdassist raises on purpose: a message, and a hint at what to do."""
+    """Base of every error that hdassist raises on purpose: a message, a hint at what to do, and its kind."""
 
     exit_code = 1
+    fault = Fault.BUG
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    def __init__(self, message: str, hint: str = "", fault: Fault | None = None) -> None:
         super().__init__(message)
         self.message = message
         self.hint = hint
+        if fault is not None:
+            self.fault = fault
 
 
 class UsageError(HdassistError):
     """The command line or a call asks for something that cannot be meant."""
 
     exit_code = 2
+    fault = Fault.USAGE
 
 
 class DataError(HdassistError):
     """A file cannot be read or written, or says something that cannot be used."""
 
     exit_code = 4
+    fault = Fault.DATA
 
 
 @dataclass(frozen=True)
@@ -50,6 +80,8 @@ class Finding:
 class PresetError(DataError):
     """A preset is invalid; carries every finding at once, in the order of the file."""
 
+    fault = Fault.FILE_INVALID
+
     def __init__(self, findings: list[Finding]) -> None:
         super().__init__("\n".join(map(str, findings)))
         self.findings = tuple(findings)
@@ -59,3 +91,4 @@ class UntrustedError(HdassistError):
     """An answer was found that cannot be trusted, so it is not given."""
 
     exit_code = 5
+    fault = Fault.UNTRUSTED

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, BinaryIO
 
-from hdassist.errors import DataError, Finding, PresetError
+from hdassist.errors import DataError, Fault, Finding, PresetError
 
 STDIN = "<stdin>"
 GZIP = b"\x1f\x8b"
@@ -130,18 +130,20 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     """
     name = str(path)
     if not name:
-        raise DataError("no such file: an empty name", "- is standard input")
+        raise DataError("no such file: an empty name", "- is standard input", Fault.FILE_UNREADABLE)
     if name == "-" and sys.stdin is None:
-        raise DataError("cannot read standard input: it is closed")
+        raise DataError("cannot read standard input: it is closed", "", Fault.FILE_UNREADABLE)
     try:
         with nullcontext(sys.stdin.buffer) if name == "-" else open_at_once(name) as stream:
             yield stream
     except FileNotFoundError:
-        raise DataError(f"no such file: {name}", _near_by(Path(name))) from None
+        raise DataError(f"no such file: {name}", _near_by(Path(name)), Fault.FILE_UNREADABLE) from None
     except IsADirectoryError:
-        raise DataError(f"{name} is a directory, not a file", "name the file in it") from None
+        raise DataError(f"{name} is a directory, not a file", "name the file in it", Fault.FILE_UNREADABLE) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
-        raise DataError(f"cannot read {'standard input' if name == '-' else name}: {reason(error)}") from None
+        raise DataError(
+            f"cannot read {'standard input' if name == '-' else name}: {reason(error)}", "", Fault.FILE_UNREADABLE
+        ) from None
 
 
 def open_at_once(name: str) -> BinaryIO:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError
 from hdassist.preset.fields import Acceptance
 from hdassist.preset.kinds import Kind, kind_of, unit_of
 
@@ -213,14 +213,6 @@ NOT_TESTED = Remark(
 )
 REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
-
-
-def explained(code: str) -> Explained:
-    """What stands behind a code, in any case of letters. Raises UsageError: no such code."""
-    found = CODES.get(code.upper().replace("-", "_"))
-    if found is None:
-        raise UsageError(f"no check has the code {code}", f"codes: {', '.join(CODES)}")
-    return found
 
 
 def check_of(code: str) -> Check:

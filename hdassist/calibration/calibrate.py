@@ -17,7 +17,7 @@ from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level, fau
 from hdassist.calibration.quantities import FINE, MEDIUM, Quantities
 from hdassist.calibration.shortfall import holding, in_the_way
 from hdassist.calibration.targets import Targets, Unknown
-from hdassist.errors import HdassistError, UntrustedError
+from hdassist.errors import Fault, HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.window import in_wide_enough_window
@@ -131,7 +131,7 @@ def calibrate(
         fault = fault_of(drive.with_values(targets.by_path(start)), targets.targets)
         why = f"; as the preset has it: {fault}" if fault else ""
         hint = "look at the bounds, and check the preset"
-        raise UntrustedError(f"no drive within the bounds could be computed{why}", hint)
+        raise UntrustedError(f"no drive within the bounds could be computed{why}", hint, Fault.FIT_UNSETTLED)
     runs = sorted((_settle(point, off) for point in _distant(seen, starts)), key=lambda run: run.cost)
     at_rest = runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1
     sets = [unit.values(run.x) for run in (runs if at_rest else runs[:1])]
@@ -139,7 +139,7 @@ def calibrate(
     # a coarse scan may not have come to what a fine one does
     fits = [fit for fit in answers if fit is not None]
     if not fits:
-        raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds")
+        raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds", Fault.FIT_UNSETTLED)
     kept = _far_apart(sorted(fits, key=lambda fit: float(np.sum(np.square(fit.off)))), unit)
     point = unit.point(kept[0].values)
     jacobian = _jacobian(point, off)
@@ -149,6 +149,7 @@ def calibrate(
         raise UntrustedError(
             f"the fit did not come to rest: {words or 'its nearest set meets the targets all the same'}",
             "run again with the same --state and more --evaluations: what was computed is kept",
+            Fault.FIT_UNSETTLED,
         )
     best = evaluations.run(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
     kept = [replace(fit, best_deg=phases) for fit, phases in zip(kept, best, strict=True)]

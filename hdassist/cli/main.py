@@ -16,7 +16,6 @@ from typing import Annotated
 import typer
 
 from hdassist.acceptance import command as accept
-from hdassist.acceptance import explain_command as explain
 from hdassist.calibration import command as calibrate
 from hdassist.cli import doctor, presets
 from hdassist.cli.help import Command, Commands
@@ -25,7 +24,8 @@ from hdassist.design import check_command as check
 from hdassist.design import self_error_command as self_error
 from hdassist.design import stiffness_command as stiffness
 from hdassist.design import trace_command as trace
-from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
+from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
+from hdassist.explaining import command as explain
 from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
@@ -71,7 +71,7 @@ for _name, _command, _panel, _summary in (
     ("trials", trials.command, BENCH, "the same from F'_ior measured in a few holes"),
     ("measure", measure.command, BENCH, "F'_ior, orders and coverage of measured traces"),
     ("accept", accept.command, ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
-    ("explain", explain.command, ACCEPTANCE, "what a check tests, what goes wrong, what to change"),
+    ("explain", explain.command, ACCEPTANCE, "what a check, an error, a field, a symbol or a word is"),
     ("calibrate", calibrate.command, DATA, "stiffnesses and clearances from measurements"),
     ("doctor", doctor.command, DATA, "whether this installation can be relied on"),
 ):
@@ -143,7 +143,7 @@ def main() -> None:
         _say("interrupted")
         sys.exit(INTERRUPTED)
     except MemoryError:
-        _say("error: there is not memory enough for an answer\n  hint: fewer --jobs take less of it")
+        _say("error: there is not memory enough for an answer", "fewer --jobs take less of it", Fault.MEMORY_SHORT)
         sys.exit(UntrustedError.exit_code)
     except Exception as error:
         if came:  # raised while a module was imported, a stop comes out as another error
@@ -152,14 +152,20 @@ def main() -> None:
             from hdassist.terminal.console import silence
 
             silence()  # or what is left in the buffer fails once more at the end
-            _say(f"error: cannot write: {error.strerror}\n  hint: is standard output on a full device?")
+            _say(
+                f"error: cannot write: {error.strerror}", "is standard output on a full device?", Fault.FILE_UNWRITABLE
+            )
             sys.exit(DataError.exit_code)
         if isinstance(error, OSError) and error.errno in SCARCE:
-            _say(f"error: the system refuses: {error.strerror}\n  hint: ulimit -a shows what a process may have")
+            _say(
+                f"error: the system refuses: {error.strerror}",
+                "ulimit -a shows what a process may have",
+                Fault.SYSTEM_LIMITS,
+            )
             sys.exit(DataError.exit_code)
         _trace_if_asked()
         words = f"internal error: {type(error).__name__}: {error}"
-        _say(f"{words}\n  hint: this is a bug in hdassist; --debug shows where")
+        _say(words, "this is a bug in hdassist; --debug shows where", Fault.BUG)
         sys.exit(BUG)
 
 
@@ -170,10 +176,11 @@ def _require_lines(arguments: list[str]) -> None:
             raise UsageError(f"a line break in {text[:60]!r}", "names, paths and values are written on one line")
 
 
-def _say(text: str) -> None:
+def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
     from hdassist.terminal.console import say
+    from hdassist.terminal.output import with_code
 
-    say(text.rstrip("\n"))
+    say(text.rstrip("\n") + (f"\n  hint: {with_code(hint, fault)}" if fault else ""))
 
 
 @contextmanager

@@ -90,8 +90,9 @@ def command(
     if any(map(is_preset, files)):
         plain = (start, zero, error_is, cam_sense, traces) == ("fit", None, "cam-output", "ccw", o.TraceOptions())
         require_presets(files, plain=plain)
-        torques = o.torque_overrides(torque)
-        raise typer.Exit(compare_presets([preset, *files], torques, drives, (draws, seed, jobs), options))
+        raise typer.Exit(
+            compare_presets([preset, *files], torque, drives, (draws, seed, jobs), options, details=details)
+        )
     out = options.open()
     stated, orders = parse_stated(traces.budget), parse_orders(traces.orders or None)
     asked = RecordConvention(

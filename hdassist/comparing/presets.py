@@ -12,7 +12,7 @@ import numpy as np
 
 from hdassist.comparing.changes import PAIRS, TRIED, Changes, changes
 from hdassist.comparing.fields import Difference, differences, other_origins
-from hdassist.comparing.sheet import DriveSheet, estimate_states, sheet_of
+from hdassist.comparing.sheet import DriveSheet, at_torques, estimate_states, sheet_of
 from hdassist.error.search import SEARCHED
 from hdassist.error.unknown_range import DRAWS
 from hdassist.errors import UsageError
@@ -28,7 +28,7 @@ SURE = 0.95  # of the pairs: less says nothing
 class DrivesComparison:
     """Drives beside the first of them.
 
-    torques [N*m] that all of them have; differences; origins, fields of the same value from another kind of origin;
+    torques [N*m]; differences; origins, fields of the same value from another kind of origin;
     changes from the first one to each of the others, of two drives with single fields.
     """
 
@@ -74,10 +74,9 @@ def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
     return found
 
 
-def estimate_comparison(drives: Sequence[Drive], draws: int = DRAWS) -> int:
-    """Number of states that a comparison solves, about, for a progress bar. Raises as compare_drives does."""
-    torques = common_torques(drives)
-    sheets = sum(estimate_states(_loaded(drive, torques), draws) for drive in drives)
+def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = DRAWS) -> int:
+    """Number of states that a comparison solves, about, for a progress bar."""
+    sheets = sum(estimate_states(at_torques(drive, torques), draws) for drive in drives)
     pairs = min(draws, PAIRS) if any(map(unknowns, drives)) else 1
     single = min(pairs, TRIED) * len(_moving(drives))
     return sheets + SEARCHED * len(torques) * (2 * pairs * (len(drives) - 1) + single)
@@ -85,35 +84,31 @@ def estimate_comparison(drives: Sequence[Drive], draws: int = DRAWS) -> int:
 
 def compare_drives(
     drives: Sequence[Drive],
+    torques: Sequence[float],
     *,
     draws: int = DRAWS,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> DrivesComparison:
-    """Compare drives with the first of them, at the torques that all have.
+    """Compare drives with the first of them, at torques [N*m].
 
-    Arguments: two drives or more; draws, of each from what is not known, and seed of these and of samples; executor, to
-    spread the work over (the numbers do not depend on it); progress, told how many states were solved. Raises
-    UsageError where they have no torque in common, UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
+    Arguments: two drives or more; torques; draws, of each from what is not known, and seed of these and of samples;
+    executor, to spread the work over (the numbers do not depend on it); progress, told how many states were solved.
+    Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
     """
-    torques = common_torques(drives)
-    loaded = [_loaded(drive, torques) for drive in drives]
-    sheets = tuple(sheet_of(drive, draws=draws, seed=seed, executor=executor, progress=progress) for drive in loaded)
+    sheets = tuple(
+        sheet_of(drive, torques=torques, draws=draws, seed=seed, executor=executor, progress=progress)
+        for drive in drives
+    )
     fields, pairs = _moving(drives), min(draws, PAIRS)
     changed = tuple(
-        changes(loaded[0], other, torques, fields, pairs=pairs, seed=seed, executor=executor, progress=progress)
-        for other in loaded[1:]
+        changes(drives[0], other, torques, fields, pairs=pairs, seed=seed, executor=executor, progress=progress)
+        for other in drives[1:]
     )
-    return DrivesComparison(sheets, torques, differences(drives), other_origins(drives), changed)
+    return DrivesComparison(sheets, tuple(torques), differences(drives), other_origins(drives), changed)
 
 
 def _moving(drives: Sequence[Drive]) -> list[Difference]:
     """Fields of two drives to change alone."""
     return [field for field in differences(drives) if field.moves] if len(drives) == 2 else []
-
-
-def _loaded(drive: Drive, torques: tuple[float, ...]) -> Drive:
-    """The drive at some torques alone."""
-    operation = drive.operation.model_copy(update={"M_g": torques})
-    return drive.model_copy(update={"operation": operation})

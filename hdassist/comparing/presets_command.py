@@ -9,6 +9,7 @@ from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 SUFFIXES = (".yaml", ".yml")
+MOST = 1e7  # N*m, as in a preset
 
 
 def is_preset(name: str) -> bool:
@@ -29,32 +30,38 @@ def require_presets(names: Sequence[str], *, plain: bool) -> None:
 
 def compare_presets(
     names: Sequence[str],
-    torques: list[str],
+    torque: float | None,
     drives: o.DriveOptions,
     work: tuple[int, int, int],
     options: o.FigureOptions,
+    *,
+    details: bool,
 ) -> int:
     """Compare presets and give the answer; returns the exit code.
 
-    Arguments: names; torques, as overrides; drives; work: draws, seed and jobs; options.
+    Arguments: names; torque [N*m], None for those that all have; drives; work: draws, seed and jobs; options; details,
+    whether all tables are shown. Raises UsageError for a torque that is none.
     """
-    from hdassist.comparing.presets import compare_drives, estimate_comparison
+    from hdassist.comparing.presets import common_torques, compare_drives, estimate_comparison
     from hdassist.comparing.presets_page import answer, warnings
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.workers import workers
 
+    if torque is not None and not 0 < abs(torque) <= MOST:
+        raise UsageError(f"--torque must be a torque in N*m, and not {torque:g}", f"up to {MOST:g}, and not 0")
     out, (draws, seed, jobs) = options.open(), work
 
     def one(_: str) -> Answer:
-        loaded = [drives.load(name, *torques) for name in names]
-        total = estimate_comparison(loaded, draws)
+        loaded = [drives.load(name) for name in names]
+        torques = common_torques(loaded) if torque is None else (torque,)
+        total = estimate_comparison(loaded, torques, draws)
         with out.progress(", ".join(drive.name for drive in loaded), total) as progress, workers(jobs) as executor:
-            result = compare_drives(loaded, draws=draws, seed=seed, executor=executor, progress=progress)
+            result = compare_drives(loaded, torques, draws=draws, seed=seed, executor=executor, progress=progress)
         for text in warnings(result):
             warn(text)
-        return answer(result, seed=seed)
+        return answer(result, seed=seed, details=details)
 
     answers = run_each(
         "compare-presets", [""], one, options,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from string import ascii_uppercase
 
 import numpy as np
@@ -27,18 +27,20 @@ from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import basis_objects, basis_table, unknown_objects
+from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, Figures
 
+SHOWN = 6  # paths in a line
 SENSE = {-1: "less", 0: "the same", 1: "more"}
 
 
-def answer(result: DrivesComparison, *, seed: int) -> Answer:
-    """What there is to say of a comparison; seed, of draws and samples."""
+def answer(result: DrivesComparison, *, seed: int, details: bool = False) -> Answer:
+    """What there is to say of a comparison; seed, of draws and samples; details, whether all tables are shown."""
     return Answer(
         to_json=lambda: to_json(result, seed),
-        page=lambda style: render(result, style),
+        page=lambda style: render(result, style, details=details),
         summary_line=lambda: verdict_line(result),
         figures=lambda: figures(result),
         about=", ".join(drive.name for drive in result.drives),
@@ -73,7 +75,7 @@ def _verdict(result: DrivesComparison, other: int) -> str:
     parts = [_at_torque(result, other, k) for k in range(len(result.torques))]
     first, second = (_hole(result.sheets[k]) for k in (0, other))
     parts.append(f"best hole {first}" if first == second else f"best hole {first} -> {second}")
-    count = len(result.differences)
+    count = sum(field.there[0].value != field.there[other].value for field in result.differences)
     parts.append("no field differs" if not count else "1 field differs" if count == 1 else f"{count} fields differ")
     return "; ".join(parts)
 
@@ -89,7 +91,7 @@ def _at_torque(result: DrivesComparison, other: int, torque: int) -> str:
     share = 100 * abs(whole.median_arcsec[torque]) / np.median(whole.F_ior_arcsec[:, torque])
     drawn = f" in {len(whole.change_arcsec)} drawn pairs" if len(whole.change_arcsec) > 1 else ""
     single = max(result.changes[other - 1].single, key=lambda c: abs(c.median_arcsec[torque]), default=None)
-    most = f", most by {single.path}" if single and len(result.differences) > 1 else ""
+    most = f", most by {single.path} alone" if single and len(result.differences) > 1 else ""
     return f"{where}, {share:.0f} % {SENSE[sense]}{drawn}{most}"
 
 
@@ -106,9 +108,9 @@ def _hole(sheet: DriveSheet) -> str:
     return place(target).removeprefix("hole ")
 
 
-def render(result: DrivesComparison, style: Style) -> RenderableType:
-    """The verdict; errors, holes and stiffness beside each other; what does most; what differs; what it rests on."""
-    called = zip(letters(result), result.drives, strict=True)
+def render(result: DrivesComparison, style: Style, *, details: bool = False) -> RenderableType:
+    """The verdict; errors, holes and stiffness beside each other; what does most; with details all that differs."""
+    called = list(zip(letters(result), result.drives, strict=True))
     subject = ", ".join(f"{letter} {drive.name} ({drive.origin.file})" for letter, drive in called)
     parts: list[RenderableType] = [
         Text(style.text(verdict_line(result)), style="bold"),
@@ -116,15 +118,16 @@ def render(result: DrivesComparison, style: Style) -> RenderableType:
         _table(style, "what comes of it", result, list(_rows(result))),
     ]
     parts += [_changes(result, style)] if result.changes[0].single else []
-    parts += [Text(style.text(line)) for line in _asides(result)]
-    parts += [_fields(result, style)] if result.differences else []
+    parts += [_fields(result, style)] if result.differences and details else []
     for letter, sheet in zip(letters(result), result.sheets, strict=True):
-        if sheet.check.rests_on:
+        if sheet.check.rests_on and details:
             grid = basis_table(sheet.drive, sheet.check.rests_on, result.torques, style)
             grid.title = Text(style.text(f"{letter} {grid.title}"))
             parts.append(grid)
-    crossed = cross_checked(cross for sheet in result.sheets for cross in sheet.cross_checks)
-    parts.append(Text(style.text(f"certificate: {result.certificate}{crossed}")))
+    parts.append(facts(style, _lines(result, details)))
+    if details:
+        crossed = cross_checked(cross for sheet in result.sheets for cross in sheet.cross_checks)
+        parts.append(Text(style.text(f"certificate: {result.certificate}{crossed}")))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
@@ -149,7 +152,7 @@ def _segments(curves: list[Stiffness]) -> Iterator[tuple[str, list[str]]]:
     """Rows of K1 to K3; the torques that they lie between stand with each where they are not the same."""
     for k in range(max(len(curve.positive) for curve in curves)):
         ends = [curve.positive[k] if k < len(curve.positive) else None for curve in curves]
-        spans = [f"{s.start:.3g} to {s.end:.3g} N·m" if s else "" for s in ends]
+        spans = [f"{s.start:.4g} to {s.end:.4g} N·m" if s else "" for s in ends]
         same = len(set(spans)) == 1
         cells = [f"{s.stiffness / 1e4:.3g}" + ("" if same else f", {span}") if s else "-"
                  for s, span in zip(ends, spans, strict=True)]  # fmt: skip
@@ -193,20 +196,25 @@ def _change(change: Change, torque: int) -> str:
     return words if len(values) == 1 else f"{words} ({values.min():+.2f} to {values.max():+.2f})"
 
 
-def _asides(result: DrivesComparison) -> Iterator[str]:
-    """What else there is to say, a line each."""
-    called = letters(result)
+def _lines(result: DrivesComparison, details: bool) -> Iterator[tuple[str, str]]:
+    """What else there is to say, a labelled line each."""
     if none := result.changes[0].none:
-        yield f"alone no drive that can be computed, or one that leaves more unknown: {', '.join(none)}"
-    for letter, sheet in zip(called, result.sheets, strict=True):
-        if sheet.check.unknown:
-            yield f"{letter}: not known, and 0 in F'_ior without a range: {names(sheet.check.unknown)}"
+        yield "not alone", f"{_some(none)}: no drive that can be computed, or one that leaves more unknown"
+    for letter, sheet in zip(letters(result), result.sheets, strict=True):
+        yield f"{letter} not known", names(sheet.check.unknown)
         if sheet.advice.order == "none":
-            yield f"{letter}: {what_to_do(sheet.advice)}"
-    if result.origins:
-        count = len(result.origins)
-        paths = ", ".join(result.origins[:4]) + (f" and {count - 4} more" if count > 4 else "")
-        yield f"the same value from another kind of origin: {paths}"
+            yield f"{letter} mounting", what_to_do(sheet.advice)
+        yield f"{letter} rests on", ", ".join(effect.assumption.path for effect in sheet.check.rests_on)
+    yield "differs", "" if details else _some([field.path for field in result.differences])
+    yield "same value", f"{_some(result.origins)}: from another kind of origin" if result.origins else ""
+    yield "next", again("report", result.drives[-1], "-o", "report.html")
+    yield "more", "" if details else "--details"
+    yield "proof", proof(result.certificate, [cross for sheet in result.sheets for cross in sheet.cross_checks])
+
+
+def _some(paths: Sequence[str]) -> str:
+    """Some of the paths, and how many more there are."""
+    return ", ".join(paths[:SHOWN]) + (f" and {len(paths) - SHOWN} more" if len(paths) > SHOWN else "")
 
 
 def _fields(result: DrivesComparison, style: Style) -> Table:

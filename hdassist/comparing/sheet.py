@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -45,6 +46,11 @@ class DriveSheet:
         return (*self.check.cross_checks, *self.advice.curve.cross_checks, self.stiffness.cross_check)
 
 
+def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
+    """The drive at other torques [N*m]."""
+    return drive.model_copy(update={"operation": drive.operation.model_copy(update={"M_g": tuple(torques)})})
+
+
 def estimate_states(drive: Drive, draws: int = DRAWS) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
@@ -55,6 +61,7 @@ def estimate_states(drive: Drive, draws: int = DRAWS) -> int:
 def sheet_of(
     drive: Drive,
     *,
+    torques: Sequence[float] | None = None,
     draws: int = DRAWS,
     seed: int = 0,
     executor: Executor | None = None,
@@ -62,20 +69,22 @@ def sheet_of(
 ) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Arguments: draws, drives drawn from what is not known, and seed of these and of samples; executor, to spread the
-    work over (the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where
-    an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
+    Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, drives drawn from what is not known,
+    and seed of these and of samples; executor, to spread the work over (the numbers do not depend on it); progress,
+    told how many states were solved. Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as
+    half an advice is none here.
     """
 
     def checked(there: Drive) -> DesignCheck:
         return check(there, draws=draws, seed=seed, executor=executor, progress=progress)
 
     def advised(there: Drive) -> Advice:
-        torques, turns = there.operation.M_g, seat_positions(there)
-        return advise(there, torques, turns, samples=SAMPLES, seed=seed, executor=executor, progress=progress)
+        at, turns = there.operation.M_g, seat_positions(there)
+        return advise(there, at, turns, samples=SAMPLES, seed=seed, executor=executor, progress=progress)
 
-    found = in_wide_enough_window(drive, checked)
-    advice = in_wide_enough_window(drive, advised)
+    loaded = drive if torques is None else at_torques(drive, torques)
+    found = in_wide_enough_window(loaded, checked)
+    advice = in_wide_enough_window(loaded, advised)
     if advice.curve.interrupted:
         raise KeyboardInterrupt
     return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, progress=progress)))

@@ -20,8 +20,8 @@ def command(
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,
-    details: o.Details = False,
     pitch: o.PitchOptions,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """Largest kinematic error F'_ior of drives over the full cycle, with verdict and proof.

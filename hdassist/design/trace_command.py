@@ -29,8 +29,8 @@ def command(
     cross_check: o.CrossCheck = "clarabel",
     seed: o.Seed = 0,
     plot: o.Plot = True,
-    details: o.Details = False,
     pitch: o.PitchOptions,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """Kinematic error F_kpp against the cam angle, with its orders and their causes.

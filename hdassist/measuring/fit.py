@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.bins import Bins
 from hdassist.model.geometry import Array
 
@@ -56,7 +56,9 @@ class Design:
         self.columns = columns = 2 * len(orders) + bins.sweeps + degree
         if len(bins) < BINS_PER_COLUMN * columns:
             message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
-            raise UntrustedError(message, "record more densely, or declare fewer orders: --orders 1,2,4")
+            raise UntrustedError(
+                message, "record more densely, or declare fewer orders: --orders 1,2,4", Fault.ORDERS_UNTOLD
+            )
         self._parts = [slice(k, min(k + CHUNK, len(bins))) for k in range(0, len(bins), CHUNK)]
         gram = np.zeros((columns, columns))
         self._moment = np.zeros(columns)
@@ -70,7 +72,9 @@ class Design:
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > WORST_CONDITION:
             hint = "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
-            raise UntrustedError("the angles that were recorded do not tell the declared orders apart", hint)
+            raise UntrustedError(
+                "the angles that were recorded do not tell the declared orders apart", hint, Fault.ORDERS_UNTOLD
+            )
         # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 

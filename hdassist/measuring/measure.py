@@ -8,7 +8,7 @@ from math import hypot
 
 import numpy as np
 
-from hdassist.errors import DataError, UntrustedError, UsageError
+from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, TraceFit, fit_orders
@@ -196,7 +196,9 @@ def _declared(
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
         message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g} deg are too long for order {declared[-1]:g}"
-        raise UntrustedError(f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders")
+        raise UntrustedError(
+            f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
+        )
     notes.append(f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more")
     return kept
 
@@ -245,7 +247,7 @@ def _sweep_result(
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
         drifts = not len(fit.drift) and drift_left(bins, fit.residual, 0.0)
         hint = "it drifts: --drift linear" if drifts else "record longer or with less noise; is it the right column?"
-        raise UntrustedError(f"{trace.file}: {message}", hint)
+        raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
     raw = float(np.ptp(trace.error_arcsec[rows] - fit.drift_at(travel_of(trace)[rows])))
     visits = coverage(trace.cam_deg[rows] / 360, gearing) if gearing else None

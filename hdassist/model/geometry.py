@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import Fault, UntrustedError
 from hdassist.model.nominal import Array as Array
 from hdassist.model.nominal import NominalCurve, Shape, nominal_shape
 from hdassist.preset.fields import Drive
@@ -130,7 +130,9 @@ def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, sample
 
     lowest, reaches = _lowest_active_radius(geometry, theta, side)
     if not reaches.any():
-        raise UntrustedError("no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a")
+        raise UntrustedError(
+            "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a", Fault.NO_MESH
+        )
     tooth, zone, edge = tooth[reaches], zone[reaches], edge[reaches]
     side, theta, lowest = side[reaches], theta[reaches], lowest[reaches]
     fraction = np.linspace(0, 1, samples)

@@ -39,9 +39,9 @@ def command(
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,
-    details: o.Details = False,
     pitch: o.PitchOptions,
     card: o.CardOptions,
+    details: o.Details = False,
     options: o.FigureOptions,
     moved: Annotated[
         list[str],

@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hdassist.errors import DataError
+from hdassist.errors import DataError, Fault
 from hdassist.textfile import STDIN, open_at_once, reason, standard_input
 
 if TYPE_CHECKING:
@@ -56,9 +56,9 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     except FileNotFoundError:
         raise _unknown(name_or_path, list(library)) from None
     except IsADirectoryError:
-        raise DataError(f"{name_or_path} is a directory, not a preset") from None
+        raise DataError(f"{name_or_path} is a directory, not a preset", "", Fault.FILE_UNREADABLE) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
-        raise DataError(f"cannot read {name_or_path}: {reason(error)}") from None
+        raise DataError(f"cannot read {name_or_path}: {reason(error)}", "", Fault.FILE_UNREADABLE) from None
 
 
 @cache  # a lot asks for it with each of its rows
@@ -76,4 +76,5 @@ def _unknown(name: str, names: list[str]) -> DataError:
     close = difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
-    return DataError(f"{kind}: {name or 'an empty name'}", f"{hint}in the library: {', '.join(sorted(names))}")
+    library = f"{hint}in the library: {', '.join(sorted(names))}"
+    return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)

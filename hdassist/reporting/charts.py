@@ -11,8 +11,8 @@ from hdassist.model.geometry import Array
 from hdassist.reporting.blocks import Chart, Label, Shape
 from hdassist.terminal.plot import ticks
 
-WIDTH, HEIGHT = 480.0, 250.0
-LEFT, RIGHT, TOP, BOTTOM = 50.0, 14.0, 26.0, 44.0
+WIDTH, HEIGHT = 480.0, 258.0
+LEFT, RIGHT, TOP, BOTTOM = 50.0, 14.0, 34.0, 44.0
 COLUMNS = 400  # into which a curve of many points is drawn, from its least to its greatest
 
 

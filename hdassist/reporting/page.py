@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -33,11 +32,11 @@ from hdassist.reporting.blocks import Block, Figure, Paragraph, Report, Section,
 from hdassist.reporting.charts import Dot, chart
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import basis_table
+from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity
 from hdassist.terminal.texts import texts
-from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 
@@ -119,10 +118,7 @@ def _reasons(sheet: DriveSheet) -> Iterator[str]:
     if sheet.check.unknown:
         yield f"Not known: {names(sheet.check.unknown)}."
     if sheet.advice.order != "none":
-        origin = sheet.drive.origin
-        asked = ["PRESET" if origin.file == STDIN else origin.file]
-        asked += [word for text in origin.overrides for word in ("--set", text)]
-        yield f"Next: hdassist mount {' '.join(map(quote, asked))} --card card.html"
+        yield f"Next: {again('mount', sheet.drive, '--card', 'card.html')}"
 
 
 def _most(drive: Drive, effect: Effect, points: Iterable[OperatingPoint]) -> str:
@@ -189,7 +185,7 @@ def _figure(style: Style, caption: str, x: Array, y: Array, x_label: str, y_labe
 
 def _mounting(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     advice, choice = sheet.advice, sheet.advice.choice
-    _, instruction, *rest = blocks_of(mount_page.render(advice, STYLE, plots=False))
+    _, instruction, *rest = blocks_of(mount_page.render(advice, STYLE, plots=False, details=True))
     yield instruction
     if advice.order != "none":
         seat = seat_of(choice, texts(), choice.chosen if choice.turn else None)

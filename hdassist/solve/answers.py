@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import Fault, UntrustedError
 from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
@@ -135,6 +135,7 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
         raise UntrustedError(
             f"state not solved at {place(first + k)}: {residual if np.isfinite(worst[k]) else 'no method ends'}",
             "try another solver (--solver clarabel), or a torque and stiffnesses nearer to a real drive",
+            Fault.UNTRUSTED_STATE,
         )
 
 
@@ -154,6 +155,7 @@ def _require_linear(
             f"{abs(rotation[k]) * ARCSEC:.0f} arcsec, above a quarter of a tooth pitch "
             f"({quarter_pitch * ARCSEC:.0f} arcsec)",
             "the torque is too great for this drive",
+            Fault.BEYOND_MODEL,
         )
     at_edge = flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0)
     k = int(np.argmax(at_edge))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hdassist.errors import UntrustedError, UsageError
+from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import proven
@@ -73,9 +73,11 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SETTINGS.get(name, {}))
     except cp.SolverError as error:
-        raise UntrustedError(f"{name} could not solve a state: {str(error).splitlines()[0]}") from error
+        raise UntrustedError(
+            f"{name} could not solve a state: {str(error).splitlines()[0]}", "", Fault.UNTRUSTED_STATE
+        ) from error
     if stated.forces.value is None or stated.equilibrium.dual_value is None:
-        raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}")
+        raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}", "", Fault.UNTRUSTED_STATE)
     return formulation.answer(stated.forces.value, stated.equilibrium.dual_value)
 
 
@@ -136,6 +138,7 @@ def solve_again(
                 f"two solvers disagree at {place(k)}: {difference:.3g} arcsec between the engine and {solver}, "
                 f"{CROSS_TOLERANCE} allowed",
                 "try another solver for the cross-check (--cross-check osqp)",
+                Fault.SOLVERS_DISAGREE,
             )
         worst = max(worst, difference)
     return CrossCheck(require_solver(solver), len(torques), worst)

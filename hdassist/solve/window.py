@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import overridden
 
@@ -16,6 +16,8 @@ Result = TypeVar("Result")
 
 class EdgeOfWindowError(UntrustedError):
     """Teeth at the edge of the flank window carry load: others beyond it may do so too."""
+
+    fault = Fault.EDGE_OF_WINDOW
 
 
 def in_wide_enough_window(drive: Drive, analysis: Callable[[Drive], Result]) -> Result:

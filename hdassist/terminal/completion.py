@@ -21,6 +21,14 @@ def overrides(incomplete: str) -> list[str]:
     return [f"{path}=" for path in field_table() if path.startswith(incomplete)]
 
 
+def names(incomplete: str) -> list[str]:
+    """Names that can be explained and begin so."""
+    from hdassist.errors import Fault
+    from hdassist.preset.fields import field_table
+
+    return [name for name in (*Fault, *field_table()) if name.startswith(incomplete)]
+
+
 def _paths(incomplete: str) -> list[str]:
     folder, _, begin = incomplete.rpartition("/")
     try:

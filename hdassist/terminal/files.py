@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, Fault, UsageError
 from hdassist.terminal.console import say, silence
 from hdassist.textfile import is_file, is_there
 from hdassist.visible import visible
@@ -149,7 +149,7 @@ def require_writable(path: str, force: bool) -> None:
         if not path or target.is_dir():
             raise _unwritable(path, "it is a directory" if path else "it has no name")
         if target.exists() and not _is_device(target) and not force:
-            raise UsageError(f"{path} exists", "--force replaces it")
+            raise UsageError(f"{path} exists", "--force replaces it", Fault.FILE_EXISTS)
         if _real(target).is_symlink():
             raise _unwritable(path, "its links go round in a circle")
         folder = _real(target).parent
@@ -172,7 +172,7 @@ def _is_device(target: Path) -> bool:
 
 
 def _unwritable(path: str, reason: str) -> DataError:
-    return DataError(f"cannot write {path or 'a file'}: {reason}")
+    return DataError(f"cannot write {path or 'a file'}: {reason}", "", Fault.FILE_UNWRITABLE)
 
 
 def _replace(target: Path, data: bytes) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hdassist.errors import DataError
+from hdassist.errors import DataError, Fault
 
 ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
 
@@ -16,4 +16,4 @@ def require_memory() -> None:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if 0 <= limit < ADDRESSES:
         words = f"the memory that a process may have is {limit / 1e6:.0f} MB: too little to compute with"
-        raise DataError(words, f"ulimit -v {ADDRESSES // 1000} or more, in kB")
+        raise DataError(words, f"ulimit -v {ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from hdassist.errors import HdassistError
+from hdassist.errors import Fault, HdassistError
 from hdassist.terminal.console import PIPE_WIDTH, Style, console, say
 from hdassist.terminal.files import require_writable, write_text
 from hdassist.visible import visible
@@ -106,8 +106,12 @@ class Output:
 def complain(error: HdassistError, about: str = "") -> None:
     """Say an error on stderr, with what to do about it."""
     where = f"{about}: " if about else ""
-    hint = f"\n  hint: {error.hint}" if error.hint else ""
-    note(f"error: {where}{error.message}{hint}")
+    note(f"error: {where}{error.message}\n  hint: {with_code(error.hint, error.fault)}")
+
+
+def with_code(hint: str, fault: Fault) -> str:
+    """A hint, and the command that says more about an error of its kind."""
+    return f"{hint} (hdassist explain {fault})" if hint else f"hdassist explain {fault}"
 
 
 def warn(text: str) -> None:

@@ -15,7 +15,7 @@ from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from hdassist.errors import DataError, UntrustedError, UsageError
+from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.terminal.workers import count, workers
 from hdassist.textfile import read_bytes
 from hdassist.version import __version__
@@ -76,9 +76,11 @@ def _on_cluster(client: Client) -> Iterator[tuple[Executor, int]]:
         yield _Checked(executor), len(_workers_of(client))
     except KilledWorker:
         words = "workers of the cluster were ended from outside, again and again, over the same items"
-        raise UntrustedError(words, "was memory short?") from None
+        raise UntrustedError(words, "was memory short?", Fault.WORKERS_LOST) from None
     except CancelledError:
-        raise DataError("the scheduler was lost", "is it still running? the same command goes on") from None
+        raise DataError(
+            "the scheduler was lost", "is it still running? the same command goes on", Fault.SCHEDULER_LOST
+        ) from None
     finally:
         executor.shutdown(wait=False)
 
@@ -152,12 +154,16 @@ def _reached(address: str) -> Iterator[Client]:
     try:
         client = Client(address, timeout=WAIT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        raise DataError(f"cannot reach the scheduler at {address}", f"is it running? {error}") from None
+        raise DataError(
+            f"cannot reach the scheduler at {address}", f"is it running? {error}", Fault.SCHEDULER_LOST
+        ) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=WORKERS_WAIT)
         except TimeoutError:
-            raise DataError(f"the scheduler at {address} has no workers", f"dask worker {address}") from None
+            raise DataError(
+                f"the scheduler at {address} has no workers", f"dask worker {address}", Fault.SCHEDULER_LOST
+            ) from None
         yield client
 
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager, redirect_stderr, suppress
 from multiprocessing import connection
 from pathlib import Path
 
-from hdassist.errors import DataError, UntrustedError
+from hdassist.errors import DataError, Fault, UntrustedError
 
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
@@ -42,7 +42,7 @@ def workers(jobs: int) -> Iterator[Executor]:
         yield pool
     except BrokenProcessPool:
         words = "a process that shared the work was ended from outside: there is no answer"
-        raise UntrustedError(words, "was memory short? fewer --jobs take less of it") from None
+        raise UntrustedError(words, "was memory short? fewer --jobs take less of it", Fault.WORKERS_LOST) from None
     finally:
         # a thread of the pool that writes to a worker just killed says so in a traceback of its own
         with _deaf(), redirect_stderr(io.StringIO()):

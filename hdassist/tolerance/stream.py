@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import Fault, UntrustedError
 
 SECONDS = 2.0  # of work in a chunk, about
 MOST = 10_000  # items in a chunk
@@ -53,6 +53,7 @@ def stream(
                         f"processes were ended from outside {deaths} times while they worked on items "
                         f"{queue.taken} to {queue.end - 1}",
                         "was memory short? fewer --jobs take less of it",
+                        Fault.WORKERS_LOST,
                     ) from None
 
 

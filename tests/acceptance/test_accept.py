@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import answer_of, exit_code, read_answers, to_json
-from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER, explained
+from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, K1, ORDER
 from hdassist.acceptance.decision import GUARD, Limit, Margin, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot import read_lot
@@ -477,9 +477,6 @@ def test_codes_are_explained_and_in_the_docs():
         sentences = (item.tests, item.wrong, item.change)
         assert len(set(sentences)) == 3
         assert all(re.fullmatch(r"\S.{20,}\.", text) for text in sentences)
-    assert explained("f-ior") == F_IOR
-    with pytest.raises(UsageError, match="no check has the code"):
-        explained("F")
     fields = {c.field for c in CHECKS}
     limits = set(type(small().acceptance).model_fields) - {"rule", "margin"}
     assert fields == limits

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.acceptance.checks import CODES
 from tests.process import ASSUMED, SMALL, run
 from tests.rigs import drive_error, text, whole_range
 from tests.tutorial import told_by
@@ -181,18 +180,6 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     assert again.returncode == 2
     both = run("accept", SMALL, SMALL, "--measured", "4:run.csv", "--limit", "F_ior=3", cwd=rig)
     assert (both.returncode, "belongs to one drive" in both.stderr) == (2, True)
-
-
-def test_codes_are_explained():
-    done = run("explain", "k-1", "coverage")
-    assert done.returncode == 0
-    for words in ("K_1: torsional stiffness K_1", "acceptance.K_1, the least", "goes wrong", "COVERAGE: "):
-        assert words in done.stdout
-    every = json.loads(run("explain", "--json").stdout)
-    assert (every["schema"], [item["code"] for item in every["codes"]]) == ("hdassist.explain/1", list(CODES))
-    assert "F_IOR" in run("explain").stdout
-    wrong = run("explain", "nothing")
-    assert (wrong.returncode, "no check has the code nothing" in wrong.stderr) == (2, True)
 
 
 def test_the_tutorial_runs(tmp_path):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from hdassist.comparing.fields import differences, other_origins
 from hdassist.comparing.presets import compare_drives
 from hdassist.comparing.presets_command import is_preset
 from hdassist.model.unknown import unknowns
+from hdassist.terminal.console import Style, console
 from tests.process import SMALL, run
 
 M_G = 4.0
@@ -34,7 +37,7 @@ def F_ior(drive) -> float:
 @pytest.fixture(scope="module")
 def better():
     """The small drive beside one with a better rigid wheel and more clearance."""
-    return compare_drives([small(), small(*BETTER)])
+    return compare_drives([small(), small(*BETTER)], [M_G])
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +81,7 @@ def test_the_verdict_comes_first(better):
     share = 100 * (1 - values[1] / values[0])
     assert line == (
         f"B against A: 4 N·m: F'_ior {values[0]:.2f} -> {values[1]:.2f} arcsec, {share:.0f} % less, most by "
-        f"tolerances.F_i2; best hole {better.sheets[0].advice.chosen.hole}; 2 fields differ"
+        f"tolerances.F_i2 alone; best hole {better.sheets[0].advice.chosen.hole}; 2 fields differ"
     )
 
 
@@ -125,10 +128,11 @@ def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
 
 def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
     fast = [word for text in FAST for word in ("--set", text)]
-    result = run("compare", "a.yaml", "b.YML", "--torque", "4", "--draws", "4", "--json", *fast, cwd=files)
+    result = run("compare", "a.yaml", "b.YML", "--torque", "3", "--draws", "4", "--json", *fast, cwd=files)
     assert result.returncode == 0, result.stderr
     told = json.loads(result.stdout)
-    assert (told["schema"], told["M_g_Nm"]) == ("hdassist.compare-presets/1", [4])
+    assert [preset["rated_Nm"] for preset in told["presets"]] == [4, 4]
+    assert (told["schema"], told["M_g_Nm"]) == ("hdassist.compare-presets/1", [3])
     assert [preset["file"] for preset in told["presets"]] == ["a.yaml", "b.YML"]
     known, open_ = told["presets"]
     assert known["operating_points"][0]["unknown_range"]["high_arcsec"] is None
@@ -155,6 +159,7 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
         (["b.YML", "run.csv"], 2, "run.csv is taken for a trace, and b.YML for a preset"),
         (["b.YML", "--drift", "linear"], 2, "how a trace is read says nothing of presets"),
         (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N*m; "),
+        (["b.YML", "--torque", "0"], 2, "--torque must be a torque in N*m, and not 0"),
         (["none.yaml"], 4, "no such file: none.yaml"),
         (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: out of range"),
     ],
@@ -167,7 +172,28 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
 
 
 def test_three_presets_are_held_against_the_first(better):
-    three = replace(better, sheets=(*better.sheets, better.sheets[0]), changes=better.changes * 2)
-    assert [line[:11] for line in presets_page.verdict_line(three).splitlines()] == ["B against A", "C against A"]
+    sheets = (*better.sheets, better.sheets[0])
+    fields = differences([sheet.drive for sheet in sheets])
+    three = replace(better, sheets=sheets, differences=fields, changes=better.changes * 2)
+    first, second = presets_page.verdict_line(three).splitlines()
+    assert (first[:11], second[:11]) == ("B against A", "C against A")
+    assert (first.rpartition("; ")[2], second.rpartition("; ")[2]) == ("2 fields differ", "no field differs")
     assert len(presets_page.to_json(three, 0)["changes"]) == 2
     assert len(presets_page.figures(three)[1]) == 3
+
+
+def test_the_page_is_short_and_has_the_rest_on_request(better):
+    style = Style(ascii=True, codes=False, width=80)
+    page = io.StringIO()
+    console(page, style).print(presets_page.render(better, style))
+    short = page.getvalue()
+    console(page, style).print(presets_page.render(better, style, details=True))
+    long = page.getvalue().removeprefix(short)
+    assert short.startswith("B against A: ")
+    assert max(map(len, short.splitlines())) <= 80
+    told = re.sub(r"\s+", " ", short)
+    assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in told
+    assert "-o report.html more --details proof" in told
+    for words in ("what differs", "origin of B", "certificate: "):
+        assert words in long
+        assert words not in short

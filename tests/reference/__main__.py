@@ -1,4 +1,4 @@
-"""docs/commands.md and docs/fields.md from the declarations of the code: `python -m tests.reference [--check]`."""
+"""Pages of docs/ from the declarations of the code: `python -m tests.reference [--check]`."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 from hdassist.cli.main import app
+from hdassist.explaining import symbols, terms
 from hdassist.preset.fields import BY_PATH, sections
 from hdassist.preset.kinds import choices_of, is_optional, kind_of, may_be_unknown, range_of, unit_of
 from tests.process import run
@@ -20,7 +21,8 @@ MADE = "Made by `python -m tests.reference` from the declarations of the code; C
 @cache
 def made() -> dict[Path, str]:
     """Each page by its path."""
-    return {DOCS / "commands.md": "\n".join(commands()) + "\n", DOCS / "fields.md": "\n".join(fields()) + "\n"}
+    pages = {"commands.md": commands(), "fields.md": fields(), "glossary.md": glossary()}
+    return {DOCS / name: "\n".join(lines) + "\n" for name, lines in pages.items()}
 
 
 def commands() -> Iterator[str]:
@@ -57,6 +59,14 @@ def fields() -> Iterator[str]:
             if is_optional(info) and not default:
                 default = "none"
             yield f"| `{key}` | {info.description} | {unit} | {span} | {default} |"
+
+
+def glossary() -> Iterator[str]:
+    """Lines of the glossary: words of the trade, then symbols."""
+    yield from ("# Glossary", "", MADE, "")
+    yield "`hdassist explain WORD` says the same on a terminal, of a word in either language and of a symbol."
+    yield from terms.page()
+    yield from ("", "## Symbols", "", *symbols.table())
 
 
 def _default(value: object) -> str:

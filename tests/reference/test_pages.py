@@ -2,12 +2,17 @@
 
 import pytest
 
+from hdassist.explaining import symbols
 from tests.reference.pages import DOCS, made
 
 
-@pytest.mark.parametrize("name", ["commands.md", "fields.md"])
+@pytest.mark.parametrize("name", ["commands.md", "fields.md", "glossary.md"])
 def test_a_page_is_not_stale(name: str) -> None:
     assert (DOCS / name).read_text("utf-8") == made()[DOCS / name], "python -m tests.reference"
+
+
+def test_the_theory_has_the_symbols_of_the_glossary() -> None:
+    assert "\n".join(symbols.table()) in (DOCS / "theory.md").read_text("utf-8")
 
 
 def test_every_command_and_field_stands_in_them() -> None:

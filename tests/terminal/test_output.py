@@ -57,7 +57,7 @@ def test_text_and_messages_have_nothing_hidden() -> None:
     with terminal() as stream:
         Output(Style(False, True, 120)).text(NAME + "\n")
         complain(DataError(NAME, NAME), NAME)
-    assert stream.getvalue() == f"{TOLD}\nerror: {TOLD}: {TOLD}\n  hint: {TOLD}\n"
+    assert stream.getvalue() == f"{TOLD}\nerror: {TOLD}: {TOLD}\n  hint: {TOLD} (hdassist explain DATA)\n"
 
 
 def test_style_escapes_before_it_makes_seven_bits() -> None:

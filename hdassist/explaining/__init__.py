@@ -1,0 +1,1 @@
+"""What words, symbols, fields, checks and errors mean."""

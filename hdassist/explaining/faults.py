@@ -1,0 +1,92 @@
+"""What is behind each kind of error, and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdassist.errors import Fault
+
+
+@dataclass(frozen=True)
+class Told:
+    """A kind of error: what has happened, and what to do."""
+
+    meaning: str
+    change: str
+
+
+FAULTS: dict[Fault, Told] = {
+    Fault.USAGE: Told(
+        "The command line asks for something that cannot be meant. Exit code 2.",
+        "The message says which word; hdassist COMMAND -h begins with examples.",
+    ),
+    Fault.FILE_EXISTS: Told(
+        "A file to write is there already; nothing is ever written over it unasked. Exit code 2.",
+        "Another name, or --force.",
+    ),
+    Fault.DATA: Told(
+        "A file or a preset says something that cannot be used. Exit code 4.",
+        "The message says what; hdassist presets validate tells all that is wrong with a preset.",
+    ),
+    Fault.FILE_UNREADABLE: Told(
+        "A file is not there, is a folder, or may not be read. Exit code 4.",
+        "Check the name and the rights; - is standard input.",
+    ),
+    Fault.FILE_UNWRITABLE: Told(
+        "A file cannot be written: no rights, no folder, no room. Exit code 4; nothing half written is left.",
+        "Another place for it; df shows the room.",
+    ),
+    Fault.FILE_INVALID: Told(
+        "A preset or a table has faults; each stands with its file, line and column. Exit code 4.",
+        "Mend the lines; hdassist presets validate looks at a preset again, hdassist explain gears.z_g at a field.",
+    ),
+    Fault.SCHEDULER_LOST: Told(
+        "The cluster's scheduler cannot be reached, has gone, or has no workers. Exit code 4.",
+        "Start it; the same command goes on with what is kept.",
+    ),
+    Fault.SYSTEM_LIMITS: Told(
+        "The system gives this process too little: memory, files or processes. Exit code 4.",
+        "ulimit -a shows the limits.",
+    ),
+    Fault.UNTRUSTED: Told(
+        "There is an answer, but not one to be trusted, so it is not given. Exit code 5.",
+        "The message says why, its hint what would help.",
+    ),
+    Fault.UNTRUSTED_STATE: Told(
+        "No solver has a solution of a state whose residuals prove it. Exit code 5.",
+        "A torque and stiffnesses nearer to a real drive; --solver clarabel.",
+    ),
+    Fault.SOLVERS_DISAGREE: Told(
+        "A second solver found another rotation of the same state, more than 0.01 arcsec away. Exit code 5.",
+        "--cross-check osqp; stiffnesses and compliances that are not a million times apart.",
+    ),
+    Fault.BEYOND_MODEL: Told(
+        "The wind-up is above a quarter of a tooth pitch: the linear model ends there. Exit code 5.",
+        "Less torque, or a stiffer drive.",
+    ),
+    Fault.EDGE_OF_WINDOW: Told(
+        "The outermost tooth that the model looks at carries load, in the widest window there is. Exit code 5.",
+        "Less torque, less wave cam.W_0; numerics.window is widened by itself before.",
+    ),
+    Fault.NO_MESH: Told(
+        "No tooth of the flexspline reaches the rigid wheel. Exit code 5.",
+        "More wave (cam.W_0), higher teeth (gears.h_a), or other profile shifts.",
+    ),
+    Fault.ORDERS_UNTOLD: Told(
+        "A record does not tell the declared orders or the range from each other or from its noise. Exit code 5.",
+        "A longer or quieter record with smaller steps, fewer --orders, --drift linear where it drifts.",
+    ),
+    Fault.FIT_UNSETTLED: Told(
+        "An identification found no set of values that it can stand for. Exit code 5.",
+        "More --evaluations with the same --state, or narrower bounds.",
+    ),
+    Fault.WORKERS_LOST: Told(
+        "Processes that shared the work were ended from outside; mostly memory was short. Exit code 5.",
+        "Fewer --jobs.",
+    ),
+    Fault.MEMORY_SHORT: Told("There is not memory enough for an answer. Exit code 5.", "Fewer --jobs."),
+    Fault.BUG: Told(
+        "An error that hdassist did not foresee. Exit code 1.",
+        "--debug shows where; please report it with the command and the preset.",
+    ),
+}

@@ -1,0 +1,125 @@
+"""Names of all sorts are found, in any spelling; what is not is told with what is near."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from hdassist.acceptance.checks import CHECKS, CODES
+from hdassist.design import check_page, self_error_page, stiffness_page, trace_page
+from hdassist.errors import Fault, HdassistError, UsageError
+from hdassist.explaining.faults import FAULTS
+from hdassist.explaining.lookup import entries, explained
+from hdassist.explaining.symbols import SYMBOLS
+from hdassist.explaining.terms import TERMS
+from hdassist.preset.fields import field_table, sections
+from hdassist.terminal.output import with_code
+from tests.process import SMALL, on_terminal, run
+
+REPORTED = (
+    *check_page.POINT, *check_page.UNKNOWN, *check_page.SLOPES, *trace_page.ORDER, *stiffness_page.WHOLE,
+    *self_error_page.POINT,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds", "words"),
+    [
+        ("FIOR", {"check", "quantity or word", "symbol", "field"}, "over the full"),
+        ("F'_ior", {"check", "quantity or word", "symbol", "field"}, "over the full"),
+        ("phi_g", {"symbol"}, "angles of cam and flexspline"),
+        ("φ_g", {"symbol"}, "angles of cam and flexspline"),
+        ("W_0", {"symbol", "field"}, "major axis"),
+        ("cam.W_0", {"field"}, "major axis"),
+        ("xi_b", {"symbol", "field"}, "tooth deviations"),
+        ("K1", {"check", "field"}, "torsional stiffness"),
+        ("one-wave share", {"quantity or word"}, "less than 1 %"),
+        ("Lost Motion", {"check", "quantity or word", "field"}, "4 %"),
+        ("self error", {"check", "quantity or word", "field"}, "without any deviation"),
+        ("Генератор волн", {"quantity or word"}, "bends the flexspline"),
+        ("жесткое колесо", {"quantity or word"}, "inner teeth"),
+        ("gears", {"section"}, "two wheels"),
+        ("N", {"symbol", "field"}, "balls"),
+        ("edge_of_window", {"error"}, "outermost tooth"),
+    ],
+)
+def test_a_name_is_found_in_its_spellings(name, kinds, words):
+    found = explained(name)
+    assert {entry.kind for entry in found} == kinds
+    assert words in " ".join([text for entry in found for text in (entry.words, *(fact for _, fact in entry.facts))])
+
+
+def test_all_that_is_declared_is_known():
+    names = [*CODES, *field_table(), *(path.split(".")[1] for path in field_table()), *(name for name, _ in sections())]
+    names += [name for each in SYMBOLS for name in each.paper]
+    names += [name for term in TERMS for name in (term.word, *term.others, *term.russian.split(", ")) if name]
+    names += list(Fault)
+    names += [part for q in REPORTED for part in (q.key.split(".")[-1],) if not re.search(ANGLES, q.key)]
+    for name in names:
+        assert explained(name), name
+    assert set(FAULTS) == set(Fault)
+    assert all(entry.words for entry in entries())
+
+
+ANGLES = r"^at_|^M_g|unknown_range|sensitivity"  # parts of an object that is explained, or a symbol with its unit
+
+
+def test_a_field_has_its_unit_range_and_default():
+    (found,) = explained("gears.j_n")
+    assert found.facts == (("unit", "um"), ("range", "0 to 200"), ("left out", "0"))
+    (found,) = explained("bearing.ball_motion")
+    assert found.facts == (("values", "locked, rolling"), ("left out", "locked"))
+
+
+@pytest.mark.parametrize(("wrong", "meant"), [("F_iro", "F_IOR"), ("flexpline", "flexspline"), ("phi_q", "phi_g")])
+def test_what_is_near_is_offered(wrong, meant):
+    with pytest.raises(UsageError, match=f"nothing is called {wrong}") as told:
+        explained(wrong)
+    assert f"did you mean {meant}" in told.value.hint
+
+
+def test_every_error_says_a_code_that_can_be_explained():
+    classes = [HdassistError]
+    for each in classes:
+        classes += each.__subclasses__()
+    assert {each.fault for each in classes} <= set(FAULTS)
+    asked = {
+        Fault.FILE_UNREADABLE: ("check", "none.yaml"),
+        Fault.FILE_INVALID: ("check", "-"),
+        Fault.USAGE: ("explain", "nothing at all"),
+        Fault.FILE_EXISTS: ("trace", SMALL, "-o", SMALL),
+        Fault.FILE_UNWRITABLE: ("trace", SMALL, "-o", "/none/there"),
+        Fault.BEYOND_MODEL: ("trace", SMALL, "--torque", "1e6"),
+    }
+    for fault, arguments in asked.items():
+        told = run(*arguments, stdin="schema: hdassist.preset/1\n").stderr
+        assert told.startswith("error: ")
+        assert told.rstrip().endswith((f"(hdassist explain {fault})", f"hint: hdassist explain {fault}")), told
+    assert with_code("", Fault.BUG) == "hdassist explain BUG"
+
+
+def test_codes_are_explained_to_people_and_scripts():
+    done = run("explain", "k-1", "coverage")
+    assert done.returncode == 0
+    for words in ("K_1: torsional stiffness K_1", "acceptance.K_1, the least", "goes wrong", "COVERAGE: "):
+        assert words in done.stdout
+    every = json.loads(run("explain", "--json").stdout)
+    assert (every["schema"], [item["code"] for item in every["codes"]]) == ("hdassist.explain/1", list(CODES))
+    assert {"name", "kind", "words", "facts"} == set(every["names"][0])
+    one = json.loads(run("explain", "cam.W_0", "--json").stdout)
+    assert (one["codes"], [item["name"] for item in one["names"]]) == ([], ["cam.W_0"])
+    wrong = run("explain", "nothing")
+    assert (wrong.returncode, "nothing is called nothing" in wrong.stderr) == (2, True)
+    assert all(check.code in run("explain").stdout for check in CHECKS)
+
+
+@pytest.mark.parametrize("names", [(), ("F_IOR", "gears", "tangential composite deviation", "certificate")])
+def test_forty_columns_hold_it_whole(names):
+    wide = run("explain", *names).stdout
+    code, told = on_terminal("explain", *names, "--no-color", columns=40)
+    assert code == 0
+    assert max(map(len, told.splitlines())) <= 40
+    assert "…" not in told
+    assert sorted(told.split()) == sorted(wide.split())
