@@ -60,6 +60,7 @@ async def picture(scene: Scene) -> str:
     from hdassist.explorer.app import Explorer
     from hdassist.explorer.service import Service
     from hdassist.explorer.state import opened, with_trials
+    from hdassist.explorer.writing import without_fonts
 
     session = opened(scene.preset, scene.overrides)
     session = with_trials(session, scene.trials) if scene.trials else session
@@ -94,7 +95,7 @@ async def picture(scene: Scene) -> str:
             else:
                 await pilot.press(*scene.keys)
                 await wait(scene.after)
-            return app.export_screenshot(title=f"hdassist explore {scene.preset}")
+            return without_fonts(app.export_screenshot(title=f"hdassist explore {scene.preset}"))
     finally:
         service.close()
 

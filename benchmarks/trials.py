@@ -142,12 +142,11 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
     from hdassist.errors import UntrustedError
     from hdassist.mounting.positions import usable_positions
     from hdassist.trials.advice import NEEDED, TrialAdvice, verification
-    from hdassist.trials.draws import require_reachable
     from hdassist.trials.posterior import learnt, next_trial, prediction
-    from hdassist.trials.trial import Rig, Trial
+    from hdassist.trials.trial import Trial
 
     seed, true = task
-    rig, rng, positions = Rig(M_G), np.random.default_rng([20, seed]), usable_positions(HOLES, "all")
+    rng, positions = np.random.default_rng([20, seed]), usable_positions(HOLES, "all")
     loss, holes, rows, predictions, known = np.array(true) / min(true) - 1, list(FIRST), [], [], None
 
     def measured(hole: int) -> Trial:
@@ -157,13 +156,12 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
     for number in range(NUMBERS[0], NUMBERS[-1] + 1):
         if len(trials) < number:
             # the hole in between, where the tool has refused so far
-            holes.append(positions.index(next_trial(*known).rotation_deg) if known else 2)
+            holes.append(positions.index(next_trial(*known)[0]) if known else 2)
             trials.append(measured(holes[-1]))
-            predictions.append(prediction(cloud, trials[:-1], rig, trials[-1]))
+            predictions.append(prediction(cloud, trials[:-1], trials[-1]))
         row = {"trials": number, "sine": loss[sine_fit(holes, [t.F_ior_arcsec for t in trials])], "refused": 1.0}
         try:
-            require_reachable(cloud, trials, rig)
-            draws, losses = known = learnt(cloud, trials, rig, positions)
+            draws, losses = known = learnt(cloud, trials, positions)
         except UntrustedError:
             rows.append(row)
             continue
@@ -171,11 +169,11 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
         outcome = measured(losses.best)
         others = [t for t in {t.rotation_deg: t for t in trials}.values() if t.rotation_deg != outcome.rotation_deg]
         try:
-            _, after = learnt(cloud, [*trials, outcome], rig, positions)
+            _, after = learnt(cloud, [*trials, outcome], positions)
         except UntrustedError:
             after = None
-        verified = verification(after, prediction(cloud, trials, rig, outcome), others, positions, 1.0)
-        told = TrialAdvice(cloud, rig, tuple(trials), draws, losses, None, (None, None, *predictions), None)
+        verified = verification(after, prediction(cloud, trials, outcome), others, positions, 1.0)
+        told = TrialAdvice(cloud, tuple(trials), draws, losses, (0.0, 0.0), (None, None, *predictions))
         rows.append(
             {
                 **row,
@@ -297,10 +295,11 @@ def main() -> None:
 
     from hdassist import load_preset
     from hdassist.trials.cloud import cloud_of
+    from hdassist.trials.trial import Rig
 
     true = truths(options.n, options.file)
     with ProcessPoolExecutor(os.cpu_count()) as executor:
-        cloud = cloud_of(load_preset("vzp160"), [M_G], M_G, executor=executor)
+        cloud = cloud_of(load_preset("vzp160"), (), Rig(M_G), executor=executor)
         found, seeds = {}, range(FIRST_SEED, FIRST_SEED + options.n)
         for case in CASES:
             tasks = [(seed, true[case.of, seed]) for seed in seeds]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -99,7 +100,11 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 )
 
 
-BRIEF = ("F_ior_arcsec", "F_ior_upper_arcsec", "unknown_range.low_arcsec", "unknown_range.high_arcsec")
+KNOWN = tuple(q for q in POINT if q.key in ("F_ior_arcsec", "F_ior_upper_arcsec"))
+OVER = (
+    *(replace(q, label=f"F'_ior: {q.label}") for q in UNKNOWN if q.key.endswith(("low_arcsec", "high_arcsec"))),
+    *(q for q in POINT if q.key == "self_error_arcsec"),
+)
 HELD = ("limit_arcsec", "verdict")
 
 
@@ -134,17 +139,18 @@ def render(check: DesignCheck, style: Style, *, plots: bool = True, details: boo
 
 
 def _brief(check: DesignCheck) -> list[Quantity[OperatingPoint]]:
-    """Rows of the short page: those that some torque has a value for."""
-    held = any(point.limit_arcsec is not None for point in check.points)
-    shown = (q for q in (*POINT, *UNKNOWN) if q.key in BRIEF or (held and q.key in HELD))
-    return [q for q in shown if any(q.value(point) is not None for point in check.points)]
+    """Rows of the short page: F'_ior, or its range over what is not known; limit and verdict where there is one."""
+    shown = OVER if any(point.over for point in check.points) else KNOWN
+    held = HELD if any(point.limit_arcsec is not None for point in check.points) else ()
+    return [*shown, *(q for q in POINT if q.key in held)]
 
 
 def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the numbers, a label and a text each."""
     yield "lever", _lever(check)
     yield "rests on", basis_line(check.rests_on, [point.M_g for point in check.points])
-    yield "unknown", names(check.unknown)
+    zero = "" if any(point.over for point in check.points) else "taken as 0: "
+    yield "unknown", zero + names(check.unknown) if check.unknown else ""
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
     yield "proof", proof(check.certificate, check.cross_checks)

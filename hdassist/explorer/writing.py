@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -102,7 +103,7 @@ class Writing(Asking):
             if values:
                 path = values[0].strip()
                 # once the form has gone
-                self.set_timer(0.1, lambda: self.write(path, lambda: self.export_screenshot(title="hdassist explore")))
+                self.set_timer(0.1, lambda: self.write(path, lambda: without_fonts(self.export_screenshot())))
 
         self.push_screen(form, write)
 
@@ -145,3 +146,8 @@ def _require_card(values: tuple[str, ...]) -> None:
         raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(KINDS)}")
     if len(serial) > SERIAL or (serial and not serial.isprintable()):
         raise UsageError(f"a serial number has up to {SERIAL} printable characters")
+
+
+def without_fonts(svg: str) -> str:
+    """A picture that loads no fonts from elsewhere: it is shown in those that are there."""
+    return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)

@@ -76,6 +76,12 @@ _OTHERS = (
 )
 
 
+def standing_offset(drive: Drive) -> tuple[str, str]:
+    """Fields of size and direction of the cam offset that stands with the fixed wheel."""
+    end = "b" if drive.mounting.fixed == "rigid" else "g"
+    return f"tolerances.e_h{end}", f"phases.phi_h{end}"
+
+
 def carried(drive: Drive) -> tuple[str, ...]:
     """Directions that turn with the fixed wheel where it is turned on its seat; what its seat does stands still."""
     if drive.mounting.fixed == "rigid":

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from hdassist.model.geometry import Array
-from hdassist.mounting.positions import Chances
+from hdassist.mounting.positions import Chances, Position, hole_of, phase_deg, rotated
 from hdassist.mounting.robust import Criterion, share_best
+from hdassist.preset.fields import Drive
 
 GOOD = 0.05  # loss against the best position below which a position is as good
 
@@ -27,6 +28,18 @@ class Losses:
     now_arcsec: Array
     criterion: Criterion
     weights: tuple[float, ...] | None = None
+
+    def at(self, place: int | None) -> Array:
+        """F'_ior [arcsec] in one of the positions, None: at rotation 0, shape (torques, draws)."""
+        return self.now_arcsec if place is None else self.F_ior_arcsec[:, :, place]
+
+    def position(self, drive: Drive, place: int | None) -> Position:
+        """One of the positions of a drive, with the F'_ior expected there."""
+        rotation = 0.0 if place is None else self.rotations_deg[place]
+        expected = tuple(self.at(place).mean(axis=1).tolist())
+        return Position(
+            rotation, phase_deg(rotated(drive, rotation)), hole_of(rotation, drive.mounting.holes), expected
+        )
 
     @cached_property
     def merits(self) -> Array:

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from hdassist.error.rests_on import LEAST
 from hdassist.error.sensitivity import Sensitivity
+from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import names
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import CardFacts, warnings_of
@@ -340,15 +341,14 @@ def summary_line(advice: Advice) -> str:
 def card_facts(advice: Advice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
     drive, sampled = advice.drive, advice.robust
-    rigid = drive.mounting.fixed == "rigid"
-    offset, cam = ("e_hb", "phi_hb") if rigid else ("e_hg", "phi_hg")
+    offset, cam = standing_offset(drive)
     chances = None
     if sampled:
         best = dict(zip(sampled.places, map(float, sampled.probability_best), strict=True))
         chances = Chances(len(sampled.merits), best[sampled.recommended], best.get(0), sampled.probability_gain)
     return CardFacts(
         choice=advice.choice,
-        cam_deg=drive.number(f"phases.{cam}") if drive.number(f"tolerances.{offset}") else None,
+        cam_deg=drive.number(cam) if drive.number(offset) else None,
         measured=advice.measured,
         chances=chances,
         weights=advice.curve.weights,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -44,6 +45,28 @@ class Stays:
     ends: tuple[End, End]
 
 
+def over_ranges(
+    assumed: Sequence[Assumption],
+    look: Callable[[tuple[str, float]], End],
+    change: Callable[[End], float],
+    *,
+    executor: Executor | None = None,
+    done: Callable[[], None] | None = None,
+) -> tuple[Stays, ...]:
+    """Assumptions with what becomes of an advice at both ends of their ranges, the greatest change first.
+
+    Arguments: look, what becomes of it with a field, by path, at such an end; change, how much that is; executor, to
+    spread the work over; done, called after each end.
+    """
+    ends = []
+    for end in (executor.map if executor else map)(look, [(a.path, end) for a in assumed for end in (a.low, a.high)]):
+        ends.append(end)
+        if done:
+            done()
+    held = [Stays(a, both) for a, both in zip(assumed, zip(ends[::2], ends[1::2], strict=True), strict=True)]
+    return tuple(sorted(held, key=lambda each: -max(map(change, each.ends))))
+
+
 def stays_best(
     drive: Drive,
     curve: MountingCurve,
@@ -61,33 +84,29 @@ def stays_best(
     if not searchable(drive) or not (assumed := assumptions(drive)):
         return ()
     usable = tuple(float(rotation) for rotation in curve.rotation_deg[curve.usable])
-    rotations = (0.0, *usable)
-    tasks = [(drive, a.path, end, curve.torques, rotations) for a in assumed for end in (a.low, a.high)]
-    found = []
-    for value, (F_ior, states) in (executor.map if executor else map)(_curve_at, tasks):
-        merits = merit(F_ior[:, 1:], F_ior[:, 0], curve.weights)
-        loss = float(merits[usable.index(chosen.rotation_deg)] / merits.min() - 1)
-        found.append((loss, End(value, usable[int(np.argmin(merits))], loss)))
-        if progress:
-            progress(states)
-    rows = [
-        (max(low, high), Stays(a, (down, up)))
-        for a, (low, down), (high, up) in zip(assumed, found[::2], found[1::2], strict=True)
-    ]
-    return tuple(held for _, held in sorted(rows, key=lambda row: -row[0])[:most])
+    look = partial(_end, drive, chosen.rotation_deg, usable, curve.torques, curve.weights)
+    states = TURNS**2 * (1 + len(usable)) * len(curve.torques)
+    done = partial(progress, states) if progress else None
+    return over_ranges(assumed, look, lambda end: end.loss or 0.0, executor=executor, done=done)[:most]
 
 
-_Task = tuple[Drive, str, float, Sequence[float], Sequence[float]]
+def _end(
+    drive: Drive,
+    chosen_deg: float,
+    usable_deg: Sequence[float],
+    torques: Sequence[float],
+    weights: Sequence[float] | None,
+    task: tuple[str, float],
+) -> End:
+    """What becomes of a chosen position with a field, by path, as far on the way to an end as can be computed."""
+    value, F_ior = reached(drive, *task, lambda moved: _few_states(moved, torques, (0.0, *usable_deg)))
+    merits = merit(F_ior[:, 1:], F_ior[:, 0], weights)
+    loss = float(merits[usable_deg.index(chosen_deg)] / merits.min() - 1)
+    return End(value, usable_deg[int(np.argmin(merits))], loss)
 
 
-def _curve_at(task: _Task) -> tuple[float, tuple[Array, int]]:
-    """Value of a field as far on the way to an end as the drive can be computed, and the curve there, roughly."""
-    drive, path, end, torques, rotations = task
-    return reached(drive, path, end, lambda moved: _few_states(moved, torques, rotations))
-
-
-def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, int]:
-    """Range of the error in a few states [arcsec], shape (torques, rotations), and how many were solved."""
+def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> Array:
+    """Range of the error in a few states [arcsec], shape (torques, rotations)."""
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
     rows = []
@@ -98,4 +117,4 @@ def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[floa
             answers = case.solve(case.system.gaps(scalars), lambda k: f"state {k}")
             row.append(float(np.ptp(answers.rotation_arcsec)))
         rows.append(row)
-    return np.array(rows), len(alpha_g) * len(rotations) * len(torques)
+    return np.array(rows)

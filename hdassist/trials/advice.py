@@ -2,39 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from numpy.typing import NDArray
+from scipy.stats import chi2, circmean, circstd
 
-from hdassist.error.rests_on import MOST
+from hdassist.error.rests_on import LEAST, reached, weighed
+from hdassist.error.table import Mesh
 from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.deviations import standing_offset
 from hdassist.mounting.losses import Losses
-from hdassist.mounting.positions import Choice, Position, hole_of, phase_deg, require_weights, rotated, usable_positions
+from hdassist.mounting.positions import Choice, Position, hole_words, require_weights, usable_positions
 from hdassist.mounting.robust import Criterion
-from hdassist.mounting.stays import Stays
+from hdassist.mounting.stays import End, Stays, over_ranges
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 from hdassist.trials.cloud import FULL, QUICK, Cloud, Effort, cloud_of
-from hdassist.trials.draws import Draws, require_reachable, told_noise
-from hdassist.trials.posterior import Next, Prediction, learnt, next_trial, prediction
-from hdassist.trials.rests import stays_good
+from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, prediction, require_reachable
 from hdassist.trials.trial import Rig, Trial
-from hdassist.trials.unknowns import offset_fields
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
-APART = 3.0  # standard deviations by which values of one position may differ without a remark
 WORTH = 0.01  # of the error: going back for less is not worth it
 SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
+COARSE, COUNT = Mesh((9, 5, 9, 9), 0), 12  # of tables that tell what an end of a range changes
+
+Teach = Callable[[Cloud], tuple[Draws, Losses]]
 
 
 @dataclass(frozen=True)
@@ -50,28 +51,22 @@ class Verification:
     probability_good: float | None = None
     best: tuple[float, float] | None = None
 
-    @property
-    def stay_deg(self) -> float:
-        """The position to be in [deg]."""
-        return (self.back_to or self.predicted.trial).rotation_deg
-
 
 @dataclass(frozen=True)
 class TrialAdvice:
     """What trials teach: the choice, the next trial, what was predicted of each but the first, and an outcome.
 
-    needed: probability that the choice is good from which on it is settled; rests_on: assumptions that this probability
-    hinges on most.
+    next: its position [deg], and the probability of a good choice that is expected after it; needed: that from which on
+    it is settled; rests_on: assumptions that it hinges on most.
     """
 
     cloud: Cloud
-    rig: Rig
     trials: tuple[Trial, ...]
     draws: Draws
     losses: Losses
-    next: Next
+    next: tuple[float, float]
     predictions: tuple[Prediction, ...]
-    outcome: Verification | None
+    outcome: Verification | None = None
     needed: float = NEEDED
     rests_on: tuple[Stays, ...] = ()
 
@@ -81,10 +76,17 @@ class TrialAdvice:
         return self.cloud.drive
 
     @property
+    def stay(self) -> tuple[float, float]:
+        """The position to be in [deg], and the probability that it is good: 0 where nothing explains an outcome."""
+        if not (outcome := self.outcome):
+            best = self.losses.best
+            return self.losses.rotations_deg[best], float(self.losses.probability_good[best])
+        return (outcome.back_to or outcome.predicted).rotation_deg, outcome.probability_good or 0.0
+
+    @property
     def settled(self) -> bool:
-        """Whether the choice, or the position to be in after an outcome, is good with the probability needed."""
-        good = self.outcome.probability_good if self.outcome else self.losses.probability_good[self.losses.best]
-        return good is not None and bool(good >= self.needed)
+        """Whether the position to be in is good with the probability needed."""
+        return self.stay[1] >= self.needed
 
     @property
     def unlike_told(self) -> bool:
@@ -98,29 +100,42 @@ class TrialAdvice:
         return [(a, b) for a, b in combinations(self.trials, 2) if a.rotation_deg == b.rotation_deg]
 
     @property
-    def apart(self) -> list[tuple[Trial, Trial]]:
-        """Those whose values differ by more than the told noise makes likely."""
-        values = [(a, b, np.array([a.F_ior_arcsec, b.F_ior_arcsec])) for a, b in self.repeats]
-        return [
-            (a, b) for a, b, of in values if np.ptp(of) > APART * np.linalg.norm(told_noise(self.cloud, self.rig, of))
-        ]
+    def noise_arcsec(self) -> float:
+        """Noise of a value by the trials."""
+        return float(self.cloud.rig.noise_arcsec * self.draws.noise.mean())
+
+    @property
+    def standard_errors(self) -> list[float]:
+        """Of F'_ior interpolated [arcsec], at each torque that decides."""
+        return [self.cloud.tables[M_g].standard_error for M_g in self.drive.operation.M_g]
+
+    @cached_property
+    def offset_um(self) -> NDArray[np.complex128]:
+        """Offset that stands with the fixed wheel, as x + i y, shape (draws,)."""
+        return self.cloud.offset_um[self.draws.places]
 
     @cached_property
     def direction(self) -> tuple[float, float]:
-        """Direction of the offset and its standard deviation [deg]."""
-        turn = complex(np.exp(1j * np.angle(self.cloud.offset_um[self.draws.places])).mean())
-        return float(np.degrees(np.angle(turn)) % 360), float(np.degrees(np.sqrt(-2 * np.log(max(abs(turn), 1e-12)))))
+        """Its direction, and the standard deviation of that [deg]."""
+        angles = np.angle(self.offset_um, deg=True)
+        return float(circmean(angles, high=360)), float(circstd(angles, high=360))
+
+    @property
+    def facing(self) -> tuple[float, float] | tuple[None, None]:
+        """The same, None where it is open."""
+        return self.direction if self.direction[1] < OPEN else (None, None)
+
+    def where(self, rotation_deg: float) -> str:
+        """A position in words."""
+        return hole_words(rotation_deg, self.drive.mounting.holes)
 
     def at(self, place: int | None) -> Position:
         """One of the positions, with the F'_ior expected there; None: where the wheel stood before the first trial.
 
         Its phase is that of the expected direction.
         """
-        F_ior = self.losses.now_arcsec if place is None else self.losses.F_ior_arcsec[:, :, place]
-        rotation = 0.0 if place is None else self.losses.rotations_deg[place]
-        facing = self.drive.with_values({offset_fields(self.drive)[1]: self.direction[0]})
-        hole = hole_of(rotation, self.drive.mounting.holes)
-        return Position(rotation, phase_deg(rotated(facing, rotation)), hole, tuple(F_ior.mean(axis=1).tolist()))
+        facing = self.drive.with_values({standing_offset(self.drive)[1]: self.direction[0]})
+        return self.losses.position(facing, place)
 
     @property
     def choice(self) -> Choice:
@@ -141,7 +156,6 @@ def advise_from_trials(
     weights: Sequence[float] | None = None,
     needed: float = NEEDED,
     effort: Effort = FULL,
-    most: int = MOST,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -149,47 +163,32 @@ def advise_from_trials(
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
     Arguments: trials, measured on the rig; outcome, measured in one more position, to be compared with its prediction;
-    criterion and weights as in learnt; needed, probability that settles; effort of the cloud; most, how many
-    assumptions are told that it rests on; executor, progress as in cloud_of. Raises what those do; UntrustedError where
-    nothing comes to the measured values; UsageError where only forbidden positions are left.
+    criterion and weights as in learnt; needed, probability that settles; effort, seed, executor and progress as in
+    cloud_of. Raises what those do, UsageError for what is out of range.
     """
-    torques, seat = drive.operation.M_g, drive.mounting
+    torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
     Criterion.of(criterion)  # wrong before anything is computed
     rig.require_sound()
     require_weights(weights, len(torques))
     if not 0 < needed < 1:
         raise UsageError(f"the probability that settles must lie between 0 and 1, not {needed:g}", "--sure 0.9")
-    positions = usable_positions(seat.holes, seat.allowed)
-    if not positions:
-        raise UsageError("no position of the seat is allowed", "mounting.allowed lists the usable holes")
-    require_reachable(cloud_of(drive, [], rig.M_g, effort=QUICK), trials, rig)
-    make = partial(cloud_of, torques=torques, rig_M_g=rig.M_g, reseat=rig.reseat_um > 0, seed=seed)
-    teach = partial(taught, rig=rig, torques=torques, criterion=criterion, weights=weights, seed=seed)
-    cloud = make(drive, effort=effort, executor=executor, progress=progress)
-    draws, losses = teach(cloud, trials, rotations_deg=positions, executor=executor)
-    predictions = tuple(prediction(cloud, trials[:k], rig, trials[k], seed) for k in range(1, len(trials)))
+    require_reachable(cloud_of(drive, (), rig, effort=QUICK), trials)
+    cloud = cloud_of(drive, torques, rig, seed=seed, effort=effort, executor=executor, progress=progress)
+    teach = partial(learnt, cloud, torques=torques, criterion=criterion, weights=weights, executor=executor)
+    draws, losses = teach(trials, positions)
+    predictions = tuple(prediction(cloud, trials[:k], trials[k]) for k in range(1, len(trials)))
     verified = None
     if outcome:
         others = {trial.rotation_deg: trial for trial in trials if trial.rotation_deg != outcome.rotation_deg}
         everywhere = list(dict.fromkeys([outcome.rotation_deg, *others, *positions]))
-        after, predicted = None, prediction(cloud, trials, rig, outcome, seed)
+        after, predicted = None, prediction(cloud, trials, outcome)
         with suppress(UntrustedError):  # its value alone is compared then
-            _, after = teach(cloud, [*trials, outcome], rotations_deg=everywhere, executor=executor)
+            _, after = teach([*trials, outcome], everywhere)
         verified = verification(after, predicted, list(others.values()), positions, rig.noise_arcsec)
-    again = partial(taught, trials=trials, rig=rig, rotations_deg=positions, criterion=criterion, seed=seed)
-    held = stays_good(
-        cloud, losses.best, effort.samples, partial(make, torques=()), again, most=most, executor=executor
-    )
+    again = partial(learnt, trials=trials, rotations_deg=positions, criterion=criterion)
+    held = stays_good(cloud, losses.best, effort.samples, again, executor)
     best = next_trial(draws, losses, seed)
-    return TrialAdvice(cloud, rig, tuple(trials), draws, losses, best, predictions, verified, needed, held)
-
-
-def taught(
-    cloud: Cloud, trials: Sequence[Trial], rig: Rig, rotations_deg: Sequence[float], **how: Any
-) -> tuple[Draws, Losses]:
-    """What trials teach, as learnt tells it; values that no sample comes to are refused before."""
-    require_reachable(cloud, trials, rig)
-    return learnt(cloud, trials, rig, rotations_deg, **how)
+    return TrialAdvice(cloud, tuple(trials), draws, losses, best, predictions, verified, needed, held)
 
 
 def verification(
@@ -201,14 +200,47 @@ def verification(
     unless one tried before is expected to lose less, over all torques that decide. Where nothing explains the outcome
     (None), its value alone is compared with the least measured one, by the noise [arcsec] of a value.
     """
-    here = predicted.trial
+    here: Trial = predicted
+    cost, worth = {t.rotation_deg: t.F_ior_arcsec for t in (*others, here)}, SURE * np.sqrt(2) * noise
+    if after:
+        cost, worth = dict(zip(after.rotations_deg, after.expected_loss.tolist(), strict=True)), WORTH
+    least = min(others, key=lambda t: cost[t.rotation_deg], default=here)
+    back = least if cost[least.rotation_deg] + worth < cost[here.rotation_deg] else None
     if after is None:
-        least = min(others, key=lambda t: t.F_ior_arcsec, default=here)
-        worse = least.F_ior_arcsec + SURE * np.sqrt(2) * noise < here.F_ior_arcsec
-        return Verification(predicted, least if worse else None)
-    loss = dict(zip(after.rotations_deg, after.expected_loss.tolist(), strict=True))
+        return Verification(predicted, back)
     good = dict(zip(after.rotations_deg, after.probability_good.tolist(), strict=True))
-    least = min(others, key=lambda t: loss[t.rotation_deg], default=here)
-    back = least if loss[least.rotation_deg] + WORTH < loss[here.rotation_deg] else None
-    best = min(positions, key=lambda rotation: loss[rotation])
+    best = min(positions, key=lambda rotation: cost[rotation])
     return Verification(predicted, back, good[(back or here).rotation_deg], (best, good[best]))
+
+
+def stays_good(
+    cloud: Cloud, best: int, samples: int, teach: Teach, executor: Executor | None = None
+) -> tuple[Stays, ...]:
+    """What becomes of a choice, by its place, over the ranges of the assumptions that move F'_ior most.
+
+    The greatest change comes first. At both ends of each the same samples are drawn, coarser tables tell by how much
+    their F'_ior changes, and the trials teach of that: at their own torque alone. Raises UntrustedError where an answer
+    cannot be trusted.
+    """
+    if not (known := weighed(cloud.drive, (cloud.rig.M_g,), executor=executor)):
+        return ()
+    coarse = partial(cloud_of, torques=(), rig=cloud.rig, seed=cloud.seed, effort=Effort(samples, COARSE, COUNT))
+    look = partial(_end, cloud, coarse(cloud.drive, executor=executor), best, coarse, teach)
+    told = float(teach(cloud)[1].probability_good[best])
+    assumed = [known.assumed[k] for k in known.heaviest()]
+    return over_ranges(assumed, look, lambda end: abs((end.good or 0.0) - told), executor=executor)
+
+
+def _end(
+    cloud: Cloud, here: Cloud, best: int, make: Callable[[Drive], Cloud], teach: Teach, task: tuple[str, float]
+) -> End:
+    """What becomes of a choice with a field at, or on the way to, an end of its range; here: cloud by coarse tables."""
+    value, there = reached(cloud.drive, *task, make)
+    if there.values.keys() == here.values.keys():  # else nothing is open of what was, and they are other samples
+        change = there.F_ior_arcsec / np.maximum(here.F_ior_arcsec, LEAST)
+        there = replace(there, tables=cloud.tables, F_ior_arcsec=cloud.F_ior_arcsec * change)
+    with suppress(UntrustedError):
+        _, losses = teach(there)
+        loss, good = losses.expected_loss[best], losses.probability_good[best]
+        return End(value, losses.rotations_deg[losses.best], float(loss), float(good))
+    return End(value, None, None, None)

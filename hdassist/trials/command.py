@@ -17,10 +17,7 @@ from hdassist.terminal import options as o
 def command(
     preset: o.Preset,
     trials: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="WHERE:F_IOR", help="F'_ior measured with the wheel turned: h4:17.3 (hole) or 120:17.3 (deg)."
-        ),
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
     ],
     *,
     drives: o.LoadedDriveOptions,
@@ -28,14 +25,10 @@ def command(
         float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
     ] = None,
     noise: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior, about; repeats correct it.")
+        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial; repeats tell it.")
     ] = 1.0,
-    reseat: Annotated[
-        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
-    ] = 0.0,
-    sure: Annotated[
-        float, typer.Option(metavar="SHARE", help="Probability of a loss below 5 % from which on it is settled.")
-    ] = 0.9,
+    reseat: Annotated[float, typer.Option(metavar="UM", help="Standard deviation of where the wheel sits.")] = 0.0,
+    sure: Annotated[float, typer.Option(metavar="SHARE", help="Probability of a good choice that settles it.")] = 0.9,
     verify: Annotated[
         str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None,
@@ -60,11 +53,10 @@ def command(
     cam (wave generator) is inferred, with all that is uncertain, and the best position with it. Five or six trials are
     normal; the position to measure next is named. Turns and holes count from where the wheel stood before the first
     trial, counter-clockwise seen from the cam side. Repeat one position: only that tells the noise.
-    It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure);
-    else the exit code is 6. Values that the drive cannot show are refused at once (exit code 5). --verify compares the
-    outcome with its prediction and with the other positions, and says keep, or go back (exit code 3), or that another
-    may be better (6). -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no
-    card.
+    It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure),
+    else the exit code is 6; values that the drive cannot show are refused at once (5). --verify compares the outcome
+    with its prediction and with the other positions, and says keep, or go back (3), or that another may be better (6).
+    -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
@@ -83,9 +75,8 @@ def command(
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
     measured = [read_trial(text, drive.mounting.holes) for text in trials]
     outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
-    torques = drive.operation.M_g
+    torques, begun = drive.operation.M_g, time.monotonic()
     rig = Rig(min(torques, key=abs) if trial_torque is None else trial_torque, noise, reseat)
-    begun = time.monotonic()
     total = len({*torques, rig.M_g}) * FULL.mesh.states
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         analysis = partial(
@@ -104,6 +95,6 @@ def command(
         advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
-    told = answer(advice, seed)
+    told = answer(advice)
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None
     raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))

@@ -13,31 +13,41 @@ from rich.text import Text
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.card import CardFacts, Tried, after_trials, warnings_of
 from hdassist.mounting.losses import GOOD
-from hdassist.mounting.positions import hole_of, hole_words
-from hdassist.mounting.seat_page import TRADE, place_at, wheel
+from hdassist.mounting.positions import hole_of
+from hdassist.mounting.seat_page import TRADE, wheel
 from hdassist.mounting.stays_page import stays_objects, stays_table
-from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.console import Style, grid
+from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
-from hdassist.trials.advice import OPEN, TrialAdvice
-from hdassist.trials.draws import SCALE
+from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import Prediction
-from hdassist.trials.trial import Trial
+from hdassist.verdict import Verdict
 
 LEVELS = {"low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 SHOWN = 6  # positions that are listed, best first
+APART = 3.0  # standard deviations by which values of one position may differ without a remark
 MANY = 4  # trials without a repeat, from which on one is asked for
-GO_BACK, UNSETTLED = 3, 6  # exit codes, those of the verdicts FAIL and INCONCLUSIVE
+
+LEARNT: tuple[Quantity[TrialAdvice], ...] = (
+    Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: float(abs(a.offset_um).mean())),
+    Quantity("offset.size_sd_um", "standard deviation", "um", ".0f", lambda a: float(abs(a.offset_um).std())),
+    Quantity("offset.direction_deg", "towards", "deg", ".0f", lambda a: a.facing[0]),
+    Quantity("offset.direction_sd_deg", "standard deviation", "deg", ".0f", lambda a: a.facing[1]),
+    Quantity("scale", "F'_ior over the computed one", "", ".2f", lambda a: float(a.draws.scale.mean())),
+    Quantity("scale_sd", "standard deviation (0.10 assumed before)", "", ".2f", lambda a: float(a.draws.scale.std())),
+    Quantity("misfit", "misfit (0 to 12 % assumed)", "", ".0%", lambda a: float(a.draws.misfit.mean())),
+    Quantity("effective_samples", "effective samples", "", ".0f", lambda a: a.draws.effective),
+)
 
 
-def answer(advice: TrialAdvice, seed: int) -> Answer:
-    """What there is to say of an advice; seed, of what was drawn."""
+def answer(advice: TrialAdvice) -> Answer:
+    """What there is to say of an advice."""
     return Answer(
-        to_json=lambda: to_json(advice, seed),
+        to_json=lambda: to_json(advice),
         page=lambda style: render(advice, style),
         summary_line=lambda: summary_line(advice),
         figures=lambda: figures(advice),
@@ -49,151 +59,112 @@ def answer(advice: TrialAdvice, seed: int) -> Answer:
 
 def exit_code(advice: TrialAdvice) -> int:
     """3 where an outcome says to go back, 6 where the position to be in is not known to be good."""
-    return GO_BACK if advice.outcome and advice.outcome.back_to else 0 if advice.settled else UNSETTLED
+    if advice.outcome and advice.outcome.back_to:
+        return Verdict.FAIL.exit_code
+    return 0 if advice.settled else Verdict.INCONCLUSIVE.exit_code
 
 
 def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     """What a reader should know beside the numbers."""
     yield from warnings_of(advice.drive, say)
-    outcome, losses, rig = advice.outcome, advice.losses, advice.rig
-    chance, needed = losses.probability_good[losses.best], say.percent(advice.needed)
-    if not outcome and not advice.settled:
-        next_ = place_at(advice.next.rotation_deg, advice.drive.mounting.holes, say)
-        yield say("warning.unsettled", chance=say.percent(chance), needed=needed, loss=say.percent(GOOD), where=next_)
+    outcome, rig = advice.outcome, advice.cloud.rig
     if outcome and not outcome.predicted.as_predicted:
-        yield f"{_told(advice, outcome.predicted)}: outside of what the trials predict: check seat and measurement"
+        yield f"{_outcome(advice, outcome.predicted)}: outside of what the trials predict: check seat and measurement"
+    if not outcome and not advice.settled:
+        yield f"the trials do not settle it: {_chance(advice)}; measure {advice.where(advice.next[0])}"
     if outcome and outcome.best and not outcome.back_to and not advice.settled:
-        best = "measure it once more"
-        if outcome.best[0] != outcome.stay_deg:
-            best = f"{_where(advice, outcome.best[0])} may be better ({outcome.best[1]:.0%})"
-        here = _where(advice, outcome.stay_deg)
-        yield f"{here} loses less than {GOOD:.0%} with {outcome.probability_good:.0%}, {needed} is wanted; {best}"
-    for a, b in advice.apart:
-        yield (
-            f"{_where(advice, a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more than "
-            f"a noise of {rig.noise_arcsec:g} makes likely; it is taken for {_noise(advice):.1f}"
-        )
+        best, good = outcome.best
+        better = f"{advice.where(best)} may be better ({good:.0%})"
+        yield f"{_chance(advice)}; {better if best != advice.stay[0] else 'measure it once more'}"
+    for a, b in advice.repeats:
+        noise = np.linalg.norm(advice.cloud.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec])))
+        if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
+            values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more"
+            taken = f"it is taken for {advice.noise_arcsec:.1f}"
+            yield f"{values} than a noise of {rig.noise_arcsec:g} makes likely; {taken}"
     if advice.unlike_told:
-        yield (
-            "the values came out unlike those of a drive as the preset has it, which happens to one in twenty such "
-            "drives: check the preset, the noise and how the holes were counted"
-        )
-
-
-def _told(advice: TrialAdvice, of: Prediction) -> str:
-    low, high = of.low_arcsec, of.high_arcsec
-    where = _where(advice, of.trial.rotation_deg)
-    return f"{of.trial.F_ior_arcsec:g} arcsec at {where}, predicted {of.expected_arcsec:.1f} ({low:.1f} to {high:.1f})"
-
-
-def _where(advice: TrialAdvice, rotation_deg: float) -> str:
-    return hole_words(rotation_deg, advice.drive.mounting.holes)
-
-
-def _noise(advice: TrialAdvice) -> float:
-    """Noise of a value [arcsec] by the trials."""
-    return float(advice.rig.noise_arcsec * advice.draws.noise.mean())
-
-
-def instruction(advice: TrialAdvice) -> str:
-    """One sentence: what to do with the wheel; where the trials do not settle it, what to measure."""
-    if not (outcome := advice.outcome):
-        if advice.settled:
-            return after_trials(advice.choice, texts())
-        best, losses = advice.losses.best, advice.losses
-        return (
-            f"No order yet: the best bet, {_where(advice, losses.rotations_deg[best])}, is good with "
-            f"{losses.probability_good[best]:.0%}, and {advice.needed:.0%} are wanted. To decide, measure "
-            f"{_where(advice, advice.next.rotation_deg)} next."
-        )
-    if not (back := outcome.back_to):
-        return f"Keep it: {_told(advice, outcome.predicted)}."
-    was = f"where {back.F_ior_arcsec:g} was measured"
-    return f"Go back to {_where(advice, back.rotation_deg)}, {was}: {_told(advice, outcome.predicted)}."
-
-
-def render(advice: TrialAdvice, style: Style) -> RenderableType:
-    """The instruction, how sure it is, the trials, the positions, what it rests on, and what to measure next."""
-    trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)}"
-    heading = f"{advice.drive.name}: the cam offset from {trials} at {advice.rig.M_g:g} N·m"
-    parts: list[RenderableType] = [Text(style.text(heading), style="bold")]
-    parts += [Text(style.text(words)) for words in (instruction(advice), _chance(advice))]
-    parts += [_trials(advice, style), _positions(advice, style)]
-    if advice.rests_on:
-        parts.append(stays_table(advice.drive, advice.rests_on, style, trials=True))
-    parts += [Text(style.text(words)) for words in (*_next(advice), _basis(advice))]
-    return Group(*(line for part in parts for line in (part, Text(""))))
+        unlike = "the values came out unlike those of a drive as the preset has it (one in twenty of them may)"
+        yield f"{unlike}: check the preset, the noise and how the holes were counted"
 
 
 def _chance(advice: TrialAdvice) -> str:
-    best = advice.losses.best
-    where, good = _where(advice, advice.losses.rotations_deg[best]), advice.losses.probability_good[best]
+    here, good = advice.stay
+    return f"{advice.where(here)} is good (loses below {GOOD:.0%}) with {good:.0%}, and {advice.needed:.0%} are wanted"
+
+
+def _outcome(advice: TrialAdvice, of: Prediction) -> str:
+    predicted = f"predicted {of.expected_arcsec:.1f} ({of.low_arcsec:.1f} to {of.high_arcsec:.1f})"
+    return f"{of.F_ior_arcsec:g} arcsec at {advice.where(of.rotation_deg)}, {predicted}"
+
+
+def instruction(advice: TrialAdvice) -> str:
+    """What to do with the wheel, and how sure that is; where the trials do not settle it, what to measure."""
+    if outcome := advice.outcome:
+        back, told = outcome.back_to, _outcome(advice, outcome.predicted)
+        if not back:
+            return f"Keep it: {told}."
+        return f"Go back to {advice.where(back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
+    if advice.settled:
+        return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)} (--sure)."
     return (
-        f"By the trials {where} loses less than {GOOD:.0%} against the best position with a probability of {good:.0%}, "
-        f"settled from {advice.needed:.0%} on (--sure)."
+        f"No order yet: {_chance(advice)}. To decide, measure {advice.where(advice.next[0])} next. "
+        f"{advice.next[1]:.0%} are expected after it. Five or six trials are normal."
     )
 
 
-def _next(advice: TrialAdvice) -> Iterator[str]:
-    yield (
-        f"A trial at {_where(advice, advice.next.rotation_deg)} brings most: {advice.next.probability_after:.0%} are "
-        "expected after it. Five or six trials are normal. What is measured after mounting can be given as one more "
-        "trial, or as --verify."
-    )
+def render(advice: TrialAdvice, style: Style) -> RenderableType:
+    """The instruction, the trials, the positions, what they rest on, what was learnt, and what no F'_ior tells."""
+    trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)} at {advice.cloud.rig.M_g:g} N·m"
+    below = [f"Learnt: {'; '.join(f'{q.label} {q.text(advice)} {q.unit}'.rstrip() for q in LEARNT)}."]
     if len(advice.trials) >= MANY and not advice.repeats:
-        yield (
-            f"No position was measured twice: repeat {_where(advice, advice.trials[0].rotation_deg)}, the wheel taken "
+        below.append(
+            f"No position was measured twice: repeat {advice.where(advice.trials[0].rotation_deg)}, the wheel taken "
             "out and put back, to learn the noise. No F'_ior tells that holes were counted the other way round or from "
             f"another one than the first: turn the {wheel(advice.drive)} by a hole as you counted; its mark must have "
             "gone counter-clockwise, seen from the cam side."
         )
+    parts: list[RenderableType] = [
+        Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
+        Text(style.text(instruction(advice))),
+        _trials(advice, style),
+        _positions(advice, style),
+        *([stays_table(advice.drive, advice.rests_on, style, trials=True)] if advice.rests_on else []),
+        *(Text(style.text(words)) for words in below),
+    ]
+    return Group(*(line for part in parts for line in (part, Text(""))))
 
 
 def _trials(advice: TrialAdvice, style: Style) -> Table:
-    told = f"noise told {advice.rig.noise_arcsec:g}, found {_noise(advice):.2f} arcsec"
-    told += f"; seat {advice.rig.reseat_um:g} um" if advice.rig.reseat_um else ""
-    title = f"trials, predicted by those before ({told})"
-    rows = grid(style, title, "position", "measured", "predicted", "2.5 %", "97.5 %")
+    rig = advice.cloud.rig
+    seat = f"; seat {rig.reseat_um:g} um" if rig.reseat_um else ""
+    noise = f"noise told {rig.noise_arcsec:g}, found {advice.noise_arcsec:.2f} arcsec{seat}"
+    heads = ("position", "measured", "predicted", "2.5 %", "97.5 %")
+    rows = grid(style, f"trials, predicted by those before ({noise})", *heads)
     for trial, p in zip(advice.trials, (None, *advice.predictions), strict=True):
-        predicted = [f"{v:.1f}" for v in (p.expected_arcsec, p.low_arcsec, p.high_arcsec)] if p else ["-"] * 3
-        rows.add_row(_where(advice, trial.rotation_deg), f"{trial.F_ior_arcsec:g}", *predicted)
+        cells = [f"{v:.1f}" for v in (p.expected_arcsec, p.low_arcsec, p.high_arcsec)] if p else ["-"] * 3
+        rows.add_row(advice.where(trial.rotation_deg), f"{trial.F_ior_arcsec:g}", *cells)
     return rows
 
 
 def _positions(advice: TrialAdvice, style: Style) -> Table:
     torques = " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
-    title = f"positions, best first: F'_ior in arcsec at {torques} N·m; good: a loss below {GOOD:.0%}"
-    rows = grid(style, title, "position", "good, %", "expected", "5 %", "95 %", "loss, %")
-    for told in (_position(advice, place) for place in advice.losses.ranked[:SHOWN]):
-        levels = (" / ".join(f"{v:.1f}" for v in values) for values in told["F_ior_arcsec"].values())
-        where, good, loss = _where(advice, told["rotation_deg"]), told["probability_good"], told["expected_loss"]
-        rows.add_row(where, f"{100 * good:.0f}", *levels, f"{100 * loss:.1f}")
+    errors = " / ".join(f"{error:.2f}" for error in advice.standard_errors)
+    told = f"F'_ior in arcsec at {torques} N·m, standard error {errors}"
+    turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
+    heads = ("position", "good, %", "expected", "5 %", "95 %", "loss, %")
+    rows = grid(style, f"positions, {turns}, best first\n{told}", *heads)
+    for at in (_position(advice, place) for place in advice.losses.ranked[:SHOWN]):
+        levels = (" / ".join(f"{v:.1f}" for v in values) for values in at["F_ior_arcsec"].values())
+        good, loss = f"{100 * at['probability_good']:.0f}", f"{100 * at['expected_loss']:.1f}"
+        rows.add_row(advice.where(at["rotation_deg"]), good, *levels, loss)
     return rows
 
 
-def _basis(advice: TrialAdvice) -> str:
-    draws, cloud, offset, scale = advice.draws, advice.cloud, _offset(advice), advice.draws.scale
-    toward, facing = "direction open", offset["direction_deg"]
-    if facing is not None:
-        toward = f"towards {facing:.0f} deg, standard deviation {offset['direction_sd_deg']:.0f}"
-    errors = " / ".join(f"{cloud.tables[M_g].standard_error:.2f}" for M_g in advice.drive.operation.M_g)
-    return (
-        f"Positions are turns of the {TRADE[advice.drive.mounting.fixed]} from where it stood at 0, counter-clockwise "
-        f"seen from the cam side (that of the wave generator). Cam offset {offset['size_um']:.0f} um, standard "
-        f"deviation {offset['size_sd_um']:.0f}, {toward}; {draws.effective:.0f} effective samples of "
-        f"{cloud.weight.size}. The drive shows {scale.mean():.2f} of the computed F'_ior, standard deviation "
-        f"{scale.std():.2f} (before the trials 1.00, {SCALE:.2f}, assumed), and a misfit from hole to hole of "
-        f"{draws.misfit.mean():.0%} (0 to 12 %, assumed). "
-        f"F'_ior interpolated, standard error {errors} arcsec."
-    )
-
-
-def to_json(advice: TrialAdvice, seed: int) -> Json:
+def to_json(advice: TrialAdvice) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
-    losses, draws, drive, rig = advice.losses, advice.draws, advice.drive, advice.rig
-    cloud, certificate = advice.cloud, advice.cloud.certificate
+    losses, drive, rig, certificate = advice.losses, advice.drive, advice.cloud.rig, advice.cloud.certificate
     positions = [_position(advice, place) for place in range(len(losses.rotations_deg))]
-    ranked = [positions[place] for place in losses.ranked]
+    ranked, best = [positions[place] for place in losses.ranked], advice.outcome and advice.outcome.best
     return {
         **envelope("trials", drive, exit_code(advice), tuple(warnings(advice, texts()))),
         "complete": True,
@@ -213,77 +184,53 @@ def to_json(advice: TrialAdvice, seed: int) -> Json:
         "rests_on": stays_objects(drive, advice.rests_on, trials=True),
         "settled": advice.settled,
         "probability_needed": advice.needed,
-        "next": {**_place(drive, advice.next.rotation_deg), "probability_after": advice.next.probability_after},
+        "next": _place(advice, advice.next[0], probability_after=advice.next[1]),
         "trials": {
             "M_g_Nm": rig.M_g,
             "noise_arcsec": rig.noise_arcsec,
-            "noise_found_arcsec": _noise(advice),
+            "noise_found_arcsec": advice.noise_arcsec,
             "reseat_um": rig.reseat_um,
-            "measured": [_trial(drive, trial) for trial in advice.trials],
+            "measured": [_place(advice, **asdict(trial)) for trial in advice.trials],
         },
-        "prediction_errors": [_prediction(drive, one) for one in advice.predictions],
+        "prediction_errors": [_prediction(advice, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,
-        "offset": _offset(advice),
-        "scale": float(draws.scale.mean()),
-        "scale_sd": float(draws.scale.std()),
-        "misfit": float(draws.misfit.mean()),
-        "effective_samples": draws.effective,
-        "standard_error_arcsec": [cloud.tables[M_g].standard_error for M_g in drive.operation.M_g],
-        "verification": _outcome(advice),
+        **as_object(LEARNT, advice),
+        "standard_error_arcsec": advice.standard_errors,
+        "verification": advice.outcome
+        and {
+            **_prediction(advice, advice.outcome.predicted),
+            "verdict": "GO_BACK" if advice.outcome.back_to else "KEEP",
+            "position": _place(advice, advice.stay[0]),
+            "probability_good": advice.outcome.probability_good,
+            "best": best and _place(advice, best[0], probability_good=best[1]),
+        },
         "certificate": {name: getattr(certificate, name) for name in ("states", "max_residual", "fallbacks")},
-        "seed": seed,
+        "seed": advice.cloud.seed,
     }
 
 
-def _place(drive: Drive, rotation_deg: float) -> Json:
-    return {"rotation_deg": rotation_deg, "hole": hole_of(rotation_deg, drive.mounting.holes)}
+def _place(advice: TrialAdvice, rotation_deg: float, **more: object) -> Json:
+    return {"rotation_deg": rotation_deg, "hole": hole_of(rotation_deg, advice.drive.mounting.holes), **more}
+
+
+def _prediction(advice: TrialAdvice, one: Prediction) -> Json:
+    return _place(advice, **asdict(one), as_predicted=one.as_predicted)
 
 
 def _position(advice: TrialAdvice, place: int | None) -> Json:
     """A position with F'_ior at each torque, and what is probable of it; None: where the wheel stood at first."""
     losses, at = advice.losses, advice.at(place)
-    F_ior = losses.now_arcsec if place is None else losses.F_ior_arcsec[:, :, place]
-    spread = {name: np.quantile(F_ior, level, axis=1).tolist() for name, level in LEVELS.items()}
+    spread = {name: np.quantile(losses.at(place), level, axis=1).tolist() for name, level in LEVELS.items()}
     shares = {} if place is None else {name: float(getattr(losses, name)[place]) for name in SHARES}
     return {**asdict(at), "F_ior_arcsec": {"expected": list(at.F_ior_arcsec), **spread}, **shares}
 
 
-def _offset(advice: TrialAdvice) -> Json:
-    """What was learnt of the cam offset; the direction is null where it is open."""
-    size, (facing, spread) = np.abs(advice.cloud.offset_um[advice.draws.places]), advice.direction
-    direction = (facing, spread) if spread < OPEN else (None, None)
-    values = (float(size.mean()), float(size.std()), *direction)
-    return dict(zip(("size_um", "size_sd_um", "direction_deg", "direction_sd_deg"), values, strict=True))
-
-
-def _trial(drive: Drive, trial: Trial) -> Json:
-    return {**_place(drive, trial.rotation_deg), "F_ior_arcsec": trial.F_ior_arcsec}
-
-
-def _prediction(drive: Drive, one: Prediction) -> Json:
-    names = ("expected_arcsec", "low_arcsec", "high_arcsec", "as_predicted")
-    return {**_trial(drive, one.trial), **{name: getattr(one, name) for name in names}}
-
-
-def _outcome(advice: TrialAdvice) -> Json | None:
-    if not (outcome := advice.outcome):
-        return None
-    return {
-        **_prediction(advice.drive, outcome.predicted),
-        "verdict": "GO_BACK" if outcome.back_to else "KEEP",
-        "position": _place(advice.drive, outcome.stay_deg),
-        "probability_good": outcome.probability_good,
-        "best": outcome.best and {**_place(advice.drive, outcome.best[0]), "probability_good": outcome.best[1]},
-    }
-
-
 def figures(advice: TrialAdvice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
-    positions = [_position(advice, place) for place in range(len(advice.losses.rotations_deg))]
     rows = [
-        [M_g, told["rotation_deg"], told["F_ior_arcsec"]["expected"][k], *(told[name] for name in SHARES)]
+        [M_g, at["rotation_deg"], at["F_ior_arcsec"]["expected"][k], *(at[name] for name in SHARES)]
         for k, M_g in enumerate(advice.drive.operation.M_g)
-        for told in positions
+        for at in (_position(advice, place) for place in range(len(advice.losses.rotations_deg)))
     ]
     return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", *SHARES], rows
 
@@ -292,19 +239,18 @@ def summary_line(advice: TrialAdvice) -> str:
     """The answer alone: the hole (or angle in degrees) to mount the wheel in, after an outcome the one to stay in."""
     if not advice.outcome and not advice.settled:
         return "unknown"
-    rotation = advice.outcome.stay_deg if advice.outcome else advice.losses.rotations_deg[advice.losses.best]
-    hole = hole_of(rotation, advice.drive.mounting.holes)
-    return f"{rotation:g}" if hole is None else f"{hole}"
+    hole = hole_of(advice.stay[0], advice.drive.mounting.holes)
+    return f"{advice.stay[0]:g}" if hole is None else f"{hole}"
 
 
 def card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
     return CardFacts(
         advice.choice,
-        cam_deg=_offset(advice)["direction_deg"],
+        cam_deg=advice.facing[0],
         chances=advice.losses.chances,
         weights=advice.losses.weights,
         warnings=tuple(warnings(advice, say)),
         rests_on=advice.rests_on,
-        tried=Tried(advice.rig.M_g, tuple((trial.rotation_deg, trial.F_ior_arcsec) for trial in advice.trials)),
+        tried=Tried(advice.cloud.rig.M_g, tuple((t.rotation_deg, t.F_ior_arcsec) for t in advice.trials)),
     )

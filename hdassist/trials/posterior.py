@@ -1,42 +1,73 @@
-"""What trials teach: what each position would lose, what to measure next, and how a trial came out."""
+"""What trials teach of F'_ior: draws of it in every position, as likely as the measured values make them.
+
+Given a sample of the cloud all is normal. The drive shows the sample's F'_ior f times a scale, and on top a misfit that
+goes smoothly from hole to hole, for no preset is the drive:
+
+    y = f + SCALE u f + a GP + noise,  a^2 = (misfit mean(f))^2 + table^2,  GP ~ exp(-(2 sin(d/2) / LENGTH)^2 / 2)
+
+with the misfit among MISFITS and the noise about the told one, both weighed by what is measured.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.special import softmax
+from scipy.stats import chi2, norm
 
 from hdassist.errors import UntrustedError
+from hdassist.model.geometry import Array
 from hdassist.mounting.losses import GOOD, Losses
+from hdassist.mounting.positions import hole_words
 from hdassist.mounting.robust import Criterion
-from hdassist.trials.cloud import Cloud
-from hdassist.trials.draws import Draws, drawn, smooth
-from hdassist.trials.trial import Rig, Trial
+from hdassist.trials.cloud import Cloud, Places
+from hdassist.trials.trial import Trial
 
+SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
+LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
+MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
+NOISES = tuple(2.0 ** (k / 2) for k in range(-2, 5))  # of the told noise
+NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
+DRAWS = 2048
+UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
 TRUSTED = 5.0  # effective samples: fewer are no cloud any more
 OUTCOMES = 64  # of a next trial that are looked at
 
 
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Draws, all alike likely, of what is not known after trials.
+
+    places among samples and directions of the cloud; misfit, noise, over the told one, and scale, shape (draws,);
+    F_ior_arcsec at the torque of the trials and the noise of a value there, shape (draws, rotations); effective samples
+    that they stand for.
+    """
+
+    places: Places
+    misfit: Array
+    noise: Array
+    scale: Array
+    F_ior_arcsec: Array
+    noise_arcsec: Array
+    effective: float
+
+    def chance(self, value: float) -> float:
+        """Probability that a value measured in the first position is less than so much [arcsec]."""
+        return float(norm.cdf(value, self.F_ior_arcsec[:, 0], self.noise_arcsec[:, 0]).mean())
+
+
 @dataclass(frozen=True)
-class Next:
-    """The position whose measurement brings most: the probability that the choice after it is good, expected."""
-
-    rotation_deg: float
-    probability_after: float
-
-
-@dataclass(frozen=True)
-class Prediction:
+class Prediction(Trial):
     """A measured value against what the trials before it predicted: mean, 2.5 % and 97.5 % quantiles [arcsec].
 
     surprise: standard deviations by which it is off where the drive is taken to be as told, without misfit.
     """
 
-    trial: Trial
     expected_arcsec: float
     low_arcsec: float
     high_arcsec: float
@@ -45,64 +76,162 @@ class Prediction:
     @property
     def as_predicted(self) -> bool:
         """Whether the value lies between the quantiles."""
-        return self.low_arcsec <= self.trial.F_ior_arcsec <= self.high_arcsec
+        return self.low_arcsec <= self.F_ior_arcsec <= self.high_arcsec
 
 
 def learnt(
     cloud: Cloud,
     trials: Sequence[Trial],
-    rig: Rig,
     rotations_deg: Sequence[float],
     *,
-    torques: Sequence[float] | None = None,
+    torques: Sequence[float] = (),
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
-    seed: int = 0,
     executor: Executor | None = None,
 ) -> tuple[Draws, Losses]:
     """What trials teach of the positions that may be chosen [deg].
 
-    Arguments: cloud; trials, measured on the rig; torques [N*m] that decide, that of the trials without it, and their
-    weights; criterion over the losses. At another torque the scale is that of the trials; the misfit is as large, but
-    another. Raises UsageError for an unknown criterion, UntrustedError where too few samples explain the trials.
+    Arguments: torques [N*m] that decide, that of the trials without them, and their weights; criterion over the losses.
+    At another torque the scale is that of the trials; the misfit is as large, but another. Raises UsageError for an
+    unknown criterion, UntrustedError where no sample, or too few, explain the trials.
     """
-    everywhere, rng, found = [*rotations_deg, 0.0], np.random.default_rng([seed, 1]), []
-    draws = drawn(cloud, trials, rig, everywhere, seed=seed)
+    require_reachable(cloud, trials)
+    everywhere, rng, found = [*rotations_deg, 0.0], np.random.default_rng([cloud.seed, 1]), []
+    draws = drawn(cloud, trials, everywhere)
     if draws.effective < TRUSTED:
         raise UntrustedError(
             f"too few of {cloud.weight.size} samples explain the trials: {draws.effective:.1f} effective ones",
             f"{TRUSTED:g} are needed: a larger --noise, or more samples: --samples 100000",
         )
-    for M_g in [rig.M_g] if torques is None else torques:
+    for M_g in torques or [cloud.rig.M_g]:
         F_ior = draws.F_ior_arcsec
-        if M_g != rig.M_g:
-            f = cloud.at_torque(M_g, everywhere, draws.places, executor)
+        if M_g != cloud.rig.M_g:
+            f = cloud.at(everywhere, draws.places, M_g, executor)
             spread = np.hypot(draws.misfit * f.mean(axis=1), cloud.tables[M_g].standard_error)[:, None]
-            F_ior = np.maximum(f * draws.scale[:, None] + spread * smooth(everywhere, len(f), rng), 0.1 * f)
+            F_ior = np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f)
         found.append(F_ior)
     every, shares = np.array(found), None if weights is None else tuple(weights)
     return draws, Losses(tuple(rotations_deg), every[..., :-1], every[..., -1], Criterion.of(criterion), shares)
 
 
-def next_trial(draws: Draws, losses: Losses, seed: int = 0) -> Next:
-    """The position whose value would raise the probability most that the choice is a good one."""
+def next_trial(draws: Draws, losses: Losses, seed: int = 0) -> tuple[float, float]:
+    """The position [deg] whose value would raise the probability most that the choice is good, and that expected."""
     rng, noise = np.random.default_rng(seed), draws.noise_arcsec
     truth = rng.permutation(len(noise))[:OUTCOMES]
     off, good = norm.ppf((rng.permutation(OUTCOMES) + 0.5) / OUTCOMES), (losses.losses < GOOD).astype(float)
     after = []
-    for F_ior, spread in zip(draws.F_ior_arcsec.T[: len(losses.rotations_deg)], noise.T, strict=False):
+    for rotation, F_ior, spread in zip(losses.rotations_deg, draws.F_ior_arcsec.T, noise.T, strict=False):
         density = norm.pdf((F_ior[truth] + off * spread[truth])[:, None], F_ior, spread)
-        after.append(float(np.mean((density @ good / density.sum(axis=1, keepdims=True)).max(axis=1))))
-    return Next(losses.rotations_deg[int(np.argmax(after))], max(after))
+        after.append((rotation, float(np.mean((density @ good / density.sum(axis=1, keepdims=True)).max(axis=1)))))
+    return max(after, key=lambda each: each[1])
 
 
-def prediction(cloud: Cloud, before: Sequence[Trial], rig: Rig, trial: Trial, seed: int = 0) -> Prediction:
+def prediction(cloud: Cloud, before: Sequence[Trial], trial: Trial) -> Prediction:
     """What trials predict of another one, and how far that came out."""
-    draws = drawn(cloud, before, rig, [trial.rotation_deg], seed=seed)
-    told = drawn(cloud, before, rig, [trial.rotation_deg], misfits=(0.0,), noises=(1.0,), seed=seed)
+    draws = drawn(cloud, before, [trial.rotation_deg])
+    told = drawn(cloud, before, [trial.rotation_deg], misfits=(0.0,), noises=(1.0,))
     F_ior, noise = draws.F_ior_arcsec[:, 0], draws.noise_arcsec[:, 0]
     ends = float((F_ior - 9 * noise).min()), float((F_ior + 9 * noise).max())
     low, high = (float(brentq(lambda v, q=q: draws.chance(v) - q, *ends, xtol=1e-6)) for q in (0.025, 0.975))
     # how far out in the tail where draws have run out cannot be told
     surprise = float(norm.ppf(np.clip(told.chance(trial.F_ior_arcsec), 1e-6, 1 - 1e-6)))
-    return Prediction(trial, float(F_ior.mean()), low, high, surprise)
+    return Prediction(trial.rotation_deg, trial.F_ior_arcsec, float(F_ior.mean()), low, high, surprise)
+
+
+def drawn(
+    cloud: Cloud,
+    trials: Sequence[Trial],
+    rotations_deg: Sequence[float],
+    *,
+    misfits: Sequence[float] = MISFITS,
+    noises: Sequence[float] = NOISES,
+) -> Draws:
+    """Draw F'_ior in positions [deg] after trials, of which there may be none, for misfits and noises to be weighed."""
+    rng = np.random.default_rng(cloud.seed)
+    y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
+    told, kinds = cloud.noise(y), np.array(list(product(misfits, noises)))
+    with np.errstate(divide="ignore"):
+        log = np.log(cloud.weight.ravel()) - 0.5 * np.square(np.log(kinds[:, 1:]) / NOISE_SPREAD)
+    if trials:
+        f = cloud.at(tried)
+        log += [_likelihood(f, y, told, _variance(cloud, s), tried, factor)[1] for s, factor in kinds]
+    weight = softmax(log)
+    at = np.searchsorted(np.cumsum(weight), (np.arange(DRAWS) + 0.5) / DRAWS)
+    kind, places = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    misfit, noise = kinds[kind].T
+    # drawn without the values, then moved by what these differ from their own draw (Matheron's rule)
+    count, everywhere, spread = len(rotations_deg), [*rotations_deg, *tried], noise[:, None] * told
+    f, variance = cloud.at(everywhere, places), _variance(cloud, misfit, places)
+    scale = 1 + SCALE * rng.standard_normal(len(places))
+    F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * _smooth(everywhere, len(places), rng)
+    there, seen = f[:, count:], F_ior[:, count:] + spread * rng.standard_normal((len(places), len(tried)))
+    both = variance[:, None, None] * kernel(everywhere, tried) + SCALE**2 * f[:, :, None] * there[:, None, :]
+    of_values = both[:, count:] + np.square(spread)[:, :, None] * np.eye(len(tried))
+    moved = np.linalg.solve(of_values, (y - seen)[..., None])
+    scale += SCALE**2 * (there * moved[..., 0]).sum(axis=1)
+    # a normal distribution has no end, an error has
+    F_ior = np.maximum((F_ior + (both @ moved)[..., 0])[:, :count], 0.1 * f[:, :count])
+    effective = float(1 / np.square(weight.sum(axis=0)).sum())
+    return Draws(places, misfit, noise, scale, F_ior, noise[:, None] * cloud.noise(F_ior), effective)
+
+
+def _variance(cloud: Cloud, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
+    """Variance of the misfit [arcsec^2] of samples: the drive's and the table's."""
+    mean = np.repeat(cloud.F_ior_arcsec.mean(axis=1), cloud.weight.shape[1])[places]
+    return np.asarray(np.square(misfit * mean) + cloud.tables[cloud.rig.M_g].standard_error ** 2)
+
+
+def _likelihood(
+    f: Array, y: Array, told: Array, variance: Array, tried: Sequence[float], noise: float = 1.0
+) -> tuple[Array, Array]:
+    """How far measured values lie off samples, squared, in standard deviations, and their log likelihood.
+
+    Arguments: F'_ior of the samples there, shape (samples, trials); told, standard deviation of each value, and noise,
+    over that; variance of the misfit, shape (samples,). In the eigenvectors of the GP's kernel, whitened by what was
+    told, the covariance is diagonal, but for the scale's, which has rank one.
+    """
+    own, basis = np.linalg.eigh(kernel(tried, tried) / np.multiply.outer(told, told))
+    f, off = f / told @ basis, (y - f) / told @ basis
+    each = noise**2 + variance[:, None] * np.maximum(own, 0)
+    more = 1 + SCALE**2 * (f**2 / each).sum(axis=1)
+    squares = (off**2 / each).sum(axis=1) - (SCALE * (f * off / each).sum(axis=1)) ** 2 / more
+    return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more))
+
+
+def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
+    """Correlation of the misfit between positions [deg], shape (a, b)."""
+    apart = np.radians(np.subtract.outer(a_deg, b_deg))
+    return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
+
+
+def _smooth(rotations_deg: Sequence[float], draws: int, rng: np.random.Generator) -> Array:
+    """Draws of the misfit of variance 1, shape (draws, rotations)."""
+    own, basis = np.linalg.eigh(kernel(rotations_deg, rotations_deg))
+    return np.asarray(rng.standard_normal((draws, len(own))) @ (np.sqrt(np.maximum(own, 0))[:, None] * basis.T))
+
+
+def require_reachable(cloud: Cloud, trials: Sequence[Trial]) -> None:
+    """Raise UntrustedError where no sample comes to the measured values, saying what would have to change.
+
+    Values of one position count by their mean: that they differ is the noise's.
+    """
+    tried = sorted({trial.rotation_deg for trial in trials})
+    y = np.array([np.mean([t.F_ior_arcsec for t in trials if t.rotation_deg == rotation]) for rotation in tried])
+    possible = np.flatnonzero(cloud.weight)
+    f = cloud.at(tried, possible)
+    squares, _ = _likelihood(f, y, cloud.noise(y), _variance(cloud, MISFITS[-1], possible), tried)
+    nearest = int(np.argmin(squares))
+    if chi2.sf(squares[nearest], len(tried)) >= UNLIKELY:
+        return
+    told = ", ".join(
+        f"{hole_words(rotation, cloud.drive.mounting.holes)}: measured {value:g}, at best {best:.1f}"
+        for rotation, value, best in zip(tried, y, f[nearest], strict=True)
+    )
+    low, high, most = float(f.min()), float(f.max()), float(y.max())
+    change = "offsets of that size don't differ so much from hole to hole: a larger offset, or --noise, may fit"
+    if not low <= most <= high:
+        change = f"deviations or offsets had to be {most / (high if most > high else low):.2g} times as large"
+    raise UntrustedError(
+        f"no cam offset up to {np.abs(cloud.offset_um).max():.0f} um explains the trials ({told} arcsec)",
+        f"this drive shows {low:.1f} to {high:.1f} arcsec at {cloud.rig.M_g:g} N*m: check values and torque; {change}",
+    )

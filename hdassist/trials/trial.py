@@ -33,17 +33,10 @@ class Rig:
 
     def require_sound(self) -> None:
         """Raise UsageError unless the torque turns something and the standard deviations are such."""
-        torque, noise, reseat = abs(self.M_g), self.noise_arcsec, self.reseat_um
-        for words, value, sound, hint in (
-            (
-                "torque of a trial",
-                self.M_g,
-                0 < torque <= 1e7,
-                "more than 0 N*m: --trial-torque 80",
-            ),  # as operation.M_g
-            # beyond these, squares leave the range of numbers
+        torque, noise, reseat = self.M_g, self.noise_arcsec, self.reseat_um
+        for words, value, sound, hint in (  # ends as in a preset; beyond those of noise, squares are no numbers
+            ("torque of a trial", torque, 0 < abs(torque) <= 1e7, "more than 0 N*m: --trial-torque 80"),
             ("noise of a trial", noise, 1e-6 <= noise <= 1e6, "from 1e-6 to 1e6 arcsec: --noise 1"),
-            # as any eccentricity of a preset
             ("error of the seat", reseat, 0 <= reseat <= 1e3, "from 0 to 1000 um: --reseat 10"),
         ):
             if not sound:
@@ -52,8 +45,7 @@ class Rig:
 
 def read_trial(text: str, holes: int) -> Trial:
     """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat). Raises UsageError for anything else."""
-    where, _, value = text.partition(":")
-    where = where.lower()
+    where, _, value = text.lower().partition(":")
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec"
     try:
         rotation, F_ior = float(where.removeprefix("h")), float(value)
@@ -68,9 +60,8 @@ def read_trial(text: str, holes: int) -> Trial:
             raise UsageError(f"{text!r}: the seat's holes are h0 to h{holes - 1}", hint)
         rotation *= 360 / holes
     elif holes and hole_of(rotation, holes) is None:
-        near = round(rotation) % holes
         raise UsageError(
             f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
-            f"was hole {near} meant? h{near}:{value}",
+            f"was hole {round(rotation) % holes} meant? h{round(rotation) % holes}:{value}",
         )
     return Trial(rotation % 360, F_ior)

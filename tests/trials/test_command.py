@@ -45,6 +45,7 @@ def test_json_tells_positions_and_what_the_trials_teach(answer):
     assert [m["hole"] for m in told["trials"]["measured"]] == [0, 4, 8, 4, 3]
     assert [p["hole"] for p in told["prediction_errors"]] == [4, 8, 4, 3]
     assert told["prediction_errors"][2]["as_predicted"]
+    assert abs(told["prediction_errors"][2]["surprise"]) < 3
     assert sum(p["probability_best"] for p in told["positions"]) == pytest.approx(1)
     best = min(told["positions"], key=lambda p: p["expected_loss"])
     assert best == told["best_bet"]
@@ -111,7 +112,7 @@ def test_people_see_the_instruction_and_tables(answer):
     assert " ".join(answer[0]["instruction"].replace("·", "*").split()) in " ".join(done.stdout.split())
     for words in (
         "hole 4 (120 deg)",
-        "settled from 90% on (--sure)",
+        "90% are wanted",
         "Five or six trials are normal",
         "counter-clockwise seen from the cam side",
         "rests on what is assumed: does the position stay the best?",
