@@ -57,11 +57,11 @@ def command(
 
     \b
     Examples:
-      hdassist compare my-drive.yaml run.csv --torque 80
-      hdassist compare my-drive.yaml run.csv --torque 80 --error-is output-cam --drift linear
-      hdassist compare my-drive.yaml run.csv --torque 80 --angle enc1 --second enc2 --cam-zero fit
-      hdassist compare my-drive.yaml run.csv --torque 80 --set phases.xi_b=230 --json
-      hdassist compare vzp160 my-drive.yaml
+      hdassist compare own.yaml run.csv --torque 80
+      hdassist compare own.yaml run.csv --error-is output-cam --drift linear
+      hdassist compare own.yaml run.csv --angle enc1 --second enc2
+      hdassist compare own.yaml run.csv --set phases.xi_b=230 --json
+      hdassist compare vzp160 own.yaml
 
     Each deviation, of the cam (wave generator), the rigid wheel (circular spline) or the flexspline, is fitted alone,
     then all together, through the contact model; what the record does not tell is said.

@@ -44,9 +44,9 @@ def command(
     \b
     Examples:
       hdassist trials vzp160 h0:28.1 h4:17.3 h8:24.9
-      hdassist trials my-drive.yaml h0:28.1 h4:17.3 h8:24.9 h5:16.9 h4:17.9 --noise 0.5
-      hdassist trials my-drive.yaml h0:28.1 h4:17.3 h8:24.9 --trial-torque 80 --card card.html
-      hdassist trials my-drive.yaml h0:28.1 h4:17.3 h8:24.9 --verify h5:16.2
+      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 h4:17.9 --noise 0.5
+      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --card card.html
+      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --verify h5:16.2
 
     Mount the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline) in a few positions of its
     seat, the first three 120 deg apart, at a light torque, measure F'_ior in each and give them all: the offset of the

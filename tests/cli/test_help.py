@@ -30,6 +30,7 @@ def test_help_of_a_command_is_the_same_either_way(name: str) -> None:
     assert run("help", name).stdout == told
     assert "Examples:" in told
     assert ("Answer:" in told) is (name != "explore")
+    assert max(map(len, told.splitlines())) <= 80
 
 
 def test_options_stand_in_sections() -> None:
