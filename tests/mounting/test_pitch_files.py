@@ -187,8 +187,9 @@ def test_faults_of_both_files_come_at_once(tmp_path):
     (tmp_path / "g.csv").write_text("# unit: in\n" + rows(VALUES[:60]))
     result = pitch("mount", SMALL, "--pitch-b", "b.csv", "--pitch-g", "g.csv", files=tmp_path)
     assert result.returncode == 4
-    places = [line.removeprefix("error: ").split(": ")[0] for line in result.stderr.splitlines()]
-    assert places == ["b.csv:63:1", "g.csv:1:9"]
+    *faults, hint = result.stderr.splitlines()
+    assert [line.removeprefix("error: ").split(": ")[0] for line in faults] == ["b.csv:63:1", "g.csv:1:9"]
+    assert hint == "  hint: hdassist explain FILE_INVALID"
     result = pitch("trace", SMALL, "--pitch-b", "b.csv", "--pitch-g", "gone.csv", files=tmp_path)
     assert result.returncode == 4
     assert "b.csv:63:1: " in result.stderr
