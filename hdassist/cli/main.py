@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -43,6 +44,7 @@ BUG = 1
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
+AGAIN = 0.02  # s after which a stop is told again where it cannot be heard
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -190,7 +192,12 @@ def _stops_heard(came: list[int]) -> Iterator[None]:
     That is an interrupt, SIGTERM, or a terminal that goes: SIGHUP.
     """
 
-    def end(number: int, _: object) -> None:
+    def end(number: int, frame: FrameType | None) -> None:
+        if frame is not None and frame.f_globals.get("__name__") == "logging":
+            # around a fork Python calls it, and swallows what is raised there: told again in a moment
+            signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
+            signal.setitimer(signal.ITIMER_REAL, AGAIN)
+            return
         came.append(number)
         if number == signal.SIGINT:
             raise KeyboardInterrupt

@@ -182,6 +182,7 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     assert (both.returncode, "belongs to one drive" in both.stderr) == (2, True)
 
 
+@pytest.mark.slow  # .ci/run runs it
 def test_the_tutorial_runs(tmp_path):
     told = told_by("acceptance.md", tmp_path)
     assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"

@@ -92,5 +92,6 @@ def test_two_runs_do_not_share_a_state_file(tmp_path):
     assert not state.exists()
 
 
+@pytest.mark.slow  # .ci/run runs it
 def test_the_page_of_the_docs_runs(tmp_path):
     require_told("calibrate.md", told_by("calibrate.md", tmp_path))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
+from hdassist.cli import main as cli
 from hdassist.version import __version__
 from tests.process import CLEAN, SMALL, run
 
@@ -106,3 +108,13 @@ def test_a_closed_stream_changes_no_exit_code(args, closed, code, tmp_path):
     shell = f'"{sys.executable}" -m hdassist {args} {closed}'
     result = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, env=CLEAN, cwd=tmp_path, check=False)
     assert (result.returncode, result.stderr) == (code, "")
+
+
+def test_a_stop_where_python_swallows_what_is_raised_is_told_again():
+    came = []
+    there = {"__name__": "logging", "signal": signal}
+    exec("def released():\n    signal.raise_signal(signal.SIGINT)\n    return 'gone on'", there)
+    with pytest.raises(KeyboardInterrupt), cli._stops_heard(came):
+        assert there["released"]() == "gone on"
+        time.sleep(5)
+    assert came == [signal.SIGINT]

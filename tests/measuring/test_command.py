@@ -173,6 +173,7 @@ def test_the_real_trace():
     assert "2 columns of errors" in run("measure", str(REAL)).stderr
 
 
+@pytest.mark.slow  # .ci/run runs it
 def test_the_tutorial_runs(tmp_path):
     told = told_by("measure.md", tmp_path)
     assert "at least" in told
