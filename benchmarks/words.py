@@ -3,7 +3,7 @@
 HEAD = """\
 # Speed and memory
 
-Made by `python -m benchmarks --write`, which measures everything below in one run and takes some five minutes. Ratios
+Made by `python -m benchmarks --write`, which measures everything below in one run and takes some eight minutes. Ratios
 count; absolute times belong to the machine named here and to what else it had to do.
 
 Seconds of whole processes are seconds on the clock (median), with all that a user waits for: the interpreter, imports,
