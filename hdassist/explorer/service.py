@@ -107,7 +107,7 @@ def answer(question: Question, there: Connection) -> None:
             there.send(each)
     except HdassistError as error:
         there.send(Failed(error.message, error.hint))
-    except Exception as error:
+    except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
         there.send(Failed(f"internal error: {type(error).__name__}: {error}", "this is a bug in hdassist"))
     finally:
         there.close()

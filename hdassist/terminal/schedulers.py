@@ -138,7 +138,7 @@ def _is_address(text: str) -> bool:
 def _require_distributed() -> None:
     """Raise DataError where distributed is not installed; else have it say nothing beside what it raises."""
     try:
-        import distributed  # noqa: F401
+        import distributed  # noqa: F401 (is it there?)
     except ImportError:
         words = "a scheduler needs the package distributed, which is not installed"
         raise DataError(words, 'pip install "hdassist[cluster]"') from None

@@ -16,7 +16,7 @@ SUFFIX = ".parquet"
 def require_pyarrow() -> None:
     """Raise DataError where pyarrow is not installed."""
     try:
-        import pyarrow.parquet  # noqa: F401
+        import pyarrow.parquet  # noqa: F401 (is it there?)
     except ImportError:
         words = "Parquet needs the package pyarrow, which is not installed"
         raise DataError(words, 'pip install "hdassist[parquet]"') from None
