@@ -3,7 +3,7 @@
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.sensitivity import sensitivity
+from hdassist.error.sensitivity import sensitivities, sensitivity
 from tests.process import SMALL
 from tests.support import changed
 
@@ -25,4 +25,8 @@ def test_slopes_are_those_of_the_full_cycle():
 
 
 def test_rolling_balls_have_none():
-    assert sensitivity(changed(load_preset(SMALL), bearing__ball_motion="rolling", bearing__d_ball=3.0), 1.0) is None
+    rolling = changed(load_preset(SMALL), bearing__ball_motion="rolling", bearing__d_ball=3.0)
+    assert sensitivity(rolling, 1.0) is None
+    told: list[int] = []
+    assert sensitivities([(rolling, 1.0), (rolling, 4.0)], progress=told.append) == [None, None]
+    assert not told

@@ -7,7 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.search import CycleSearch
-from hdassist.error.table import KNOWN, ErrorTable, error_tables, turns
+from hdassist.error.table import KNOWN, ErrorTable, Mesh, error_tables, turns
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
@@ -103,10 +103,22 @@ def test_all_deviations_reversed_are_half_a_turn(table: ErrorTable) -> None:
 
 def test_the_same_digits_from_any_number_of_workers(small: Drive, table: ErrorTable) -> None:
     outermost = small.with_values({"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0})
+    told: list[int] = []
     with ThreadPoolExecutor(2) as executor:
-        again = error_tables([(small, [*drawn(small, KNOWN - 1, 1), outermost])], (4.0,), executor=executor)[0][0]
+        span = [*drawn(small, KNOWN - 1, 1), outermost]
+        again = error_tables([(small, span)], (4.0,), executor=executor, progress=told.append)[0][0]
     assert np.array_equal(again.error, table.error, equal_nan=True)
     assert again.standard_error == table.standard_error
+    assert sum(told) == again.certificate.states
+
+
+def test_a_state_that_cannot_be_trusted_is_named_by_its_deviations(small: Drive) -> None:
+    far = small.with_values({"tolerances.F_i2": 100.0, "tolerances.e_hb": 50.0})
+    coarse = Mesh((3, 3, 3, 3), compared=0)
+    with pytest.raises(
+        UntrustedError, match=r"at tooth vector \(-?\d+, -?\d+\) um, cam vector .* um, M_g = 1e\+06 N\*m"
+    ):
+        error_tables([(small, [far])], (1e6,), mesh=coarse)
 
 
 def test_outside_its_reach_it_knows_nothing(small: Drive, table: ErrorTable) -> None:

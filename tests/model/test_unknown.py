@@ -5,7 +5,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.model.deviations import deviations_of
-from hdassist.model.unknown import draw, told, unknown_turn, unknowns, with_zeros
+from hdassist.model.unknown import draw, pitch_deviation, told, unknown_turn, unknowns, with_zeros
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import may_be_unknown
 from tests.process import SMALL
@@ -86,3 +86,13 @@ def test_zeros_in_place_of_the_unknown_are_said():
     assert (unknowns(known), told(known)) == ((), ())
     assert known.origin.warnings[-1].startswith("assumed to be 0, not known: phases.phi_hb, harmonics.a_g3")
     assert with_zeros(known) is known
+
+
+def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
+    class_9 = pitch_deviation(load_preset(SMALL), 9)
+    found = {u.path: u.high for u in unknowns(load_preset(SMALL, ["harmonics.a_g2=unknown", "harmonics.a_b3=unknown"]))}
+    assert (found["harmonics.a_g2"], found["harmonics.a_b3"]) == pytest.approx((0.08 * 20, 0.04 * 20))
+    loose = load_preset(SMALL, ["tolerances.F_i1=unknown", "harmonics.a_g2=unknown"])
+    assert {u.path: u.high for u in unknowns(loose)}["harmonics.a_g2"] == pytest.approx(0.08 * class_9 / 2)
+    # a wheel without deviations has none of them
+    assert open_fields("tolerances.F_i1=0", "harmonics.a_g2=unknown", "harmonics.xi_g2=unknown") == set()

@@ -14,6 +14,7 @@ from hdassist.solve import pivoting
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, N_MM, solve_states
 from hdassist.solve.certificate import TOLERANCE, residuals
+from hdassist.solve.compiled import Compiled
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.pivoting import Reference, exchanged
@@ -243,3 +244,12 @@ def test_exchanged_twice_is_what_it_was():
     assert exchanged(matrix, change) @ np.where(change, values, others) == pytest.approx(
         np.where(change, others, values)
     )
+
+
+def test_candidates_that_are_one_and_the_same_are_no_reference():
+    # two springs side by side in the same place: which of them carries is not determined, so there is no pivot
+    one = np.ones((2, 2))
+    data = Compiled(P=one, q_0=np.zeros(2), Q=np.eye(2), A=one[:1], b_0=np.zeros(1), b_1=np.ones(1), lower=np.zeros(2))
+    assert Reference.at(data, np.array([True, False])) is None
+    apart = replace(data, P=one + np.eye(2))
+    assert Reference.at(apart, np.array([True, True])) is not None

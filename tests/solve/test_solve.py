@@ -8,13 +8,13 @@ import pytest
 
 from hdassist import kinematic_error
 from hdassist.error.self_error import self_error
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.errors import Fault, UntrustedError, UsageError
+from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve import activeset, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import ARCSEC, solve_states
+from hdassist.solve.answers import ARCSEC, Certificate, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import MANY, Engine
@@ -298,3 +298,33 @@ def test_the_sample_of_the_cross_check_is_seeded(reference):
     assert one == same
     assert 8 <= one.states <= 10
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec
+
+
+def test_certificates_add_up_to_the_worst_of_both():
+    one, other = Certificate(3, 1e-12, 2e-12, 3e-12, 4e-12, 1), Certificate(5, 2e-12, 1e-12, 4e-12, 3e-12, 2)
+    both = one + other
+    assert both == Certificate(8, 2e-12, 2e-12, 4e-12, 4e-12, 3)
+    assert [replace(both, **{name: 1e-9}).max_residual for name in ("negative_force", "equilibrium")] == [1e-9] * 2
+    assert str(both) == (
+        "8 states, worst residuals: negative force 2.0e-12, negative gap 2.0e-12, complementarity 4.0e-12, "
+        "equilibrium 4.0e-12; 3 fallbacks"
+    )
+
+
+def test_a_torque_that_no_contact_can_hold_has_no_answer(system):
+    # flanks that only push the flexspline one way
+    G = system.G.copy()
+    G[:, ROTATION] = -np.abs(G[:, ROTATION])
+    one_way = formulate(replace(system, G=G))
+    solve_through_cvxpy(one_way, system.delta_p, 80e3, "CLARABEL")
+    with pytest.raises(UntrustedError, match="CLARABEL could not solve a state: infeasible") as error:
+        solve_through_cvxpy(one_way, system.delta_p, -80e3, "CLARABEL")
+    assert error.value.fault is Fault.UNTRUSTED_STATE
+
+
+def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
+    contact = np.arange(len(system.delta_p)) % 2 == 0
+    solver = ActiveSet(formulation, compile_programme(formulation), 80e3, contact)
+    forces, free, fallbacks = solver.solve(system.delta_p[None][:0])
+    assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
+    assert np.array_equal(solver.contact, contact)

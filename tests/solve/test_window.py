@@ -9,7 +9,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
-from hdassist.solve.window import FIELD, WIDEST, EdgeOfWindowError, in_wide_enough_window
+from hdassist.solve.window import FIELD, WIDEST, EdgeOfWindowError, in_wide_enough_window, with_window
 from tests.process import SMALL, run
 
 NARROW, WIDE = "12", "18"
@@ -47,6 +47,11 @@ def test_the_window_grows_until_it_holds_the_load_or_is_the_widest():
     drive = load_preset(SMALL)
     assert drive.allows(FIELD, WIDEST)
     assert not drive.allows(FIELD, WIDEST + 0.1)
+
+
+def test_a_drives_own_window_is_no_other_one():
+    drive = load_preset(SMALL)
+    assert with_window(drive, drive.numerics.window) is drive
 
 
 def test_other_errors_are_not_met_with_a_wider_window():
