@@ -6,7 +6,14 @@ import pytest
 from hdassist import ToothDeviations, kinematic_error
 from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import deviation_scalars, displaced, gaps, tooth_phases
+from hdassist.model.deviations import (
+    carried,
+    deviation_scalars,
+    displaced,
+    gaps,
+    standing_offset,
+    tooth_phases,
+)
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from tests.support import changed, first_harmonic
 
@@ -57,10 +64,10 @@ def test_a_centre_shift_is_a_first_harmonic_half_a_turn_on(reference):
 
 
 def test_a_pitch_mark_is_where_the_teeth_lead_most(reference):
-    drive = changed(reference, phases__xi_b=70.0, mounting__mark_kind="pitch")
-    xi = tooth_phases(drive)[1]
+    drive = changed(reference, phases__xi_g=50.0, phases__xi_b=70.0, mounting__mark_kind="pitch")
     theta = np.radians(np.arange(0, 360, 1.0))
-    assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(70.0)
+    for xi, mark in zip(tooth_phases(drive), (50.0, 70.0), strict=True):
+        assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(mark)
 
 
 @pytest.mark.parametrize("j", [0, 1, 77, 5000])
@@ -176,3 +183,13 @@ def test_a_wheel_moved_further_has_the_run_out_of_both(reference):
     change = displaced(oval, off, alpha) - oval
     assert change.shape == (7, 12)
     assert np.flatnonzero(change.any(axis=0)).tolist() == [4, 5]
+
+
+def test_what_turns_with_the_fixed_wheel_and_what_stands_with_its_seat(reference):
+    assert carried(reference) == (
+        "phases.xi_b", "phases.phi_eb", "harmonics.xi_b2", "harmonics.xi_b3", "harmonics.xi_b4",
+    )  # fmt: skip
+    assert standing_offset(reference) == ("tolerances.e_hb", "phases.phi_hb")
+    other = changed(reference, mounting__fixed="flexspline")
+    assert carried(other) == ("phases.xi_g", "harmonics.xi_g2", "harmonics.xi_g3", "harmonics.xi_g4")
+    assert standing_offset(other) == ("tolerances.e_hg", "phases.phi_hg")

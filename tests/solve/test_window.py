@@ -41,7 +41,7 @@ def test_the_window_grows_until_it_holds_the_load_or_is_the_widest():
     assert windows_until(0) == [40]
     assert windows_until(41) == [40, 60]
     assert windows_until(85, "gears.j_n=3") == [40, 60, 85]
-    assert windows_until(10, f"{FIELD}=7") == [7, 10.5]
+    assert windows_until(16, f"{FIELD}=7") == [7, 10.5, 15.8, 23.7]  # to a tenth of a degree
     with pytest.raises(EdgeOfWindowError, match="edge"):
         windows_until(86)
     drive = load_preset(SMALL)
