@@ -6,20 +6,22 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from hdassist import kinematic_error
+from hdassist import kinematic_error, load_preset
 from hdassist.error.self_error import self_error
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import activeset, throughcvxpy
+from hdassist.solve import activeset, engine, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, Certificate, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_through_cvxpy
+from tests.process import SMALL
 from tests.support import changed
 
 
@@ -328,3 +330,19 @@ def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulati
     forces, free, fallbacks = solver.solve(system.delta_p[None][:0])
     assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
     assert np.array_equal(solver.contact, contact)
+
+
+def test_a_neighbour_is_not_compiled_again(monkeypatch):
+    drive = load_preset(SMALL)
+    near = LoadCase.of(drive, 4.0)
+    softer = drive.with_values({"contact.c_t": 6.6e-5})
+    alone = LoadCase.of(softer, 1.0)
+    expected = alone.solve(alone.system.delta_p[None], str)
+
+    def refuse(*_):
+        raise AssertionError("compiled again")
+
+    monkeypatch.setattr(engine, "compile_programme", refuse)
+    case = LoadCase.of(softer, 1.0, like=near)
+    found = case.solve(case.system.delta_p[None], str)
+    assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=1e-7)
