@@ -1,5 +1,6 @@
 """One statement of the programme, one proof of the answer."""
 
+import re
 from dataclasses import replace
 
 import cvxpy as cp
@@ -12,7 +13,7 @@ from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import activeset, engine, throughcvxpy
+from hdassist.solve import activeset, answers, engine, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, Certificate, solve_states
 from hdassist.solve.certificate import residuals
@@ -20,7 +21,7 @@ from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_through_cvxpy
+from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_again, solve_through_cvxpy
 from tests.process import SMALL
 from tests.support import changed
 
@@ -122,8 +123,37 @@ def test_every_state_can_go_through_cvxpy(reference, solver):
 
 
 def test_an_unknown_solver_is_an_error(formulation, system):
-    with pytest.raises(UsageError, match="nosuch"):
+    with pytest.raises(UsageError, match="nosuch") as error:
         ThroughCvxpy(formulation, 80e3, "nosuch").solve(system.delta_p[None])
+    assert error.value.hint.startswith("there are: clarabel, ")
+    assert "daqp" in error.value.hint
+
+
+def test_a_solver_that_breaks_down_is_told_by_its_first_line(formulation, system, monkeypatch):
+    def breaks(*_, **__):
+        raise cp.SolverError("no luck\nat all")
+
+    monkeypatch.setattr(formulation.statement.problem, "solve", breaks)
+    with pytest.raises(UntrustedError) as error:
+        solve_through_cvxpy(formulation, system.delta_p, 80e3, "clarabel")
+    assert str(error.value) == "CLARABEL could not solve a state: no luck"
+    assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
+
+
+def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(formulation, system):
+    torques = np.array([80.0, -300.0, 800.0])
+    delta_p = np.repeat(system.delta_p[None], 3, axis=0)
+    rotation = np.array([Engine(formulation, M_g * 1e3).solve(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
+    # to the name of a solver that runs at its own settings, too
+    found = solve_again(formulation, torques, delta_p, rotation + np.array([0.001, -0.004, 0.002]), "daqp", str)
+    assert (found.solver, found.states) == ("DAQP", 3)
+    assert found.max_difference_arcsec == pytest.approx(0.004, abs=1e-6)
+    with pytest.raises(UntrustedError, match=r"disagree at state 1: 0.02 arcsec between the engine and daqp") as error:
+        solve_again(
+            formulation, torques, delta_p, rotation + np.array([0.001, -0.02, 0.03]), "daqp", lambda k: f"state {k}"
+        )
+    assert error.value.fault is Fault.SOLVERS_DISAGREE
+    assert "--cross-check" in error.value.hint
 
 
 @pytest.mark.parametrize(
@@ -157,6 +187,61 @@ def test_nan_is_the_worst_residual(system):
     assert proof.worst[0] == np.inf
 
 
+def test_residuals_are_those_of_the_system_written_out(system):
+    rng = np.random.default_rng(1)
+    forces, free, torque = rng.uniform(-1, 9, len(system.delta_p)), rng.normal(0, 1e-3, 3), -70e3
+    forces[rng.random(len(forces)) < 0.5] = 0
+    found = residuals(system, system.delta_p[None], torque, forces[None], free[None])
+    a, at = np.zeros(9), list(free)
+    for k, stiffness in enumerate(system.C):
+        a[k] = system.G[:, k] @ forces / stiffness if stiffness else at.pop(0)
+    gap = system.delta_p + system.D @ forces + system.G @ a
+    most, widest = np.abs(forces).max(), np.abs(system.delta_p).max()
+    assert found.negative_force[0] == pytest.approx(-forces.min() / most)
+    assert found.negative_gap[0] == pytest.approx(-gap.min() / widest)
+    assert found.complementarity[0] == pytest.approx(np.abs(gap * forces).max() / (most * widest))
+    shares = [
+        abs(system.G[:, k] @ forces - system.C[k] * a[k] + torque * (k == ROTATION))
+        / (np.abs(system.G[:, k]) @ np.abs(forces) + abs(torque) * (k == ROTATION))
+        for k in range(9)
+    ]
+    assert found.equilibrium[0] == pytest.approx(max(shares))
+    # nothing that pushes: the torque is not held at all
+    idle = residuals(system, system.delta_p[None], torque, 0 * forces[None], 0 * free[None])
+    assert (idle.negative_force[0], idle.complementarity[0], idle.equilibrium[0]) == (0, 0, 1)
+    assert idle.negative_gap[0] == pytest.approx(-system.delta_p.min() / widest)
+
+
+def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
+    torque, n = -300e3, system.n_flanks
+    delta_p = system.gaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02]]))
+    forces, free, _ = Engine(formulation, torque).solve(delta_p)
+    kept = solve_states(system, Engine(formulation, torque), torque, delta_p, str)
+    assert kept.rotation_arcsec == pytest.approx(free[:, 0] * 180 / np.pi * 3600, abs=1e-8)
+    moments = -forces[:, :n] * system.G[:n, ROTATION]  # that the flanks take off the flexspline
+    for zone in (0, 1):
+        assert kept.zone_share[:, zone] == pytest.approx(moments[:, system.flanks.zone == zone].sum(axis=1) / torque)
+    assert kept.zone_share.sum(axis=1) == pytest.approx([1, 1])
+    assert kept.tooth_force_N == pytest.approx(forces[:, :n].max(axis=1))
+    assert kept.pull_N == pytest.approx(forces @ system.deviation_map)
+
+
+def test_a_tooth_at_the_edge_carries_load_from_a_share_of_the_torque_on(reference, monkeypatch):
+    torque, system = 800e3, contact_system(changed(reference, numerics__window=12.0))
+    formulation = formulate(system)
+    delta_p = system.gaps(np.array([[0.0] * 4, [0.01, 0.0, 0.02, 0.0]]))
+    forces, _, _ = Engine(formulation, torque).solve(delta_p)
+    at_edge = forces[:, : system.n_flanks][:, system.flanks.edge].max(axis=1)
+    assert at_edge[1] > at_edge[0] > 0
+    share = at_edge[1] / (torque / system.geometry.r_m)
+    monkeypatch.setattr(answers, "EDGE_SHARE", 1.0001 * share)
+    solve_states(system, Engine(formulation, torque), torque, delta_p, str)
+    monkeypatch.setattr(answers, "EDGE_SHARE", 0.9999 * share)
+    with pytest.raises(UntrustedError, match=f"at state 1: {at_edge[1]:.3g} N on the outermost tooth") as error:
+        solve_states(system, Engine(formulation, torque), torque, delta_p, lambda k: f"state {k}")
+    assert error.value.fault is Fault.EDGE_OF_WINDOW
+
+
 class Broken:
     """A solver that gives a wrong answer for one state."""
 
@@ -174,7 +259,8 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
     with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
         solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, delta_p, lambda k: f"number {k}")
     assert error.value.exit_code == 5
-    assert error.value.hint
+    assert error.value.fault is Fault.UNTRUSTED_STATE
+    assert "--solver clarabel" in error.value.hint
 
 
 def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
@@ -269,8 +355,12 @@ def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference,
 
 def test_too_great_a_torque_is_outside_the_model(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
-    with pytest.raises(UntrustedError, match="quarter of a tooth pitch"):
-        kinematic_error(reference, 1e6, states=states)
+    for torque in (1e6, -1e6):
+        with pytest.raises(UntrustedError, match=r"wind-up of (\d+) arcsec, .* pitch \(1620 arcsec\)") as error:
+            kinematic_error(reference, torque, states=states)
+        assert error.value.fault is Fault.BEYOND_MODEL
+        assert error.value.hint == "the torque is too great for this drive"
+        assert int(re.search(r"wind-up of (\d+)", str(error.value))[1]) > 1620
     with pytest.raises(UntrustedError, match="outermost tooth"):
         kinematic_error(reference, 5000, states=states)
 
