@@ -8,7 +8,7 @@ import pytest
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.solve import answers
-from hdassist.solve.answers import Certificate, solve_states
+from hdassist.solve.answers import ARCSEC, Certificate, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
@@ -89,3 +89,26 @@ def test_certificates_add_up_to_the_worst_of_both():
         "8 states, worst residuals: negative force 2.0e-12, negative gap 2.0e-12, complementarity 4.0e-12, "
         "equilibrium 4.0e-12; 3 fallbacks"
     )
+
+
+def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formulation):
+    torque, delta_p = 80e3, system.gaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02], [0.0] * 4]))
+    rotation = Engine(formulation, torque).solve(delta_p)[1][:, 0]
+    limit = (rotation[0] + rotation[1]) / 2  # a quarter of a pitch of a wheel with very many teeth
+    wheel = replace(system.geometry.flexspline, z=np.pi / 2 / limit)
+    fine = replace(system, geometry=replace(system.geometry, flexspline=wheel))
+    worst = int(np.argmax(rotation))
+    assert worst == 1
+    with pytest.raises(UntrustedError, match=f"at state {worst}: wind-up of {rotation[worst] * ARCSEC:.0f} arcsec"):
+        solve_states(fine, Engine(formulation, torque), torque, delta_p, lambda k: f"state {k}")
+
+
+def test_a_state_without_an_answer_has_no_residual(system, formulation):
+    class Hopeless:
+        def solve(self, delta_p):
+            forces, free, fallbacks = Engine(formulation, 80e3).solve(delta_p)
+            forces[1:], free[1:] = np.nan, np.nan
+            return forces, free, fallbacks
+
+    with pytest.raises(UntrustedError, match="state not solved at state 1: no method ends"):
+        solve_states(system, Hopeless(), 80e3, np.repeat(system.delta_p[None], 3, axis=0), lambda k: f"state {k}")
