@@ -179,6 +179,8 @@ def test_a_wheel_moved_further_has_the_run_out_of_both(reference):
         both = changed(drive, tolerances__e_b=there + 15.0)
         moved = displaced(deviation_scalars(drive, 0 * alpha, alpha), off, alpha)
         assert moved == pytest.approx(deviation_scalars(both, 0 * alpha, alpha), abs=1e-15)
+        of_two = np.stack([deviation_scalars(drive, 0 * alpha, alpha)] * 2)
+        assert displaced(of_two, off, alpha) == pytest.approx(np.stack([moved, moved]))
     oval = deviation_scalars(changed(reference, harmonics__a_b2=3.0), 0 * alpha, alpha)
     change = displaced(oval, off, alpha) - oval
     assert change.shape == (7, 12)
