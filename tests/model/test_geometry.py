@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist.errors import UntrustedError
-from hdassist.model.geometry import Geometry, Wheel, flank_candidates
+from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_point
 from tests.support import changed
 
 
@@ -106,3 +106,15 @@ def test_least_gap_is_found_on_a_denser_sampling_too(reference):
     coarse = flank_candidates(Geometry.of(reference), np.radians(30)).gap
     dense = flank_candidates(Geometry.of(reference), np.radians(30), samples=4001).gap
     assert np.abs(dense - coarse).max() < 1e-9
+
+
+@pytest.mark.parametrize("curve", ["linear", "inextensible"])
+def test_contacts_lie_between_the_tips_of_both_wheels(reference, curve):
+    geometry = Geometry.of(changed(reference, numerics__nominal_curve=curve))
+    flanks = flank_candidates(geometry, np.radians(30))
+    r_y = geometry.r_m + flanks.h_c
+    rho, _ = flank_point(geometry, r_y, flanks.theta, flanks.side)
+    assert r_y.max() <= geometry.r_ag + 1e-9
+    assert r_y.min() >= geometry.r_f + 0.2 * 0.8 - 1e-9
+    assert rho.min() == pytest.approx(geometry.r_ab, abs=1e-9)
+    assert np.count_nonzero(np.abs(rho - geometry.r_ab) < 1e-9) > 10

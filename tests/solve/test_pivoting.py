@@ -182,6 +182,19 @@ def test_states_given_up_are_counted_and_solved_one_by_one(formulation, delta_p,
     assert same(formulation, 4e3, delta_p, found)
 
 
+def test_a_walk_that_rounding_spoiled_is_given_up(formulation, delta_p, monkeypatch):
+    walk = pivoting.Pivoting._walk
+
+    def spoiled(self, start):
+        solved, changed = walk(self, start)
+        return solved * (1 + 1e-3 * changed), changed
+
+    monkeypatch.setattr(pivoting.Pivoting, "_walk", spoiled)
+    found = Engine(formulation, 4e3).solve(delta_p)
+    assert found[2] > 0
+    assert same(formulation, 4e3, delta_p, found)
+
+
 def test_pivots_that_find_no_end_are_not_tried_for_ever(formulation, delta_p, monkeypatch):
     monkeypatch.setattr(pivoting, "LIMIT", 0)
     reach, tried = pivoting.Pivoting._reach, []

@@ -36,6 +36,12 @@ def formulation(system):
     return formulate(system)
 
 
+def test_units_make_the_numbers_of_order_one(reference, formulation, system):
+    units = formulation.units
+    assert (units.gap, units.force) == pytest.approx((1e-3, 1e-3 / reference.contact.c_t))  # a um, and what closes it
+    assert units.load == pytest.approx([system.geometry.r_m, 1, 1])
+
+
 def test_the_programme_is_dpp(formulation):
     problem = formulation.statement.problem
     assert problem.is_dcp(dpp=True)
@@ -345,7 +351,7 @@ def test_a_torque_that_no_contact_can_hold_has_no_answer(system):
     solve_through_cvxpy(one_way, system.delta_p, 80e3, "CLARABEL")
     with pytest.raises(UntrustedError, match="CLARABEL could not solve a state: infeasible") as error:
         solve_through_cvxpy(one_way, system.delta_p, -80e3, "CLARABEL")
-    assert error.value.fault is Fault.UNTRUSTED_STATE
+    assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
 
 
 def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
