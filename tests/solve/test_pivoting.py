@@ -146,6 +146,16 @@ def test_the_same_states_give_the_same_digits(formulation, delta_p):
     assert np.array_equal(free, freed)
 
 
+def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, delta_p):
+    for many in (False, True):
+        engine = Engine(formulation, 4e3, many=many)
+        engine.solve(delta_p[: MANY - 1])
+        assert (engine._pivoting is not None) is many
+    alone = Engine(formulation, 4e3)
+    alone.solve(delta_p[:MANY])
+    assert alone._pivoting is not None
+
+
 def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, delta_p):
     fresh = Engine(formulation, 4e3)
     alone = Engine(formulation, 4e3).solve(delta_p)

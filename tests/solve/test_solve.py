@@ -14,7 +14,7 @@ from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve import activeset, engine, throughcvxpy
-from hdassist.solve.activeset import ActiveSet, solve_near
+from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
@@ -352,29 +352,6 @@ def test_a_torque_that_no_contact_can_hold_has_no_answer(system):
     with pytest.raises(UntrustedError, match="CLARABEL could not solve a state: infeasible") as error:
         solve_through_cvxpy(one_way, system.delta_p, -80e3, "CLARABEL")
     assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
-
-
-def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system):
-    data = compile_programme(formulation)
-    torque, delta_p = 80e3, system.gaps(np.array([[0.03, 0.01, 0.05, -0.02]]))
-    q, load = data.q_0 + data.Q @ formulation.gaps(delta_p[0]), data.load(torque)
-    forces, free, _ = Engine(formulation, torque).solve(delta_p)
-    solved = forces[0] > 0
-    one_more = solved.copy()
-    one_more[np.argmin(solved)] = True
-    for start in (solved, one_more, np.ones_like(solved)):
-        found, duals = formulation.answer(*solve_near(data, q, load, start))
-        assert found == pytest.approx(forces[0], abs=1e-8 * forces.max())
-        assert duals == pytest.approx(free[0], abs=1e-11)
-    assert solve_near(data, q * np.nan, load, solved) is None
-
-
-def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
-    contact = np.arange(len(system.delta_p)) % 2 == 0
-    solver = ActiveSet(formulation, compile_programme(formulation), 80e3, contact)
-    forces, free, fallbacks = solver.solve(system.delta_p[None][:0])
-    assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
-    assert np.array_equal(solver.contact, contact)
 
 
 def test_a_neighbour_is_not_compiled_again(monkeypatch):
