@@ -5,7 +5,7 @@ import pytest
 
 from hdassist import ToothDeviations, kinematic_error
 from hdassist.errors import UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import CAM, contact_system
 from hdassist.model.deviations import (
     carried,
     deviation_scalars,
@@ -195,3 +195,17 @@ def test_what_turns_with_the_fixed_wheel_and_what_stands_with_its_seat(reference
     other = changed(reference, mounting__fixed="flexspline")
     assert carried(other) == ("phases.xi_g", "harmonics.xi_g2", "harmonics.xi_g3", "harmonics.xi_g4")
     assert standing_offset(other) == ("tolerances.e_hg", "phases.phi_hg")
+
+
+@pytest.mark.parametrize("direction", [0.0, 90.0, 200.0])
+def test_the_cam_closes_the_balls_that_it_moves_towards(reference, direction):
+    # at phi_h = 0 the major axis, where theta is 0, lies 90 deg from x
+    drive = changed(reference, **{**QUIET, "tolerances__e_hb": 80.0}, phases__phi_hb=direction)
+    system = contact_system(drive)
+    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    towards = np.cos(system.ball_theta - np.radians(direction - 90))
+    assert change[system.balls] == pytest.approx(-0.08 * towards, abs=1e-15)
+    assert not change[: system.balls.start].any()
+    assert change == pytest.approx(
+        0.08 * system.G[:, 7:9] @ [np.sin(np.radians(direction)), -np.cos(np.radians(direction))]
+    )

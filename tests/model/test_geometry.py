@@ -134,3 +134,11 @@ def test_a_tooth_is_moved_as_a_rigid_body(reference, curve):
         for moved, drawn in points:
             for other, there in points:
                 assert abs(moved - other) == pytest.approx(abs(drawn - there), abs=1e-12)
+
+
+def test_radii_of_the_reference_by_hand(reference):
+    g = Geometry.of(reference)
+    assert (g.r_f, g.r_m, g.r_ag, g.r_ab) == pytest.approx((81.4, 80.7, 82.96, 82.96))
+    assert (g.r_ring, g.r_raceway) == pytest.approx((78.0, 76.0))
+    assert (g.W_0, g.j_n) == pytest.approx((0.96, 0.007))
+    assert (g.flexspline, g.rigid) == (Wheel(200, 0.8, np.radians(20), 3.1), Wheel(202, 0.8, np.radians(20), 3.3))
