@@ -206,6 +206,5 @@ def test_the_cam_closes_the_balls_that_it_moves_towards(reference, direction):
     towards = np.cos(system.ball_theta - np.radians(direction - 90))
     assert change[system.balls] == pytest.approx(-0.08 * towards, abs=1e-15)
     assert not change[: system.balls.start].any()
-    assert change == pytest.approx(
-        0.08 * system.G[:, 7:9] @ [np.sin(np.radians(direction)), -np.cos(np.radians(direction))]
-    )
+    along = np.array([np.sin(np.radians(direction)), -np.cos(np.radians(direction))])
+    assert change == pytest.approx(0.08 * system.G[:, CAM] @ along)

@@ -44,6 +44,15 @@ def test_residuals_are_those_of_the_system_written_out(system):
         for k in range(9)
     ]
     assert found.equilibrium[0] == pytest.approx(max(shares))
+    # each state has its own
+    pushing = np.maximum(forces, 0)
+    alone = residuals(system, system.delta_p[None] + 0.2, torque, pushing[None], 2 * free[None])
+    both = [np.stack(pair) for pair in ((system.delta_p, system.delta_p + 0.2), (forces, pushing), (free, 2 * free))]
+    together = residuals(system, both[0], torque, *both[1:])
+    for name in ("negative_force", "negative_gap", "complementarity", "equilibrium"):
+        expected = [getattr(found, name)[0], getattr(alone, name)[0]]
+        assert getattr(together, name) == pytest.approx(np.array(expected))
+    assert together.worst == pytest.approx(np.array([found.worst[0], alone.worst[0]]))
     # nothing that pushes: the torque is not held at all
     idle = residuals(system, system.delta_p[None], torque, 0 * forces[None], 0 * free[None])
     assert (idle.negative_force[0], idle.complementarity[0], idle.equilibrium[0]) == (0, 0, 1)
