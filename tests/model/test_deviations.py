@@ -70,6 +70,12 @@ def test_a_pitch_mark_is_where_the_teeth_lead_most(reference):
         assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(mark)
 
 
+def test_a_pitch_mark_stands_a_quarter_turn_on_from_the_phase(reference):
+    marked = changed(reference, phases__xi_g=50.0, phases__xi_b=70.0, mounting__mark_kind="pitch")
+    phases = changed(reference, phases__xi_g=-40.0, phases__xi_b=-20.0)
+    assert scalars(marked, 33, 7) == pytest.approx(scalars(phases, 33, 7), abs=1e-15)
+
+
 @pytest.mark.parametrize("j", [0, 1, 77, 5000])
 def test_measured_flexspline_equals_its_first_harmonic(reference, j):
     system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
