@@ -134,8 +134,7 @@ def validate(
     presets: o.Presets,
     *,
     drives: o.DriveOptions,
-    json: o.AsJson = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
+    options: TableOptions,
 ) -> None:
     """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
@@ -165,14 +164,14 @@ def validate(
             answer = failure("presets-validate", error, preset=name)
             answers.append(answer | {"file": name, "valid": False, "findings": findings})
             verdict = "invalid"
-            if not json:
+            if not options.json:
                 complain(error)
-        if not json:
-            write_text("-", Style.of(sys.stdout).text(f"{name}: {verdict}\n"), force=False)
+        if not options.json:
+            write_text("-", Style.of(sys.stdout, ascii=options.ascii).text(f"{name}: {verdict}\n"), force=False)
             for warning in answers[-1]["warnings"]:
                 warn(warning)
     exit_code = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
-    if json:
+    if options.json:
         _print_json(combine("presets-validate", answers) | {"exit_code": exit_code})
     raise typer.Exit(exit_code)
 
