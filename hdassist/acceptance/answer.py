@@ -22,7 +22,7 @@ from hdassist.acceptance.rests import (
     rests_on_of,
     unknown_of,
 )
-from hdassist.errors import DataError, HdassistError
+from hdassist.errors import DataError, Fault, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
@@ -128,10 +128,11 @@ class PresetRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ErrorRecord(ClosedRecord):
-    """What went wrong, and what to do about it."""
+    """What went wrong, what to do about it, and its kind, which older files lack."""
 
     message: str
     hint: str
+    code: Fault | None = None
 
 
 @dataclass(frozen=True)
@@ -252,8 +253,8 @@ def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place
 def failure_of(request: Request, error: HdassistError) -> Unanswered:
     """The answer about a drive that has none."""
     return Unanswered(
-        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (), ErrorRecord(error.message, error.hint),
-        request.serial, request.seed, request, _now(),
+        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (),
+        ErrorRecord(error.message, error.hint, error.fault), request.serial, request.seed, request, _now(),
     )  # fmt: skip
 
 

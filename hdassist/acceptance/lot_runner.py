@@ -124,10 +124,11 @@ def _known(row: LotRow, fault: HdassistError) -> Future[Answer]:
 def failure(row: LotRow, error: HdassistError) -> Unanswered:
     """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
     place = "" if row.place in error.message else f"{row.place}: "
+    usage = isinstance(error, UsageError)
     return replace(
         failure_of(row.request, error),
-        error=ErrorRecord(f"{place}{error.message}", error.hint),
-        exit_code=DataError.exit_code if isinstance(error, UsageError) else error.exit_code,
+        error=ErrorRecord(f"{place}{error.message}", error.hint, DataError.fault if usage else error.fault),
+        exit_code=DataError.exit_code if usage else error.exit_code,
         request=None if row.fault else row.request,
         place=row.place,
     )
