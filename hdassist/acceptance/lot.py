@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from hdassist.acceptance.cells import NamedCell
 from hdassist.acceptance.limit_parser import LimitName, LimitText
 from hdassist.acceptance.request import Request, TraceFile
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
@@ -21,8 +22,8 @@ from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near, shown
-from hdassist.readers.table import TextTable, few, read_texts
-from hdassist.textfile import is_folder
+from hdassist.readers.table import Cell, TextTable, few, read_texts
+from hdassist.textfile import STDIN, is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
@@ -36,13 +37,14 @@ _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt
 class LotRow:
     """One drive of a lot: its serial, what is asked of it, its place (FILE:LINE, or a file), and what is wrong with it.
 
-    fault: of the row itself; then the request is not to be carried out.
+    fault: of the row itself; then the request is not to be carried out. cells: those that say something of the drive.
     """
 
     serial: str
     request: Request
     place: str
     fault: HdassistError | None = None
+    cells: tuple[NamedCell, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
@@ -143,17 +145,13 @@ def _row(
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
-    folder = Path(table.file).parent
     found: list[Finding] = []
 
     def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         found.append(Finding(table.file, line, column, path, message, shown(got), hint))
 
     numbered = not any(column and column.kind == "serial" for column in columns)
-    serial, preset = f"line {line}" if numbered else "", base.preset
-    traces: list[TraceFile] = []
-    values: list[LimitText] = []
-    limits, overrides = [*base.limits], [*base.overrides]
+    said = _Said(table, line, base, serial=f"line {line}" if numbered else "")
     for index, cell in enumerate(cells):
         if not cell.text:
             continue
@@ -163,32 +161,73 @@ def _row(
         elif column is None:
             if not table.names[index].text:
                 wrong(cell.column, "", "a cell in a column without a name", cell.text)
-        elif column.kind == "serial":
-            serial = cell.text
-        elif column.kind == "preset":
-            preset = cell.text if cell.text in ("-", *preset_names()) else str(folder / cell.text)
-        elif column.kind == "measured":
-            trace = TraceFile(str(column.of), cell.text) if column.of else TraceFile.parse(cell.text)
-            traces.append(trace if trace.file == "-" else replace(trace, file=str(folder / trace.file)))
-        elif isinstance(column.of, LimitName):
-            said = LimitText(column.of, table.with_points(cell.text))
-            (limits if column.kind == "limit" else values).append(said)
         else:
-            overrides.append(f"{column.of}={table.with_points(cell.text)}")
+            said.take(column, cell, table.names[index].text)
+    serial, request = said.serial, said.request
     if not serial:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
     elif first.setdefault(serial, line) != line:
         wrong(1, "serial", f"stands in line {first[serial]} too", serial, "one row for each drive")
-    if not preset:
+    if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    elif "-" in (preset, *(trace.file for trace in traces)):
+    elif "-" in (request.preset, *(trace.file for trace in request.measured)):
         wrong(1, "", "a row cannot read standard input", hint="name a file")
     serial = serial or f"line {line}"
-    request = replace(
-        base, preset=preset, serial=serial, measured=tuple(traces), values=tuple(values), limits=tuple(limits),
-        overrides=tuple(overrides),
-    )  # fmt: skip
-    return LotRow(serial, request, f"{table.file}:{line}", PresetError(found) if found else None)
+    fault = PresetError(found) if found else None
+    return LotRow(serial, replace(request, serial=serial), f"{table.file}:{line}", fault, tuple(said.cells))
+
+
+class _Said:
+    """What a row of a table says of its drive, on top of what is asked of every drive; and which cell says it."""
+
+    def __init__(self, table: TextTable, line: int, base: Request, serial: str) -> None:
+        self._table, self._line, self._base = table, line, base
+        self._folder = Path() if table.file == STDIN else Path(table.file).parent
+        self.serial, self._preset = serial, base.preset
+        self._traces: list[TraceFile] = []
+        self._values: list[LimitText] = []
+        self._limits: list[LimitText] = []
+        self._overrides: list[str] = []
+        self.cells: list[NamedCell] = []
+
+    def take(self, column: Column, cell: Cell, name: str) -> None:
+        """Take up what a cell says; name, of its column."""
+        text = self._table.with_points(cell.text)
+        place = NamedCell(f"{self._table.file}:{self._line}:{cell.column}", name, cell.text)
+        if column.kind == "serial":
+            self.serial = cell.text
+            return
+        if column.kind == "preset":
+            self._preset = cell.text if cell.text in ("-", *preset_names()) else self._path(cell.text)
+            place = replace(place, file=self._preset)
+        elif column.kind == "measured":
+            trace = TraceFile(str(column.of), cell.text) if column.of else TraceFile.parse(cell.text)
+            trace = replace(trace, file=self._path(trace.file))
+            self._traces.append(trace)
+            place = replace(place, said=f"--measured {trace}", file=trace.file)
+        elif column.kind == "value" and isinstance(column.of, LimitName):
+            self._values.append(LimitText(column.of, text))
+            place = replace(place, said=f"--value {self._values[-1]}")
+        elif column.kind == "limit" and isinstance(column.of, LimitName):
+            self._limits.append(LimitText(column.of, text))
+            place = replace(place, said=f"--limit {self._limits[-1]}", path=self._limits[-1].override.partition("=")[0])
+        else:
+            self._overrides.append(f"{column.of}={text}")
+            place = replace(place, said=f"--set {self._overrides[-1]}", path=str(column.of))
+        self.cells.append(place)
+
+    def _path(self, text: str) -> str:
+        """A path as it is seen from here: those of a table count from its folder."""
+        return text if text == "-" else str(self._folder / text)
+
+    @property
+    def request(self) -> Request:
+        """What is asked of the drive, still without its serial."""
+        base = self._base
+        return replace(
+            base, preset=self._preset, measured=tuple(self._traces), values=tuple(self._values),
+            limits=(*base.limits, *self._limits), overrides=(*base.overrides, *self._overrides),
+        )  # fmt: skip
 
 
 def _of_folder(folder: Path, base: Request) -> Lot:

@@ -11,6 +11,7 @@ from itertools import islice
 from typing import TypeAlias
 
 from hdassist.acceptance.answer import Answer, ErrorRecord, Unanswered, answer_of, failure_of
+from hdassist.acceptance.cells import of_cells
 from hdassist.acceptance.limit_parser import LimitName
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
@@ -123,11 +124,12 @@ def _known(row: LotRow, fault: HdassistError) -> Future[Answer]:
 
 def failure(row: LotRow, error: HdassistError) -> Unanswered:
     """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
-    place = "" if row.place in error.message else f"{row.place}: "
+    message = of_cells(error.message, row.request, row.cells)
+    place = "" if row.place in message else f"{row.place}: "
     usage = isinstance(error, UsageError)
     return replace(
         failure_of(row.request, error),
-        error=ErrorRecord(f"{place}{error.message}", error.hint, DataError.fault if usage else error.fault),
+        error=ErrorRecord(f"{place}{message}", error.hint, DataError.fault if usage else error.fault),
         exit_code=DataError.exit_code if usage else error.exit_code,
         request=None if row.fault else row.request,
         place=row.place,

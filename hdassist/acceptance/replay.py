@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord
+from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, Unanswered
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
@@ -143,8 +143,10 @@ def still_stands(answer: Answer, request: Request, version: str, fail_on: FailOn
 
 
 def differences(recorded: Answer, now: Answer) -> list[Difference]:
-    """What came out otherwise; numbers agree within RELATIVE of the value or its limit."""
+    """What came out otherwise; numbers agree within RELATIVE of the value or its limit, errors where alike in kind."""
     was, comes = _said(recorded), _said(now)
+    if isinstance(recorded, Unanswered) and isinstance(now, Unanswered) and recorded.error.code == now.error.code:
+        comes["error"] = was["error"]  # in the words of a cell or of an option, of this version or of another
     found = [Difference("", key, was[key], comes[key]) for key in was if was[key] != comes[key]]
     before, after = _checks(recorded), _checks(now)
     for name in dict.fromkeys([*before, *after]):

@@ -23,11 +23,13 @@ from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import Line
 from hdassist.preset.library import load_preset
+from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.solve.answers import Progress
 from hdassist.solve.window import in_wide_enough_window, with_window
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
+_OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 FailOn = Literal["warn", "fail", "never"]
 Seed = Annotated[int, Field(ge=0)]  # of what is drawn
 
@@ -118,7 +120,21 @@ class Request(ClosedRecord):
 
     def load(self) -> Drive:
         """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
-        return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
+        try:
+            return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
+        except UsageError as error:
+            raise UsageError(self.as_said(error.message), error.hint) from None
+
+    def as_said(self, message: str, *, overrides: bool = False) -> str:
+        """A message about overrides of its preset that names limits as they were given; with overrides, those too."""
+
+        def name(match: re.Match[str]) -> str:
+            place = int(match[1]) - 1
+            if place >= len(self.overrides):
+                return f"--limit {self.limits[place - len(self.overrides)]}: "
+            return f"{OVERRIDE} {self.overrides[place]}: " if overrides else match[0]
+
+        return _OVERRIDE.sub(name, message)
 
 
 def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement]:
