@@ -14,6 +14,7 @@ from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import names
+from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import Progress
@@ -35,7 +36,7 @@ class AcceptanceResult:
     """Decisions on the limits of a drive, in the order of the checklist.
 
     left_out: limits that were not decided on; measurements: traces by torque [N*m]; predictions: None where all was
-    measured.
+    measured; wheels: with measured teeth, which predictions are of.
     """
 
     drive: Drive
@@ -43,6 +44,7 @@ class AcceptanceResult:
     left_out: tuple[Limit, ...]
     measurements: Mapping[float, Measurement]
     predictions: Predictions | None
+    wheels: MeasuredTeeth | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -59,6 +61,7 @@ def accept(
     drive: Drive,
     measurements: Mapping[float, Measurement] | None = None,
     *,
+    wheels: MeasuredTeeth | None = None,
     stated: Mapping[Limit, Value] | None = None,
     measured_only: bool = False,
     predictions: Predictions | None = None,
@@ -69,7 +72,8 @@ def accept(
 ) -> AcceptanceResult:
     """Hold a drive against the limits of its preset.
 
-    Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
+    Arguments: measurements, traces by their torque [N*m]; wheels, with measured teeth, in place of first harmonics;
+    stated, values measured otherwise, by their limit;
     measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions, of
     the same drive and limits where they are known already; for predictions made here: cross_check, solver of some
     states again, and seed of their choice, executor, to spread the work over, progress, told how many states were
@@ -87,7 +91,9 @@ def accept(
         predictions = None
     elif predictions is None:
         needed = needed_for(left)
-        predictions = predict(drive, needed, cross_check=cross_check, seed=seed, executor=executor, progress=progress)
+        predictions = predict(
+            drive, needed, wheels=wheels, cross_check=cross_check, seed=seed, executor=executor, progress=progress
+        )
     decisions = []
     for limit in limits:
         values: Sequence[Value | None]
@@ -102,7 +108,9 @@ def accept(
         margin = margin_of(drive, predictions).percent / 100
         found = [decide(limit, value, drive.acceptance.rule, margin) for value in values]
         decisions.append(_open(found) if found[-1].value and found[-1].value.extent == "open" else _decisive(found))
-    return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
+    return AcceptanceResult(
+        drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions, wheels
+    )
 
 
 def without_values(drive: Drive, torques: Collection[float], stated: Collection[Limit]) -> list[Limit]:

@@ -1,8 +1,8 @@
 """Lots: many drives to accept, from the rows of a table or from the files of a folder.
 
-Columns of a table: serial, preset, measured or measured@80 (a file), NAME[@TORQUE] (a value with its uncertainty,
-measured otherwise), limit NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are
-not used.
+Columns of a table: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
+mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
+NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used.
 """
 
 from __future__ import annotations
@@ -27,9 +27,13 @@ from hdassist.textfile import STDIN, is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
+WHEELS: tuple[tuple[Literal["pitch", "mark"], str], ...] = (
+    ("pitch", "b"), ("pitch", "g"), ("mark", "b"), ("mark", "g"),
+)  # fmt: skip
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
+_PITCH = re.compile(r"(?P<stem>.+)\.pitch-(?P<wheel>[bg])\.(?:csv|tsv|txt)(?:\.gz)?")
 _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
 
 
@@ -59,9 +63,9 @@ class Lot:
 
 @dataclass(frozen=True)
 class Column:
-    """What the cells of a column are, and of what: the name of a limit, a torque, or the path of an override."""
+    """What the cells of a column are, and of what: the name of a limit, a torque, a wheel, the path of an override."""
 
-    kind: Literal["serial", "preset", "measured", "value", "limit", "override"]
+    kind: Literal["serial", "preset", "measured", "pitch", "mark", "value", "limit", "override"]
     of: LimitName | str = ""
 
 
@@ -90,6 +94,8 @@ def _of_table(table: TextTable, base: Request) -> Lot:
     if inside:
         notes.append(f"left out as remarks: line {few(inside, 20)}")
     left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
+    if base.measured_only and any(column and column.kind == "pitch" for column in columns):
+        notes.append("measured teeth are not used: --measured-only predicts nothing")
     if any(left):
         notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
@@ -122,9 +128,12 @@ def _columns(table: TextTable) -> list[Column | None]:
 
 def _column(name: str) -> tuple[Column | None, str]:
     """What a column is for, or a hint."""
-    for kind in PLAIN:
-        if name.lower() == kind:
-            return Column(kind), ""
+    for plain in PLAIN:
+        if name.lower() == plain:
+            return Column(plain), ""
+    for kind, wheel in WHEELS:
+        if name.lower() == f"{kind}_{wheel}":
+            return Column(kind, wheel), ""
     if at := _AT.fullmatch(name):
         return (Column("measured", f"{float(at[1]):g}"), "") if is_number(at[1]) else (None, "like measured@80")
     try:
@@ -136,7 +145,7 @@ def _column(name: str) -> tuple[Column | None, str]:
         return None, error.hint
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return Column("override", name), ""
-    known = [*PLAIN, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    known = [*PLAIN, *map("_".join, WHEELS), *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     return None, near(name, known)
 
 
@@ -145,13 +154,9 @@ def _row(
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
-    found: list[Finding] = []
-
-    def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
-        found.append(Finding(table.file, line, column, path, message, shown(got), hint))
-
     numbered = not any(column and column.kind == "serial" for column in columns)
     said = _Said(table, line, base, serial=f"line {line}" if numbered else "")
+    wrong = said.wrong
     for index, cell in enumerate(cells):
         if not cell.text:
             continue
@@ -170,10 +175,10 @@ def _row(
         wrong(1, "serial", f"stands in line {first[serial]} too", serial, "one row for each drive")
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    elif "-" in (request.preset, *(trace.file for trace in request.measured)):
-        wrong(1, "", "a row cannot read standard input", hint="name a file")
+    for wheel in said.marks.keys() - request.wheels.files.keys():
+        wrong(1, f"mark_{wheel}", "the mark of a wheel that is not measured", hint=f"its file in pitch_{wheel}")
     serial = serial or f"line {line}"
-    fault = PresetError(found) if found else None
+    fault = PresetError(said.faults) if said.faults else None
     return LotRow(serial, replace(request, serial=serial), f"{table.file}:{line}", fault, tuple(said.cells))
 
 
@@ -188,7 +193,14 @@ class _Said:
         self._values: list[LimitText] = []
         self._limits: list[LimitText] = []
         self._overrides: list[str] = []
+        self._pitch: dict[str, str] = {}
+        self.marks: dict[str, float] = {}
         self.cells: list[NamedCell] = []
+        self.faults: list[Finding] = []
+
+    def wrong(self, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+        """Keep what is wrong with the row: where it stands in the line, what it is about, what was found."""
+        self.faults.append(Finding(self._table.file, self._line, column, path, message, shown(got), hint))
 
     def take(self, column: Column, cell: Cell, name: str) -> None:
         """Take up what a cell says; name, of its column."""
@@ -196,8 +208,7 @@ class _Said:
         place = NamedCell(f"{self._table.file}:{self._line}:{cell.column}", name, cell.text)
         if column.kind == "serial":
             self.serial = cell.text
-            return
-        if column.kind == "preset":
+        elif column.kind == "preset":
             self._preset = cell.text if cell.text in ("-", *preset_names()) else self._path(cell.text)
             place = replace(place, file=self._preset)
         elif column.kind == "measured":
@@ -205,6 +216,14 @@ class _Said:
             trace = replace(trace, file=self._path(trace.file))
             self._traces.append(trace)
             place = replace(place, said=f"--measured {trace}", file=trace.file)
+        elif column.kind == "pitch":
+            self._pitch[str(column.of)] = self._path(cell.text)
+            place = replace(place, file=self._path(cell.text))
+        elif column.kind == "mark":
+            if is_number(text):
+                self.marks[str(column.of)] = float(text)
+            else:
+                self.wrong(cell.column, name, "must be an angle in deg", cell.text)
         elif column.kind == "value" and isinstance(column.of, LimitName):
             self._values.append(LimitText(column.of, text))
             place = replace(place, said=f"--value {self._values[-1]}")
@@ -214,6 +233,8 @@ class _Said:
         else:
             self._overrides.append(f"{column.of}={text}")
             place = replace(place, said=f"--set {self._overrides[-1]}", path=str(column.of))
+        if place.file == "-":
+            self.wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
         self.cells.append(place)
 
     def _path(self, text: str) -> str:
@@ -223,10 +244,13 @@ class _Said:
     @property
     def request(self) -> Request:
         """What is asked of the drive, still without its serial."""
-        base = self._base
+        base, pitch, marks = self._base, self._pitch, self.marks
+        wheels = replace(
+            base.wheels, pitch_b=pitch.get("b"), pitch_g=pitch.get("g"), mark_b=marks.get("b"), mark_g=marks.get("g")
+        )
         return replace(
             base, preset=self._preset, measured=tuple(self._traces), values=tuple(self._values),
-            limits=(*base.limits, *self._limits), overrides=(*base.overrides, *self._overrides),
+            limits=(*base.limits, *self._limits), overrides=(*base.overrides, *self._overrides), wheels=wheels,
         )  # fmt: skip
 
 
@@ -241,19 +265,26 @@ def _of_folder(folder: Path, base: Request) -> Lot:
     if not presets:
         raise DataError(f"{folder}: no preset in the folder", "one NAME.yaml a drive, its trace beside it as NAME.csv")
     traces: dict[str, list[TraceFile]] = {item.stem: [] for item in presets}
+    pitch: dict[str, dict[str, str]] = {item.stem: {} for item in presets}
     spare = []
     for item in files:
-        match = _TRACE.fullmatch(item.name)
-        if match and match["stem"] in traces:
+        of_wheel, match = _PITCH.fullmatch(item.name), _TRACE.fullmatch(item.name)
+        if of_wheel and of_wheel["stem"] in pitch:
+            pitch[of_wheel["stem"]][of_wheel["wheel"]] = str(item)
+        elif match and match["stem"] in traces:
             traces[match["stem"]].append(TraceFile(match["torque"] or "", str(item)))
         elif match:
             spare.append(item.name)
     rows = []
     for item in presets:
-        request = replace(base, preset=str(item), serial=item.stem, measured=tuple(traces[item.stem]))
+        own = pitch[item.stem]
+        wheels = replace(base.wheels, pitch_b=own.get("b"), pitch_g=own.get("g"))
+        request = replace(base, preset=str(item), serial=item.stem, measured=tuple(traces[item.stem]), wheels=wheels)
         rows.append(LotRow(item.stem, request, str(item), _twin(item, presets)))
     measured = sum(map(bool, traces.values()))
     notes = [f"{len(rows)} presets, {measured} of them with traces"]
+    toothed = sum(map(bool, pitch.values()))
+    notes += [f"{toothed} of them with measured teeth"] * bool(toothed)
     notes += [f"traces without a preset: {shown(', '.join(spare))}"] * bool(spare)
     return Lot(str(folder), None, tuple(rows), tuple(notes))
 

@@ -16,7 +16,7 @@ from hdassist.acceptance.limit_parser import LimitName
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.replay import preset_sha256
-from hdassist.acceptance.request import FailOn, Request, carry_out, predict_for, read_measurements
+from hdassist.acceptance.request import FailOn, Request, carry_out, predict_for, read_measurements, read_wheels
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.preset.library import read_preset
 
@@ -101,7 +101,8 @@ def _predict(request: Request) -> Predictions | None:
 def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug: bool) -> Answer:
     try:
         drive = row.request.load()
-        result = carry_out(row.request, drive, read_measurements(row.request, drive), predictions=predictions)
+        measured, wheels = read_measurements(row.request, drive), read_wheels(row.request, drive)
+        result = carry_out(row.request, drive, measured, wheels, predictions=predictions)
     except HdassistError as error:
         return failure(row, error)
     except (MemoryError, OSError):  # what the system refuses is no row's

@@ -107,11 +107,15 @@ def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
     if request.preset == "-":
         raise DataError("the preset was read from standard input", "name it: hdassist accept --replay RESULT PRESET")
     yield InputFile(request.preset, answer.preset.sha256, preset_sha256(request.preset))
-    found = {trace.file: trace.sha256 for trace in answer.measured} if isinstance(answer, Accepted) else {}
-    for trace in request.measured:
-        if trace.file == "-":
-            raise DataError("the trace was read from standard input, which is gone", "save it, and name the file")
-        yield InputFile(trace.file, found.get(trace.file), file_sha256(trace.file))
+    found: dict[str, str] = {}
+    if isinstance(answer, Accepted):
+        found = {trace.file: trace.sha256 for trace in answer.measured}
+        found |= {wheel.file: wheel.sha256 for wheel in answer.pitch}
+    wheels = [] if request.measured_only else request.wheels.files.values()
+    for what, file in [*(("trace", trace.file) for trace in request.measured), *(("pitch file", f) for f in wheels)]:
+        if file == "-":
+            raise DataError(f"the {what} was read from standard input, which is gone", "save it, and name the file")
+        yield InputFile(file, found.get(file), file_sha256(file))
 
 
 def preset_sha256(name: str) -> str | None:

@@ -100,7 +100,7 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     assert [row.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
     expected = (
         "", "3:1: serial: stands in line 2", "4:1: serial: missing", "5:1: preset: missing", "6:7: a cell beyond",
-        "7:1: a row cannot read standard",
+        "7:3: preset: a row cannot read standard",
     )  # fmt: skip
     for said, words in zip(faults, expected, strict=True):
         assert words in said
