@@ -9,7 +9,7 @@ the value, stands in its place under both rules, and what comes out is no decisi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import expm1
 from typing import Literal
@@ -195,10 +195,22 @@ def _limits(drive: Drive) -> Iterator[Limit]:
                 if (bound := drive.limit(M_g, check.field)) is not None:
                     yield Limit(check, bound, M_g)
         elif check.kind == "orders":
-            for key, bound in stated.items():
-                yield from (Limit(check, bound, M_g, float(key)) for M_g in drive.operation.M_g)
+            yield from _limits_of_orders(check, drive.operation.M_g, stated)
         elif stated is not None:
             yield Limit(check, stated)
+
+
+def _limits_of_orders(check: Check, torques: Sequence[float], stated: Mapping[str, float]) -> Iterator[Limit]:
+    """Limits of orders: at the torques of a drive and those they name; one for a torque wins over one for each."""
+    by_order: dict[float, dict[float | None, float]] = {}
+    for key, value in stated.items():
+        order, _, torque = key.partition("@")
+        by_order.setdefault(float(order), {})[float(torque) if torque else None] = value
+    for number, bounds in by_order.items():
+        for M_g in dict.fromkeys([*torques, *(at for at in bounds if at is not None)]):
+            bound = bounds.get(M_g, bounds.get(None))
+            if bound is not None:
+                yield Limit(check, bound, M_g, number)
 
 
 def needed_for(limits: Iterable[Limit]) -> Needed:

@@ -27,11 +27,12 @@ from hdassist.design.check import check
 from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import STATED
 from hdassist.preset.fields import Source
 from hdassist.preset.library import load_preset
+from hdassist.preset.load import load_text
 from hdassist.terminal.basis import basis_objects
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
@@ -402,17 +403,34 @@ def test_limits_name_torques_beyond_those_of_operation():
     ]  # fmt: skip
 
 
+def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
+    drive = small("order_2=5", "order_2@4=3", "order_0.1@7=1")
+    assert [(a.order, a.M_g, a.bound) for a in limits_of(drive)] == [(2, 1, 5), (2, 4, 3), (0.1, 7, 1)]
+    assert [(a.order, a.M_g, a.bound) for a in limits_of(small("order_2@1=3"))] == [(2, 1, 3)]
+    preset = (
+        Path(SMALL).read_text() + "acceptance: {order_amplitude: {2: 5, 2@4: 3 arcsec, 2.0@4.0: 4, 0@4: 1, x@4: 1}}\n"
+    )
+    with pytest.raises(PresetError) as caught:
+        load_text(preset, "own.yaml")
+    assert [(f.path, f.message) for f in caught.value.findings] == [
+        ("acceptance.order_amplitude.2.0@4.0", "the same order twice"),
+        ("acceptance.order_amplitude.0@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
+        ("acceptance.order_amplitude.x@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
+    ]
+
+
 def test_words_of_limits():
-    texts = ("F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1")
+    texts = ("F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1", "order_2@80=4")
     assert [str(limit) for limit in bounds(*texts)] == list(texts)
     assert [limit.override for limit in bounds(*texts)] == [
         "acceptance.F_ior.80=30", "acceptance.F_ior=0.5 arcmin", "acceptance.order_amplitude.2=5",
         "acceptance.K_1=30 N*m/arcmin", "acceptance.order_amplitude.0.01=1",
+        "acceptance.order_amplitude.2@80=4",
     ]  # fmt: skip
     drive = small("order_0.1=1", "K_1=30 N*m/arcmin")
     assert [a.order for a in limits_of(drive)] == [0.1, 0.1, None]
     assert limits_of(drive)[-1].bound == pytest.approx(30 * 10800 / np.pi)
-    for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@80=3"):
+    for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@=3", "order_@80=3"):
         with pytest.raises(UsageError):
             bounds(bad)
 
