@@ -6,9 +6,21 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.acceptance.checks import BUDGET, COVERAGE, LINES, NOT_TESTED, RATED, RECORD, UNCERTAINTY, UNKNOWN
+from hdassist.acceptance.checks import (
+    BUDGET,
+    COVERAGE,
+    F_IOR,
+    LINES,
+    NOT_TESTED,
+    RATED,
+    RECORD,
+    UNCERTAIN,
+    UNCERTAINTY,
+    UNKNOWN,
+)
 from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
+from hdassist.error.unknown_range import uncertain_deviations
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
@@ -209,5 +221,24 @@ def _of_decisions(result: AcceptanceResult) -> Iterator[Note]:
         yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if result.predictions and result.predictions.unknown:
         yield Note(UNKNOWN.code, f"not known: {names(result.predictions.unknown)}")
+    if words := _of_uncertainty(result):
+        yield Note(UNCERTAIN.code, words)
     if result.left_out:
         yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in result.left_out))
+
+
+def _of_uncertainty(result: AcceptanceResult) -> str:
+    """Which of the preset's uncertainties predicted values take in, and which they do not; empty without either."""
+    if result.predictions is None:
+        return ""
+    drive, over = result.drive, result.predictions.over
+    checks = {d.limit.check for d in result.decisions if d.value and d.value.basis == "predicted"}
+    heeded = list(uncertain_deviations(drive)) if over and F_IOR in checks else []
+    left = [path for path, spread in drive.uncertainty.items() if spread and path not in heeded]
+    words = []
+    if heeded:
+        more = ", other values take them as they are given" if any("cycle" in c.needs for c in checks - {F_IOR}) else ""
+        words.append(f"F'_ior is what 95 % of drives within ± of {', '.join(heeded)} stay below{more}")
+    if left:
+        words.append(f"± of {', '.join(left)} is in no predicted value")
+    return "; ".join(words)

@@ -46,13 +46,15 @@ class Limit:
         return f"{order or self.check.words}{torque}"
 
     def predicted(self, predictions: Predictions) -> tuple[Value, ...]:
-        """The value of predictions that it is for; the least and the greatest that it may be over what is not known."""
+        """The value of predictions that it is for; the least and the greatest that it may be over what is not known.
+
+        What has an uncertainty in the preset counts as that: of F'_ior alone, and of deviations alone.
+        """
         number = self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0)
-        if not predictions.unknown or "cycle" not in self.check.needs:
-            return (Value(number, 0.0, "predicted"),)
         over = predictions.over.get(self.M_g or 0.0) if self.check is F_IOR else None
         if over is None:
-            return (Value(number, 0.0, "predicted", "not known"),)
+            open_ = predictions.unknown and "cycle" in self.check.needs
+            return (Value(number, 0.0, "predicted", "not known" if open_ else "whole"),)
         more = number - predictions.errors[over.M_g].F_ior_arcsec
         return Value(over.low + more, 0.0, "predicted"), Value(over.high + more, 0.0, "predicted", "open")
 
@@ -113,7 +115,9 @@ def decide(limit: Limit, value: Value | None, rule: Rule, margin: float) -> Deci
     if value.extent == "not known":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "deviations that are not known were taken as 0")
     if value.extent == "open" and room < guard:
-        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "what is not known could take it across the limit")
+        return Decision(
+            limit, value, guard, Verdict.INCONCLUSIVE, "what is not known, or uncertain, could take it across the limit"
+        )
     if value.extent == "part":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "of a part of the cycle only")
     if room < -beyond:

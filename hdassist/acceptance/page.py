@@ -131,7 +131,9 @@ def how_to_decide(check: CheckRecord) -> str:
     value = f"--value {name}{torque and f'@{torque}'}=VALUE±U"
     option = f"--measured {torque}:FILE" if held.check.measured and torque else value
     if open_:
-        return f"what is not known could take it across the limit: give it in the preset, or measure it, {option}"
+        return (
+            f"what is not known, or uncertain, could take it across the limit: give it closer, or measure it, {option}"
+        )
     return f"{number(check.value or 0.0, held)} is within {share} of {held.bound:.6g}: measure it, {option}"
 
 

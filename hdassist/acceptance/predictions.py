@@ -14,10 +14,11 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.rests_on import Effect, rests_on, weighed
+from hdassist.error.search import SEARCHED
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.error.unknown_range import UnknownRange, unknown_ranges
+from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, unknown_ranges
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
@@ -52,6 +53,8 @@ class Needed:
         """Number of states that this solves, for a progress bar."""
         states = len(self.cycles) * Kinematics.of(drive).cycle_states
         states += len(self.self_errors) * drive.numerics.n_phase**2
+        if drawn_range(drive, DRAWS, uncertain=True):
+            states += len(self.cycles) * DRAWS * SEARCHED
         return states + (stiffness_states() if self.stiffness else 0)
 
 
@@ -60,8 +63,9 @@ class Predictions:
     """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
 
     window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
-    as 0; over: F'_ior over them, by torque; spread: standard deviation of ln F'_ior over what is assumed of a
-    drive that is not calibrated; rests_on: assumptions that move F'_ior most, at the torques of errors.
+    as 0; over: F'_ior over them and over deviations that have an uncertainty, by torque; spread: standard deviation of
+    ln F'_ior over what is assumed of a drive that is not calibrated; rests_on: assumptions that move F'_ior most, at
+    the torques of errors.
     """
 
     window: float
@@ -146,7 +150,7 @@ def predict(
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
     ranged = () if wheels else needed.cycles
-    over = unknown_ranges(drive, ranged, seed=seed, executor=executor, progress=progress)
+    over = unknown_ranges(drive, ranged, uncertain=True, seed=seed, executor=executor, progress=progress)
     known = weighed(drive, needed.cycles, executor=executor, progress=progress) if needed.cycles else None
     effects = rests_on(drive, ranged, known=known, executor=executor, progress=progress) if known and ranged else ()
     by_spread = known and drive.acceptance.margin is None and not is_calibrated(drive)
