@@ -176,7 +176,12 @@ def _row(
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
     for wheel in said.marks.keys() - request.wheels.files.keys():
-        wrong(1, f"mark_{wheel}", "the mark of a wheel that is not measured", hint=f"its file in pitch_{wheel}")
+        wrong(
+            said.marks[wheel][1],
+            f"mark_{wheel}",
+            "the mark of a wheel that is not measured",
+            hint=f"its file in pitch_{wheel}",
+        )
     serial = serial or f"line {line}"
     fault = PresetError(said.faults) if said.faults else None
     return LotRow(serial, replace(request, serial=serial), f"{table.file}:{line}", fault, tuple(said.cells))
@@ -194,7 +199,7 @@ class _Said:
         self._limits: list[LimitText] = []
         self._overrides: list[str] = []
         self._pitch: dict[str, str] = {}
-        self.marks: dict[str, float] = {}
+        self.marks: dict[str, tuple[float, int]] = {}  # and where they stand
         self.cells: list[NamedCell] = []
         self.faults: list[Finding] = []
 
@@ -221,7 +226,7 @@ class _Said:
             place = replace(place, file=self._path(cell.text))
         elif column.kind == "mark":
             if is_number(text):
-                self.marks[str(column.of)] = float(text)
+                self.marks[str(column.of)] = float(text), cell.column
             else:
                 self.wrong(cell.column, name, "must be an angle in deg", cell.text)
         elif column.kind == "value" and isinstance(column.of, LimitName):
@@ -244,7 +249,7 @@ class _Said:
     @property
     def request(self) -> Request:
         """What is asked of the drive, still without its serial."""
-        base, pitch, marks = self._base, self._pitch, self.marks
+        base, pitch, marks = self._base, self._pitch, {wheel: mark for wheel, (mark, _) in self.marks.items()}
         wheels = replace(
             base.wheels, pitch_b=pitch.get("b"), pitch_g=pitch.get("g"), mark_b=marks.get("b"), mark_g=marks.get("g")
         )

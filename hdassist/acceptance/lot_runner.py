@@ -125,7 +125,7 @@ def _known(row: LotRow, fault: HdassistError) -> Future[Answer]:
 
 def failure(row: LotRow, error: HdassistError) -> Unanswered:
     """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
-    message = of_cells(error.message, row.request, row.cells)
+    message = error.message if row.fault else of_cells(error.message, row.request, row.cells)
     place = "" if row.place in message else f"{row.place}: "
     usage = isinstance(error, UsageError)
     return replace(
