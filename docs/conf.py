@@ -6,6 +6,7 @@ import hdassist
 
 project, version = "hdassist", hdassist.__version__
 extensions = ["myst_parser"]
+myst_heading_anchors = 2  # as code-hosting sites have them
 smartquotes = False  # F'_ior and --json are written so
 
 html_title = "hdassist"
