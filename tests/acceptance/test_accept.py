@@ -37,7 +37,7 @@ from hdassist.preset.load import load_text
 from hdassist.terminal.basis import basis_objects
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
-from tests.process import ASSUMED
+from tests.process import ASSUMED, TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -529,7 +529,7 @@ def test_what_is_not_known_decides_nothing_that_it_could_reverse():
 def uncertain():
     """A drive that gives ± of a direction and of a thickness, and what is predicted of it."""
     drive = load_preset(
-        SMALL,
+        TINY,
         [
             "operation.M_g=4", "acceptance.margin=0", "phases.xi_b=90 ± 40", "flexspline.h_1=0.35 ± 0.02",
             "acceptance.F_ior=1000", "acceptance.order_amplitude.2=1000",
