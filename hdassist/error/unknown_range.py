@@ -53,9 +53,18 @@ class UnknownRange:
         return float(self.F_ior_arcsec[-1])
 
 
-def drawn_range(drive: Drive, draws: int) -> bool:
-    """Whether there is a range over what is not known of a drive: something is not, and its cycle can be searched."""
-    return draws > 0 and searchable(drive) and bool(unknowns(drive))
+def drawn_range(drive: Drive, draws: int, *, uncertain: bool = False) -> bool:
+    """Whether there is a range over what is not known of a drive: something is not, and its cycle can be searched.
+
+    uncertain: whether a deviation that has an uncertainty is something too.
+    """
+    some = bool(unknowns(drive)) or (uncertain and bool(uncertain_deviations(drive)))
+    return draws > 0 and searchable(drive) and some
+
+
+def uncertain_deviations(drive: Drive) -> dict[str, float]:
+    """Uncertainties of the deviations of a drive, by path."""
+    return {path: spread for path, spread in drive.uncertainty.items() if spread and path.startswith(DEVIATIONS)}
 
 
 def unknown_ranges(
@@ -63,6 +72,7 @@ def unknown_ranges(
     torques: Sequence[float],
     *,
     draws: int = DRAWS,
+    uncertain: bool = False,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -70,14 +80,13 @@ def unknown_ranges(
     """F'_ior of a drive at torques [N*m] over what is not known of its deviations, one range a torque.
 
     Empty where all is known, or the cycle cannot be searched (rolling balls). Deviations that have an uncertainty are
-    drawn with it. Arguments: draws, how many drives; seed, of them; executor, to spread the work over (the numbers do
-    not depend on it); progress, told how many states were solved. Raises UntrustedError where an answer cannot be
-    trusted.
+    drawn with it. Arguments: draws, how many drives; uncertain, whether there is a range over uncertainties alone too;
+    seed, of the draws; executor, to spread the work over (the numbers do not depend on it); progress, told how many
+    states were solved. Raises UntrustedError where an answer cannot be trusted.
     """
-    if not drawn_range(drive, draws):
+    if not drawn_range(drive, draws, uncertain=uncertain):
         return ()
-    known = {path: value for path, value in drive.uncertainty.items() if path.startswith(DEVIATIONS)}
-    drawn = draw(drive.model_copy(update={"uncertainty": known}), draws, seed)
+    drawn = draw(drive.model_copy(update={"uncertainty": uncertain_deviations(drive)}), draws, seed)
     tasks = [(M_g, drawn[first : first + CHUNK]) for M_g in torques for first in range(0, draws, CHUNK)]
     found: dict[float, list[float]] = {M_g: [] for M_g in torques}
     proofs = dict.fromkeys(torques, EMPTY)

@@ -12,11 +12,13 @@ import numpy as np
 from hdassist.error.rests_on import MOST, reached
 from hdassist.error.search import searchable
 from hdassist.model.assumed import Assumption, assumptions
+from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import MountingCurve, Position, merit, rotated
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
+from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
 Told = tuple[float | None, float | None, float | None]  # what End has beside the value
@@ -114,12 +116,11 @@ def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[floa
     """Range of the error in a few states [arcsec], shape (torques, rotations)."""
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
-    rows = []
+    formulation = formulate(contact_system(drive))
+    scalars = [deviation_scalars(rotated(drive, rotation), alpha_g, alpha_b) for rotation in rotations]
+    rows, case = [], None
     for M_g in torques:
-        case, row = LoadCase.of(drive, M_g), []
-        for rotation in rotations:
-            scalars = deviation_scalars(rotated(drive, rotation), alpha_g, alpha_b)
-            answers = case.solve(case.system.gaps(scalars), lambda k: f"state {k}")
-            row.append(float(np.ptp(answers.rotation_arcsec)))
-        rows.append(row)
+        case = LoadCase(formulation, M_g, like=case)
+        answers = [case.solve(formulation.system.gaps(each), lambda k: f"state {k}") for each in scalars]
+        rows.append([float(np.ptp(each.rotation_arcsec)) for each in answers])
     return np.array(rows)
