@@ -112,7 +112,7 @@ def command(
     rule: Annotated[Literal["guard", "simple"] | None, typer.Option(help="Decision rule for measured values.")] = None,
     margin: Annotated[
         float | None,
-        typer.Option(metavar="PERCENT", help="Margin of predicted values; 10 calibrated, else 50 up."),
+        typer.Option(metavar="PERCENT", min=0, max=100, help="Margin of predicted values; 10 calibrated, else 50 up."),
     ] = None,
     measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False,
     fail_on: Annotated[
