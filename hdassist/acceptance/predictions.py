@@ -53,7 +53,7 @@ class Needed:
         """Number of states that this solves, for a progress bar."""
         states = len(self.cycles) * Kinematics.of(drive).cycle_states
         states += len(self.self_errors) * drive.numerics.n_phase**2
-        if drawn_range(drive, DRAWS, uncertain=True):
+        if drawn_range(drive, DRAWS):
             states += len(self.cycles) * DRAWS * SEARCHED
         return states + (stiffness_states() if self.stiffness else 0)
 
@@ -150,7 +150,7 @@ def predict(
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
     ranged = () if wheels else needed.cycles
-    over = unknown_ranges(drive, ranged, uncertain=True, seed=seed, executor=executor, progress=progress)
+    over = unknown_ranges(drive, ranged, seed=seed, executor=executor, progress=progress)
     known = weighed(drive, needed.cycles, executor=executor, progress=progress) if needed.cycles else None
     effects = rests_on(drive, ranged, known=known, executor=executor, progress=progress) if known and ranged else ()
     by_spread = known and drive.acceptance.margin is None and not is_calibrated(drive)

@@ -15,7 +15,7 @@ from hdassist.error.rests_on import Effect, rests_on
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import SLOPES, Sensitivity, sensitivity
-from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, unknown_ranges
+from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, uncertain_deviations, unknown_ranges
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, names, unknowns
 from hdassist.model.wheels import MeasuredTeeth
@@ -29,8 +29,8 @@ from hdassist.verdict import Verdict, worst
 class OperatingPoint:
     """What a drive does at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
 
-    open_: whether some of its deviations are not known, which error takes as zero; over, F'_ior over them, None where
-    that cannot be had.
+    open_: whether some of its deviations are not known, which error takes as zero, or are uncertain; over, F'_ior over
+    them, None where that cannot be had.
     """
 
     M_g: float
@@ -56,7 +56,8 @@ class OperatingPoint:
     def verdict(self) -> Verdict:
         """PASS where the upper value is within the limit, else FAIL; NO_LIMIT without one.
 
-        Where deviations are not known, PASS if 95 % of what they may be passes, FAIL if 95 % fails, else INCONCLUSIVE.
+        Where deviations are not known or uncertain, PASS if 95 % of what they may be passes, FAIL if 95 % fails, else
+        INCONCLUSIVE.
         """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
@@ -110,7 +111,14 @@ class DesignCheck:
         told = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
         if self.unknown and not any(point.over for point in self.points):
             told.append(f"not known, and computed as 0: {names(self.unknown)}; there is no range over them")
+        if left := [path for path, spread in self.drive.uncertainty.items() if spread and path not in self.uncertain]:
+            told.append(f"the uncertainty of {', '.join(left)} is not in F'_ior")
         return (*self.drive.origin.warnings, *told)
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """Deviations whose uncertainty is in the ranges of F'_ior, by path."""
+        return tuple(uncertain_deviations(self.drive)) if any(point.over for point in self.points) else ()
 
 
 def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = DRAWS) -> int:
@@ -163,9 +171,8 @@ def check(
         over = unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
         effects = rests_on(drive, torques, near=known, executor=executor, progress=progress)
     held = [drive.limit(M_g) for M_g in torques]
-    rows = zip(
-        torques, errors, own, held, slopes, [bool(unknown)] * len(torques), over or [None] * len(torques), strict=True
-    )
+    open_ = bool(unknown) or bool(over)
+    rows = zip(torques, errors, own, held, slopes, [open_] * len(torques), over or [None] * len(torques), strict=True)
     return DesignCheck(drive, tuple(OperatingPoint(*row) for row in rows), measured, unknown, effects)
 
 

@@ -53,13 +53,9 @@ class UnknownRange:
         return float(self.F_ior_arcsec[-1])
 
 
-def drawn_range(drive: Drive, draws: int, *, uncertain: bool = False) -> bool:
-    """Whether there is a range over what is not known of a drive: something is not, and its cycle can be searched.
-
-    uncertain: whether a deviation that has an uncertainty is something too.
-    """
-    some = bool(unknowns(drive)) or (uncertain and bool(uncertain_deviations(drive)))
-    return draws > 0 and searchable(drive) and some
+def drawn_range(drive: Drive, draws: int) -> bool:
+    """Whether there is a range over what is not known, or uncertain, of a drive's deviations: its cycle is searched."""
+    return draws > 0 and searchable(drive) and bool(unknowns(drive) or uncertain_deviations(drive))
 
 
 def uncertain_deviations(drive: Drive) -> dict[str, float]:
@@ -72,7 +68,6 @@ def unknown_ranges(
     torques: Sequence[float],
     *,
     draws: int = DRAWS,
-    uncertain: bool = False,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -80,11 +75,11 @@ def unknown_ranges(
     """F'_ior of a drive at torques [N*m] over what is not known of its deviations, one range a torque.
 
     Empty where all is known, or the cycle cannot be searched (rolling balls). Deviations that have an uncertainty are
-    drawn with it. Arguments: draws, how many drives; uncertain, whether there is a range over uncertainties alone too;
-    seed, of the draws; executor, to spread the work over (the numbers do not depend on it); progress, told how many
-    states were solved. Raises UntrustedError where an answer cannot be trusted.
+    not quite known: they are drawn with it. Arguments: draws, how many drives; seed, of them; executor, to spread the
+    work over (the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where
+    an answer cannot be trusted.
     """
-    if not drawn_range(drive, draws, uncertain=uncertain):
+    if not drawn_range(drive, draws):
         return ()
     drawn = draw(drive.model_copy(update={"uncertainty": uncertain_deviations(drive)}), draws, seed)
     tasks = [(M_g, drawn[first : first + CHUNK]) for M_g in torques for first in range(0, draws, CHUNK)]
