@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks import machine, page, processes
 from benchmarks.rows import rows
 
-FORMAT = "hdassist.benchmarks/1"
+FORMAT = "hdassist.benchmarks/2"
 
 
 def measure(quick: bool) -> dict[str, Any]:

@@ -26,7 +26,7 @@ M_G = 4.0
 
 def rig(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    drive = load_preset(SMALL)
+    drive = load_preset(SMALL, ["numerics.n_max=20", "numerics.n_2=40"])
     turns, given = TURNS[seed // 2 % len(TURNS)], bool(seed % 2)
     vectors, hidden, k = vectors_of(drive), drive, None
     if seed % 3:

@@ -28,7 +28,7 @@ OFF = (6.48, 12.96, 13.0, 14.02)
 APART = 0.3  # of a line from the orders, where it is drawn
 SHARE = (0.10, 0.25)  # of the drive's own range: amplitude of a line
 FINE = 480  # places in a turn at which the true error is looked at
-SOLVED = {"small": (SMALL, 4.0, 30), "vzp160": ("vzp160", 80.0, 100)}
+SOLVED = {"small": (SMALL, ["numerics.n_max=20", "numerics.n_2=40"], 4.0, 30), "vzp160": ("vzp160", [], 80.0, 100)}
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def solved(name: str) -> Callable[[np.ndarray], np.ndarray]:
     from hdassist import load_preset
     from hdassist.error.cycle import kinematic_error
 
-    preset, M_g, turns = SOLVED[name]
-    error = kinematic_error(load_preset(preset), M_g, cross_check=None)
+    preset, overrides, M_g, turns = SOLVED[name]
+    error = kinematic_error(load_preset(preset, overrides), M_g, cross_check=None)
     x, y = error.states.phi_h / (2 * np.pi), error.error_arcsec
     sorting = np.argsort(np.mod(x, turns))
     x, y = np.mod(x, turns)[sorting], y[sorting]

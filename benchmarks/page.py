@@ -34,7 +34,7 @@ def page(measured: dict[str, Any]) -> str:
         "## Whole processes\n",
         _table(
             ("command", "runs", "median, s", "processors, s", "largest process, MB", "all processes, MB"),
-            map(_process, measured["processes"]),
+            map(_process, measured["processes"]["runs"]),
         ),
         "## Growth with the number of teeth\n",
         "`vzp160` with other teeth on the same pitch circle (module × teeth constant); set-up included.\n",

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.processes import FIRST_LINE, IMPORT
+
 STATE_US, FASTER_THAN_CVXPY, FASTER_THAN_DAQP = 25.0, 1000.0, {80.0: 8.0, 800.0: 12.0}
 VALUE_MS, EFFICIENCY = 7.5, 0.9
 CONED = 3.0  # times: what a default may cost over the one before
@@ -57,10 +59,7 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
     for name, group in measured["search"]["groups"].items():
         words = f"its greatest difference to the full cycle, {group['cases']} {name}"
         yield Row("search difference", words, SEARCH_ARCSEC, group["greatest_difference_arcsec"], "″")
-    for run in measured["processes"]:
-        yield Row(_key(run), f"`{run['command']}`", run["target_s"], run["median_s"], "s")
-    for run in measured["processes"]:
-        yield Row("memory", f"memory of `{run['command']}`", MEMORY_MB, run["all_processes_MB"], "MB")
+    yield from _processes(**measured["processes"])
     yield from _growth(measured["growth"])
     yield from _coned(measured["coned"])
     for case in measured["tolerance"]:
@@ -70,12 +69,30 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         yield Row("two processes", words, EFFICIENCY, case["efficiency"], "", at_least=True)
 
 
+def _processes(runs: list[dict[str, Any]], first_line_s: dict[str, float]) -> Iterator[Row]:
+    took = {run["command"]: run["median_s"] for run in runs}
+    for run in runs:
+        if run["target_s"]:
+            yield Row(_key(run), f"`{run['command']}`", run["target_s"], run["median_s"], "s")
+        elif run["ratio"]:
+            other, most = run["ratio"]
+            words = f"`{run['command']}` against `{other}`"
+            yield Row(_key(run), words, most, run["median_s"] / took[other], "times")
+    for command, seconds in first_line_s.items():
+        words = f"until `{command}` shows something on a terminal, against `{IMPORT.words}`"
+        yield Row("first line", words, FIRST_LINE, seconds / took[IMPORT.words], "times")
+    for run in runs:
+        if run["command"].startswith("hdassist"):
+            yield Row("memory", f"memory of `{run['command']}`", MEMORY_MB, run["all_processes_MB"], "MB")
+
+
 def _at(torque: dict[str, Any]) -> str:
     return f"{torque['M_g']:g} N·m"
 
 
 def _key(run: dict[str, Any]) -> str:
-    return "every state" if "--every-state" in run["command"] else run["command"].split()[1]
+    words = run["command"].split()
+    return {"--every-state": "every state", "-": "fig. 3"}.get(words[-1], words[1])
 
 
 def _state(torque: dict[str, Any]) -> Iterator[Row]:

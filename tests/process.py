@@ -24,6 +24,7 @@ from unittest import mock
 from hdassist.cli.main import main
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
+TINY = str(Path(__file__).parent / "data/tiny.yaml")  # for what is said and done, whatever the numbers are
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"  # of the small drive all else is given
 COMMAND = [sys.executable, "-m", "hdassist"]
 ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs

@@ -1,6 +1,7 @@
 """What is needed is told with its reason, and comes under licences that a commercial user can take."""
 
 import re
+import tomllib
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -45,6 +46,13 @@ def test_each_has_its_reason_and_licence() -> None:
     assert set(rows) == needed()
     for name, told in rows.items():
         assert told.split("-")[0].lower() in licence(name).lower(), name
+
+
+def test_each_extra_is_told() -> None:
+    page = (ROOT / "docs/dependencies.md").read_text(encoding="utf-8")
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert {"cluster", "docs"} <= set(extras)
+    assert set(re.findall(r"`hdassist\[(\w+)\]`", page)) == set(extras)
 
 
 def test_nothing_comes_with_them_under_a_licence_that_binds() -> None:

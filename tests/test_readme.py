@@ -40,7 +40,7 @@ def test_commands_that_it_names_exist():
 
 def test_pages_that_it_names_are_there_and_each_is_named():
     named = set(re.findall(r"\]\(docs/([a-z0-9_]+\.md)\)", README))
-    assert named == {page.name for page in (ROOT / "docs").glob("*.md")}
+    assert named == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}  # the site's start
 
 
 def test_it_is_short():

@@ -6,14 +6,27 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.acceptance.checks import BUDGET, COVERAGE, LINES, NOT_TESTED, RATED, RECORD, UNCERTAINTY, UNKNOWN
+from hdassist.acceptance.checks import (
+    BUDGET,
+    COVERAGE,
+    F_IOR,
+    LINES,
+    NOT_TESTED,
+    RATED,
+    RECORD,
+    UNCERTAIN,
+    UNCERTAINTY,
+    UNKNOWN,
+)
 from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, margin_of, needed_for
 from hdassist.acceptance.predictions import Predictions, order_place, predict
+from hdassist.error.unknown_range import uncertain_deviations
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import names
+from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import Progress
@@ -35,7 +48,7 @@ class AcceptanceResult:
     """Decisions on the limits of a drive, in the order of the checklist.
 
     left_out: limits that were not decided on; measurements: traces by torque [N*m]; predictions: None where all was
-    measured.
+    measured; wheels: with measured teeth, which predictions are of.
     """
 
     drive: Drive
@@ -43,6 +56,7 @@ class AcceptanceResult:
     left_out: tuple[Limit, ...]
     measurements: Mapping[float, Measurement]
     predictions: Predictions | None
+    wheels: MeasuredTeeth | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -59,6 +73,7 @@ def accept(
     drive: Drive,
     measurements: Mapping[float, Measurement] | None = None,
     *,
+    wheels: MeasuredTeeth | None = None,
     stated: Mapping[Limit, Value] | None = None,
     measured_only: bool = False,
     predictions: Predictions | None = None,
@@ -69,7 +84,8 @@ def accept(
 ) -> AcceptanceResult:
     """Hold a drive against the limits of its preset.
 
-    Arguments: measurements, traces by their torque [N*m]; stated, values measured otherwise, by their limit;
+    Arguments: measurements, traces by their torque [N*m]; wheels, with measured teeth, in place of first harmonics;
+    stated, values measured otherwise, by their limit;
     measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions, of
     the same drive and limits where they are known already; for predictions made here: cross_check, solver of some
     states again, and seed of their choice, executor, to spread the work over, progress, told how many states were
@@ -87,7 +103,9 @@ def accept(
         predictions = None
     elif predictions is None:
         needed = needed_for(left)
-        predictions = predict(drive, needed, cross_check=cross_check, seed=seed, executor=executor, progress=progress)
+        predictions = predict(
+            drive, needed, wheels=wheels, cross_check=cross_check, seed=seed, executor=executor, progress=progress
+        )
     decisions = []
     for limit in limits:
         values: Sequence[Value | None]
@@ -102,7 +120,9 @@ def accept(
         margin = margin_of(drive, predictions).percent / 100
         found = [decide(limit, value, drive.acceptance.rule, margin) for value in values]
         decisions.append(_open(found) if found[-1].value and found[-1].value.extent == "open" else _decisive(found))
-    return AcceptanceResult(drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions)
+    return AcceptanceResult(
+        drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions, wheels
+    )
 
 
 def without_values(drive: Drive, torques: Collection[float], stated: Collection[Limit]) -> list[Limit]:
@@ -201,5 +221,24 @@ def _of_decisions(result: AcceptanceResult) -> Iterator[Note]:
         yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if result.predictions and result.predictions.unknown:
         yield Note(UNKNOWN.code, f"not known: {names(result.predictions.unknown)}")
+    if words := _of_uncertainty(result):
+        yield Note(UNCERTAIN.code, words)
     if result.left_out:
         yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in result.left_out))
+
+
+def _of_uncertainty(result: AcceptanceResult) -> str:
+    """Which of the preset's uncertainties predicted values take in, and which they do not; empty without either."""
+    if result.predictions is None:
+        return ""
+    drive, over = result.drive, result.predictions.over
+    checks = {d.limit.check for d in result.decisions if d.value and d.value.basis == "predicted"}
+    heeded = list(uncertain_deviations(drive)) if over and F_IOR in checks else []
+    left = [path for path, spread in drive.uncertainty.items() if spread and path not in heeded]
+    words = []
+    if heeded:
+        more = ", other values take them as they are given" if any("cycle" in c.needs for c in checks - {F_IOR}) else ""
+        words.append(f"F'_ior is what 95 % of drives within ± of {', '.join(heeded)} stay below{more}")
+    if left:
+        words.append(f"± of {', '.join(left)} is in no predicted value")
+    return "; ".join(words)

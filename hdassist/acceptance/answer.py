@@ -18,11 +18,13 @@ from hdassist.acceptance.rests import (
     CertificateRecord,
     RestsOnRecord,
     UnknownRecord,
+    WheelRecord,
     certificate_of,
     rests_on_of,
     unknown_of,
+    wheels_of,
 )
-from hdassist.errors import DataError, HdassistError
+from hdassist.errors import DataError, Fault, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
@@ -33,7 +35,7 @@ from hdassist.visible import printable
 
 MAX_BYTES = 1_000_000_000
 SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
-PROVENANCE = ("version", "preset_sha256", "measured_sha256", "seed", "solver", "max_residual", "time")
+PROVENANCE = ("version", "preset_sha256", "measured_sha256", "pitch_sha256", "seed", "solver", "max_residual", "time")
 
 
 @dataclass(frozen=True)
@@ -128,10 +130,11 @@ class PresetRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ErrorRecord(ClosedRecord):
-    """What went wrong, and what to do about it."""
+    """What went wrong, what to do about it, and its kind, which older files lack."""
 
     message: str
     hint: str
+    code: Fault | None = None
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,8 @@ class Envelope(ClosedRecord):
 class Accepted(Envelope):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again.
 
-    place: of the row of a lot, None without one; rests_on and unknown: of its predictions.
+    place: of the row of a lot, None without one; rests_on, unknown and pitch, wheels with measured teeth: of its
+    predictions.
     """
 
     preset: DriveRecord
@@ -169,6 +173,7 @@ class Accepted(Envelope):
     place: Line | None = None
     rests_on: tuple[RestsOnRecord, ...] = ()
     unknown: tuple[UnknownRecord, ...] = ()
+    pitch: tuple[WheelRecord, ...] = ()
 
     @property
     def status(self) -> str:
@@ -246,14 +251,15 @@ def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place
         place=place,
         rests_on=rests_on_of(predictions) if predictions else (),
         unknown=unknown_of(predictions) if predictions else (),
+        pitch=wheels_of(result.wheels),
     )  # fmt: skip
 
 
 def failure_of(request: Request, error: HdassistError) -> Unanswered:
     """The answer about a drive that has none."""
     return Unanswered(
-        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (), ErrorRecord(error.message, error.hint),
-        request.serial, request.seed, request, _now(),
+        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (),
+        ErrorRecord(error.message, error.hint, error.fault), request.serial, request.seed, request, _now(),
     )  # fmt: skip
 
 
@@ -275,6 +281,7 @@ def provenance(answer: Answer) -> dict[str, Any]:
         answer.version,
         answer.preset.sha256,
         " ".join(trace.sha256 for trace in accepted.measured) or None if accepted else None,
+        " ".join(wheel.sha256 for wheel in accepted.pitch) or None if accepted else None,
         answer.seed,
         accepted and accepted.solver,
         accepted and accepted.certificate and accepted.certificate.max_residual,

@@ -204,6 +204,14 @@ UNKNOWN = Remark(
     "What is not given may be anything: a prediction passes where 95 % of that passes, and fails where 95 % fails.",
     "Give it in the preset, 0 where it is known to be none; or measure the drive.",
 )
+UNCERTAIN = Remark(
+    "UNCERTAIN",
+    "values with an uncertainty",
+    "Whether the preset gives values with an uncertainty (±), and which predicted values take it in.",
+    "Phases, tolerances and harmonics are drawn within theirs, and F'_ior is decided by what 95 % of these drives stay "
+    "below or above; in no other value, and of no other field, is it taken in: the drive may be off by it.",
+    "Measure the drive; or look at both ends with --set FIELD=VALUE.",
+)
 NOT_TESTED = Remark(
     "NOT_TESTED",
     "limits not tested",
@@ -211,7 +219,7 @@ NOT_TESTED = Remark(
     "The verdict says nothing of limits that were left out.",
     "Measure them too, or leave out --measured-only: then the model predicts them.",
 )
-REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, NOT_TESTED)
+REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, UNCERTAIN, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
 
 

@@ -90,7 +90,7 @@ def command(
         list[str],
         typer.Argument(
             metavar="[PRESET...|LOT]",
-            help="Preset names, paths, or - for stdin; or a lot: a table NAME.csv, or a folder.",
+            help="Preset names, paths, or - for stdin; or a lot: a table NAME.csv, a folder, or - with --preset.",
             show_default=False,
         ),
     ] = [],  # noqa: B006 (typer copies it)
@@ -112,7 +112,7 @@ def command(
     rule: Annotated[Literal["guard", "simple"] | None, typer.Option(help="Decision rule for measured values.")] = None,
     margin: Annotated[
         float | None,
-        typer.Option(metavar="PERCENT", help="Margin of predicted values; 10 calibrated, else 50 up."),
+        typer.Option(metavar="PERCENT", min=0, max=100, help="Margin of predicted values; 10 calibrated, else 50 up."),
     ] = None,
     measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False,
     fail_on: Annotated[
@@ -125,6 +125,7 @@ def command(
         str | None, typer.Option("--replay", metavar="RESULT", help="Do again what an answer says (--json, --jsonl).")
     ] = None,
     trace: o.TraceOptions,
+    pitch: o.PitchOptions,
     cross_check: o.CrossCheck = "clarabel",
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
@@ -143,40 +144,47 @@ def command(
       hdassist accept my-drive.yaml --value lost_motion=41±3 --json
       hdassist accept lot.csv --preset my-drive.yaml --measured-only \\
           --jsonl lot.jsonl --resume --junit lot.xml
+      grep -v '^17-04' lot.csv | hdassist accept - --preset my-drive.yaml
       hdassist accept --replay result.json
 
     A limit is decided by what was measured, with its uncertainty and a decision rule, or else by the model's
     prediction with a margin, wide where the drive is not calibrated. A trace passes only where --budget states encoder,
     coupling, reseating and temperature, 0 allowed. hdassist explain CODE tells what a check means. A lot has a row for
-    each drive, with the columns serial, preset, measured or measured@80 (files), NAME[@TORQUE] (values like 28.1±1.2),
-    limit NAME[@TORQUE], section.key (overrides); or it is a folder of presets with traces beside them
-    (17-042.yaml, 17-042@80.csv). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6 INCONCLUSIVE, 4 bad preset,
-    file or no limit, 5 no trustworthy answer; of several drives the worst, in the order 1, 5, 4, 3, 6, 0.
+    each drive, with the columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g,
+    NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides); or it is a folder of presets
+    with traces and pitch files beside them (17-042.yaml, 17-042@80.csv, 17-042.pitch-b.csv). Exit codes: 0 PASS, 3 FAIL
+    or a replay that differs, 6 INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy answer; of several drives
+    the worst, in the order 1, 5, 4, 3, 6, 0.
     """
     from hdassist.acceptance.limit_parser import LimitText
     from hdassist.acceptance.lot import is_lot
     from hdassist.acceptance.lot_command import accept_lot
     from hdassist.acceptance.replay_command import replay_answers
-    from hdassist.acceptance.request import Reading, Request, TraceFile
+    from hdassist.acceptance.request import Reading, Request, TraceFile, Wheels
 
-    lots = [name for name in presets if is_lot(name)]
+    lots = [name for name in presets if is_lot(name) or (name == "-" and preset)]
     if not presets and replay is None:
         raise UsageError("nothing to accept", "name a preset, a lot.csv or a folder; hdassist accept -h")
     if len(presets) > 1 and lots:
         raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
-    if (len(presets) > 1 or lots) and (measured or value or serial):
+    wheels = Wheels(**asdict(pitch))
+    if not lots:
+        wheels.require_sound()
+    if (len(presets) > 1 or lots) and (measured or value or serial or wheels.files or wheels.is_marked):
         raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
     if (preset or files.resume) and not lots:
         raise UsageError(f"{'--preset' if preset else '--resume'} is for lots", "hdassist accept LOT.csv")
     traces = tuple(map(TraceFile.parse, measured))
-    o.stdin_once(*presets, *(one.file for one in traces), replay)
+    o.stdin_once(*presets, *(one.file for one in traces), *wheels.files.values(), replay)
+    if measured_only and wheels.files:
+        raise UsageError("--measured-only predicts nothing, and measured teeth are for predictions")
     if preset == "-":
         raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
     rules = [f"acceptance.rule={rule}"] * bool(rule) + ([f"acceptance.margin={margin}"] if margin is not None else [])
     reading = Reading(**asdict(trace.form()), orders=trace.orders, drift=trace.drift, budget=tuple(trace.budget))
     base = Request(
         preset, serial, (*drives.overrides, *rules), tuple(LimitText.parse(text, "--limit") for text in limit), traces,
-        tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed,
+        tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed, wheels,
     )  # fmt: skip
     run = Run(base, files, options, options.open(), fail_on, jobs, details)
     run.require_sound()
@@ -197,10 +205,11 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     from hdassist.acceptance import page as report
     from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
     from hdassist.acceptance.decision import limits_of, needed_for
-    from hdassist.acceptance.request import carry_out, read_measurements
+    from hdassist.acceptance.request import carry_out, read_measurements, read_wheels
     from hdassist.terminal.files import write_text
     from hdassist.terminal.runs import Answer as RunAnswer
     from hdassist.terminal.runs import give, run_each
+    from hdassist.terminal.wheels import say_notes
     from hdassist.terminal.workers import workers
 
     answers: list[Answer] = []
@@ -208,10 +217,11 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     def one(preset: str) -> RunAnswer:
         request = replace(run.base, preset=preset)
         drive = request.load()
-        traces = read_measurements(request, drive)
+        traces, teeth = read_measurements(request, drive), read_wheels(request, drive)
+        say_notes(teeth)
         states = 0 if request.measured_only else needed_for(limits_of(drive)).states(drive)
         with run.out.progress(drive.name, states) as progress, workers(run.jobs) as executor:
-            result = carry_out(request, drive, traces, executor=executor, progress=progress)
+            result = carry_out(request, drive, traces, teeth, executor=executor, progress=progress)
         answer = answer_of(request, result, run.fail_on)
         answers.append(answer)
         page = partial(report.render, result, serial=request.serial, details=run.details)

@@ -9,7 +9,7 @@ the value, stands in its place under both rules, and what comes out is no decisi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import expm1
 from typing import Literal
@@ -46,13 +46,15 @@ class Limit:
         return f"{order or self.check.words}{torque}"
 
     def predicted(self, predictions: Predictions) -> tuple[Value, ...]:
-        """The value of predictions that it is for; the least and the greatest that it may be over what is not known."""
+        """The value of predictions that it is for; the least and the greatest that it may be over what is not known.
+
+        What has an uncertainty in the preset counts as that: of F'_ior alone, and of deviations alone.
+        """
         number = self.check.predicted(predictions, self.M_g or 0.0, self.order or 0.0)
-        if not predictions.unknown or "cycle" not in self.check.needs:
-            return (Value(number, 0.0, "predicted"),)
         over = predictions.over.get(self.M_g or 0.0) if self.check is F_IOR else None
         if over is None:
-            return (Value(number, 0.0, "predicted", "not known"),)
+            open_ = predictions.unknown and "cycle" in self.check.needs
+            return (Value(number, 0.0, "predicted", "not known" if open_ else "whole"),)
         more = number - predictions.errors[over.M_g].F_ior_arcsec
         return Value(over.low + more, 0.0, "predicted"), Value(over.high + more, 0.0, "predicted", "open")
 
@@ -113,7 +115,9 @@ def decide(limit: Limit, value: Value | None, rule: Rule, margin: float) -> Deci
     if value.extent == "not known":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "deviations that are not known were taken as 0")
     if value.extent == "open" and room < guard:
-        return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "what is not known could take it across the limit")
+        return Decision(
+            limit, value, guard, Verdict.INCONCLUSIVE, "what is not known, or uncertain, could take it across the limit"
+        )
     if value.extent == "part":
         return Decision(limit, value, guard, Verdict.INCONCLUSIVE, "of a part of the cycle only")
     if room < -beyond:
@@ -195,10 +199,22 @@ def _limits(drive: Drive) -> Iterator[Limit]:
                 if (bound := drive.limit(M_g, check.field)) is not None:
                     yield Limit(check, bound, M_g)
         elif check.kind == "orders":
-            for key, bound in stated.items():
-                yield from (Limit(check, bound, M_g, float(key)) for M_g in drive.operation.M_g)
+            yield from _limits_of_orders(check, drive.operation.M_g, stated)
         elif stated is not None:
             yield Limit(check, stated)
+
+
+def _limits_of_orders(check: Check, torques: Sequence[float], stated: Mapping[str, float]) -> Iterator[Limit]:
+    """Limits of orders: at the torques of a drive and those they name; one for a torque wins over one for each."""
+    by_order: dict[float, dict[float | None, float]] = {}
+    for key, value in stated.items():
+        order, _, torque = key.partition("@")
+        by_order.setdefault(float(order), {})[float(torque) if torque else None] = value
+    for number, bounds in by_order.items():
+        for M_g in dict.fromkeys([*torques, *(at for at in bounds if at is not None)]):
+            bound = bounds.get(M_g, bounds.get(None))
+            if bound is not None:
+                yield Limit(check, bound, M_g, number)
 
 
 def needed_for(limits: Iterable[Limit]) -> Needed:

@@ -1,6 +1,7 @@
 """Acceptances as JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
 
-FAIL and INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
+A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
+INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
 that was left out is skipped. Numbers are properties of the suite, where every reader looks for them: test cases have
 none in the strict schema. There are no durations and no machine names; the time of an answer is a property.
 """
@@ -51,18 +52,19 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
             SubElement(place, "property", name=key, value=visible(str(value)))
 
     def case(words: str) -> Element:
-        return SubElement(suite, "testcase", classname=visible(preset), name=visible(f"{name}: {words}"))
+        return SubElement(suite, "testcase", classname=visible(name), name=visible(words))
 
     if not isinstance(answer, Accepted):
         error = answer.error
         message = f"{answer.status}: {error.message.splitlines()[0]}"
         body = [error.message, f"hint: {error.hint}"] if error.hint else [error.message]
+        body += [f"what it means: hdassist explain {error.code}"] if error.code else []
         _say(case("no answer"), "error", message, body, ERRORS.get(answer.exit_code, "DATA"))
         return
     remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
     for check in answer.checks:
         words = f"{check.verdict}: {sentence(check)}"
-        lines = [words, *([f"because: {check.reason}"] if check.reason else []), *remarks]
+        lines = [words, *([f"because: {check.reason}"] if check.reason else [])]
         element = case(check.held_against.label)
         if check.verdict == "PASS":
             SubElement(element, "system-out").text = visible("\n".join(lines))
@@ -73,6 +75,8 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
         _say(case(label), "skipped", "not tested: nothing was measured")
     if answer.fail_on == "warn" and remarks:
         _say(case("remarks"), "failure", f"FAIL: {remarks[0]}", remarks, "REMARK")
+    elif remarks:
+        SubElement(suite, "system-out").text = visible("\n".join(remarks))
 
 
 def _key(check: CheckRecord) -> str:

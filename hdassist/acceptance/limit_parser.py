@@ -35,7 +35,7 @@ class LimitName:
         """
         name, at, torque = text.strip().partition("@")
         order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
-        per_torque = option == "--value" if order else KINDS.get(name) == "limits"
+        per_torque = bool(order) or KINDS.get(name) == "limits"
         if not (order or name in KINDS) or (at and not (torque and per_torque)):
             raise UsageError(f"{option} {whole or text}: not understood", HINT)
         if order:
@@ -86,8 +86,9 @@ class LimitText:
     @property
     def override(self) -> str:
         """The limit as an override of the preset: the same checks, the same errors."""
-        parts = ("acceptance", self.name.field, self.name.order, self.name.torque)
-        return f"{'.'.join(filter(None, parts))}={self.text}"
+        name = self.name
+        key = "@".join(filter(None, (name.order, name.torque)))
+        return f"{'.'.join(filter(None, ('acceptance', name.field, key)))}={self.text}"
 
     def limit_of(self, limits: Sequence[Limit]) -> Limit:
         """The limit of a drive that a value is for. Raises UsageError: there is none, or several."""

@@ -1,18 +1,19 @@
 """Lots: many drives to accept, from the rows of a table or from the files of a folder.
 
-Columns of a table: serial, preset, measured or measured@80 (a file), NAME[@TORQUE] (a value with its uncertainty,
-measured otherwise), limit NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are
-not used.
+Columns of a table: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
+mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
+NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from hdassist.acceptance.cells import NamedCell
 from hdassist.acceptance.limit_parser import LimitName, LimitText
 from hdassist.acceptance.request import Request, TraceFile
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
@@ -21,14 +22,18 @@ from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near, shown
-from hdassist.readers.table import TextTable, few, read_texts
-from hdassist.textfile import is_folder
+from hdassist.readers.table import Cell, TextTable, few, read_texts
+from hdassist.textfile import STDIN, is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
+WHEELS: tuple[tuple[Literal["pitch", "mark"], str], ...] = (
+    ("pitch", "b"), ("pitch", "g"), ("mark", "b"), ("mark", "g"),
+)  # fmt: skip
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
+_PITCH = re.compile(r"(?P<stem>.+)\.pitch-(?P<wheel>[bg])\.(?:csv|tsv|txt)(?:\.gz)?")
 _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
 
 
@@ -36,13 +41,14 @@ _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt
 class LotRow:
     """One drive of a lot: its serial, what is asked of it, its place (FILE:LINE, or a file), and what is wrong with it.
 
-    fault: of the row itself; then the request is not to be carried out.
+    fault: of the row itself; then the request is not to be carried out. cells: those that say something of the drive.
     """
 
     serial: str
     request: Request
     place: str
     fault: HdassistError | None = None
+    cells: tuple[NamedCell, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,9 @@ class Lot:
 
 @dataclass(frozen=True)
 class Column:
-    """What the cells of a column are, and of what: the name of a limit, a torque, or the path of an override."""
+    """What the cells of a column are, and of what: the name of a limit, a torque, a wheel, the path of an override."""
 
-    kind: Literal["serial", "preset", "measured", "value", "limit", "override"]
+    kind: Literal["serial", "preset", "measured", "pitch", "mark", "value", "limit", "override"]
     of: LimitName | str = ""
 
 
@@ -88,6 +94,8 @@ def _of_table(table: TextTable, base: Request) -> Lot:
     if inside:
         notes.append(f"left out as remarks: line {few(inside, 20)}")
     left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
+    if base.measured_only and any(column and column.kind == "pitch" for column in columns):
+        notes.append("measured teeth are not used: --measured-only predicts nothing")
     if any(left):
         notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
@@ -120,9 +128,12 @@ def _columns(table: TextTable) -> list[Column | None]:
 
 def _column(name: str) -> tuple[Column | None, str]:
     """What a column is for, or a hint."""
-    for kind in PLAIN:
-        if name.lower() == kind:
-            return Column(kind), ""
+    for plain in PLAIN:
+        if name.lower() == plain:
+            return Column(plain), ""
+    for kind, wheel in WHEELS:
+        if name.lower() == f"{kind}_{wheel}":
+            return Column(kind, wheel), ""
     if at := _AT.fullmatch(name):
         return (Column("measured", f"{float(at[1]):g}"), "") if is_number(at[1]) else (None, "like measured@80")
     try:
@@ -134,7 +145,7 @@ def _column(name: str) -> tuple[Column | None, str]:
         return None, error.hint
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return Column("override", name), ""
-    known = [*PLAIN, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    known = [*PLAIN, *map("_".join, WHEELS), *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     return None, near(name, known)
 
 
@@ -143,17 +154,9 @@ def _row(
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
-    folder = Path(table.file).parent
-    found: list[Finding] = []
-
-    def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
-        found.append(Finding(table.file, line, column, path, message, shown(got), hint))
-
     numbered = not any(column and column.kind == "serial" for column in columns)
-    serial, preset = f"line {line}" if numbered else "", base.preset
-    traces: list[TraceFile] = []
-    values: list[LimitText] = []
-    limits, overrides = [*base.limits], [*base.overrides]
+    said = _Said(table, line, base, serial=f"line {line}" if numbered else "")
+    wrong = said.wrong
     for index, cell in enumerate(cells):
         if not cell.text:
             continue
@@ -163,32 +166,97 @@ def _row(
         elif column is None:
             if not table.names[index].text:
                 wrong(cell.column, "", "a cell in a column without a name", cell.text)
-        elif column.kind == "serial":
-            serial = cell.text
-        elif column.kind == "preset":
-            preset = cell.text if cell.text in ("-", *preset_names()) else str(folder / cell.text)
-        elif column.kind == "measured":
-            trace = TraceFile(str(column.of), cell.text) if column.of else TraceFile.parse(cell.text)
-            traces.append(trace if trace.file == "-" else replace(trace, file=str(folder / trace.file)))
-        elif isinstance(column.of, LimitName):
-            said = LimitText(column.of, table.with_points(cell.text))
-            (limits if column.kind == "limit" else values).append(said)
         else:
-            overrides.append(f"{column.of}={table.with_points(cell.text)}")
+            said.take(column, cell, table.names[index].text)
+    serial, request = said.serial, said.request
     if not serial:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
     elif first.setdefault(serial, line) != line:
         wrong(1, "serial", f"stands in line {first[serial]} too", serial, "one row for each drive")
-    if not preset:
+    if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    elif "-" in (preset, *(trace.file for trace in traces)):
-        wrong(1, "", "a row cannot read standard input", hint="name a file")
+    for wheel in said.marks.keys() - request.wheels.files.keys():
+        wrong(
+            said.marks[wheel][1],
+            f"mark_{wheel}",
+            "the mark of a wheel that is not measured",
+            hint=f"its file in pitch_{wheel}",
+        )
     serial = serial or f"line {line}"
-    request = replace(
-        base, preset=preset, serial=serial, measured=tuple(traces), values=tuple(values), limits=tuple(limits),
-        overrides=tuple(overrides),
-    )  # fmt: skip
-    return LotRow(serial, request, f"{table.file}:{line}", PresetError(found) if found else None)
+    fault = PresetError(said.faults) if said.faults else None
+    return LotRow(serial, replace(request, serial=serial), f"{table.file}:{line}", fault, tuple(said.cells))
+
+
+class _Said:
+    """What a row of a table says of its drive, on top of what is asked of every drive; and which cell says it."""
+
+    def __init__(self, table: TextTable, line: int, base: Request, serial: str) -> None:
+        self._table, self._line, self._base = table, line, base
+        self._folder = Path() if table.file == STDIN else Path(table.file).parent
+        self.serial, self._preset = serial, base.preset
+        self._traces: list[TraceFile] = []
+        self._values: list[LimitText] = []
+        self._limits: list[LimitText] = []
+        self._overrides: list[str] = []
+        self._pitch: dict[str, str] = {}
+        self.marks: dict[str, tuple[float, int]] = {}  # and where they stand
+        self.cells: list[NamedCell] = []
+        self.faults: list[Finding] = []
+
+    def wrong(self, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+        """Keep what is wrong with the row: where it stands in the line, what it is about, what was found."""
+        self.faults.append(Finding(self._table.file, self._line, column, path, message, shown(got), hint))
+
+    def take(self, column: Column, cell: Cell, name: str) -> None:
+        """Take up what a cell says; name, of its column."""
+        text = self._table.with_points(cell.text)
+        place = NamedCell(f"{self._table.file}:{self._line}:{cell.column}", name, cell.text)
+        if column.kind == "serial":
+            self.serial = cell.text
+        elif column.kind == "preset":
+            self._preset = cell.text if cell.text in ("-", *preset_names()) else self._path(cell.text)
+            place = replace(place, file=self._preset)
+        elif column.kind == "measured":
+            trace = TraceFile(str(column.of), cell.text) if column.of else TraceFile.parse(cell.text)
+            trace = replace(trace, file=self._path(trace.file))
+            self._traces.append(trace)
+            place = replace(place, said=f"--measured {trace}", file=trace.file)
+        elif column.kind == "pitch":
+            self._pitch[str(column.of)] = self._path(cell.text)
+            place = replace(place, file=self._path(cell.text))
+        elif column.kind == "mark":
+            if is_number(text):
+                self.marks[str(column.of)] = float(text), cell.column
+            else:
+                self.wrong(cell.column, name, "must be an angle in deg", cell.text)
+        elif column.kind == "value" and isinstance(column.of, LimitName):
+            self._values.append(LimitText(column.of, text))
+            place = replace(place, said=f"--value {self._values[-1]}")
+        elif column.kind == "limit" and isinstance(column.of, LimitName):
+            self._limits.append(LimitText(column.of, text))
+            place = replace(place, said=f"--limit {self._limits[-1]}", path=self._limits[-1].override.partition("=")[0])
+        else:
+            self._overrides.append(f"{column.of}={text}")
+            place = replace(place, said=f"--set {self._overrides[-1]}", path=str(column.of))
+        if place.file == "-":
+            self.wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
+        self.cells.append(place)
+
+    def _path(self, text: str) -> str:
+        """A path as it is seen from here: those of a table count from its folder."""
+        return text if text == "-" else str(self._folder / text)
+
+    @property
+    def request(self) -> Request:
+        """What is asked of the drive, still without its serial."""
+        base, pitch, marks = self._base, self._pitch, {wheel: mark for wheel, (mark, _) in self.marks.items()}
+        wheels = replace(
+            base.wheels, pitch_b=pitch.get("b"), pitch_g=pitch.get("g"), mark_b=marks.get("b"), mark_g=marks.get("g")
+        )
+        return replace(
+            base, preset=self._preset, measured=tuple(self._traces), values=tuple(self._values),
+            limits=(*base.limits, *self._limits), overrides=(*base.overrides, *self._overrides), wheels=wheels,
+        )  # fmt: skip
 
 
 def _of_folder(folder: Path, base: Request) -> Lot:
@@ -202,19 +270,26 @@ def _of_folder(folder: Path, base: Request) -> Lot:
     if not presets:
         raise DataError(f"{folder}: no preset in the folder", "one NAME.yaml a drive, its trace beside it as NAME.csv")
     traces: dict[str, list[TraceFile]] = {item.stem: [] for item in presets}
+    pitch: dict[str, dict[str, str]] = {item.stem: {} for item in presets}
     spare = []
     for item in files:
-        match = _TRACE.fullmatch(item.name)
-        if match and match["stem"] in traces:
+        of_wheel, match = _PITCH.fullmatch(item.name), _TRACE.fullmatch(item.name)
+        if of_wheel and of_wheel["stem"] in pitch:
+            pitch[of_wheel["stem"]][of_wheel["wheel"]] = str(item)
+        elif match and match["stem"] in traces:
             traces[match["stem"]].append(TraceFile(match["torque"] or "", str(item)))
         elif match:
             spare.append(item.name)
     rows = []
     for item in presets:
-        request = replace(base, preset=str(item), serial=item.stem, measured=tuple(traces[item.stem]))
+        own = pitch[item.stem]
+        wheels = replace(base.wheels, pitch_b=own.get("b"), pitch_g=own.get("g"))
+        request = replace(base, preset=str(item), serial=item.stem, measured=tuple(traces[item.stem]), wheels=wheels)
         rows.append(LotRow(item.stem, request, str(item), _twin(item, presets)))
     measured = sum(map(bool, traces.values()))
     notes = [f"{len(rows)} presets, {measured} of them with traces"]
+    toothed = sum(map(bool, pitch.values()))
+    notes += [f"{toothed} of them with measured teeth"] * bool(toothed)
     notes += [f"traces without a preset: {shown(', '.join(spare))}"] * bool(spare)
     return Lot(str(folder), None, tuple(rows), tuple(notes))
 

@@ -58,7 +58,8 @@ def _accept_lot(path: str, run: Run) -> int:
             for answer in answers:
                 done.append(answer)
                 if isinstance(answer, Unanswered):
-                    complain(HdassistError(f"{report.title(answer)}: {answer.error.message}", answer.error.hint))
+                    error = answer.error
+                    complain(HdassistError(f"{report.title(answer)}: {error.message}", error.hint, error.code))
                 if shown:
                     words = f"{report.title(answer)} {answer.status}" if options.quiet else report.line(answer, width)
                     lines.append(out.style.text(words))

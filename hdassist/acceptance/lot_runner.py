@@ -11,11 +11,12 @@ from itertools import islice
 from typing import TypeAlias
 
 from hdassist.acceptance.answer import Answer, ErrorRecord, Unanswered, answer_of, failure_of
+from hdassist.acceptance.cells import of_cells
 from hdassist.acceptance.limit_parser import LimitName
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.replay import preset_sha256
-from hdassist.acceptance.request import FailOn, Request, carry_out, predict_for, read_measurements
+from hdassist.acceptance.request import FailOn, Request, carry_out, predict_for, read_measurements, read_wheels
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.preset.library import read_preset
 
@@ -100,7 +101,8 @@ def _predict(request: Request) -> Predictions | None:
 def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug: bool) -> Answer:
     try:
         drive = row.request.load()
-        result = carry_out(row.request, drive, read_measurements(row.request, drive), predictions=predictions)
+        measured, wheels = read_measurements(row.request, drive), read_wheels(row.request, drive)
+        result = carry_out(row.request, drive, measured, wheels, predictions=predictions)
     except HdassistError as error:
         return failure(row, error)
     except (MemoryError, OSError):  # what the system refuses is no row's
@@ -123,11 +125,13 @@ def _known(row: LotRow, fault: HdassistError) -> Future[Answer]:
 
 def failure(row: LotRow, error: HdassistError) -> Unanswered:
     """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
-    place = "" if row.place in error.message else f"{row.place}: "
+    message = error.message if row.fault else of_cells(error.message, row.request, row.cells)
+    place = "" if row.place in message else f"{row.place}: "
+    usage = isinstance(error, UsageError)
     return replace(
         failure_of(row.request, error),
-        error=ErrorRecord(f"{place}{error.message}", error.hint),
-        exit_code=DataError.exit_code if isinstance(error, UsageError) else error.exit_code,
+        error=ErrorRecord(f"{place}{message}", error.hint, DataError.fault if usage else error.fault),
+        exit_code=DataError.exit_code if usage else error.exit_code,
         request=None if row.fault else row.request,
         place=row.place,
     )

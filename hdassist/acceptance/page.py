@@ -12,10 +12,11 @@ from rich.text import Text
 from hdassist.acceptance.accept import AcceptanceResult
 from hdassist.acceptance.answer import PROVENANCE, Accepted, Answer, CheckRecord, provenance
 from hdassist.acceptance.decision import GUARD, Limit, margin_of
-from hdassist.acceptance.rests import rests_on_of
+from hdassist.acceptance.rests import rests_on_of, wheels_of
 from hdassist.terminal.answers import csv_text
 from hdassist.terminal.brief import facts, proof, verdict_coloured, verdict_text
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.wheels_page import heading as of_teeth
 from hdassist.version import __version__
 
 RULES = {
@@ -54,7 +55,8 @@ def _titles(result: AcceptanceResult) -> dict[str, str]:
     return {
         "measured": f"measured: {RULES[acceptance.rule]}",
         "stated": f"measured otherwise: {RULES[acceptance.rule]}",
-        "predicted": f"predicted: {margin_of(result.drive, result.predictions).words}; no decision on conformity",
+        "predicted": f"predicted: {margin_of(result.drive, result.predictions).words}; no decision on conformity"
+        + of_teeth(result.wheels),
     }
 
 
@@ -129,7 +131,9 @@ def how_to_decide(check: CheckRecord) -> str:
     value = f"--value {name}{torque and f'@{torque}'}=VALUE±U"
     option = f"--measured {torque}:FILE" if held.check.measured and torque else value
     if open_:
-        return f"what is not known could take it across the limit: give it in the preset, or measure it, {option}"
+        return (
+            f"what is not known, or uncertain, could take it across the limit: give it closer, or measure it, {option}"
+        )
     return f"{number(check.value or 0.0, held)} is within {share} of {held.bound:.6g}: measure it, {option}"
 
 
@@ -170,6 +174,7 @@ def _notes(result: AcceptanceResult) -> list[str]:
         lines.append(f"certificate: {found.certificate}")
     lines.append(f"hdassist {__version__}, preset sha256 {result.drive.origin.sha256[:12]}")
     lines += [f"{m.trace.file}: sha256 {m.trace.sha256[:12]}" for m in result.measurements.values()]
+    lines += [f"{each.file}: sha256 {each.sha256[:12]}" for each in wheels_of(result.wheels)]
     lines += _reasons(result)
     lines += [f"remark {note.code}: {note.text}" for note in result.notes]
     if command := _to_explain(result):

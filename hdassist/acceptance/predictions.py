@@ -14,13 +14,15 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.rests_on import Effect, rests_on, weighed
+from hdassist.error.search import SEARCHED
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.error.unknown_range import UnknownRange, unknown_ranges
+from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, unknown_ranges
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
+from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
@@ -51,6 +53,8 @@ class Needed:
         """Number of states that this solves, for a progress bar."""
         states = len(self.cycles) * Kinematics.of(drive).cycle_states
         states += len(self.self_errors) * drive.numerics.n_phase**2
+        if drawn_range(drive, DRAWS):
+            states += len(self.cycles) * DRAWS * SEARCHED
         return states + (stiffness_states() if self.stiffness else 0)
 
 
@@ -59,8 +63,9 @@ class Predictions:
     """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
 
     window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
-    as 0; over: F'_ior over them, by torque; spread: standard deviation of ln F'_ior over what is assumed of a
-    drive that is not calibrated; rests_on: assumptions that move F'_ior most, at the torques of errors.
+    as 0; over: F'_ior over them and over deviations that have an uncertainty, by torque; spread: standard deviation of
+    ln F'_ior over what is assumed of a drive that is not calibrated; rests_on: assumptions that move F'_ior most, at
+    the torques of errors.
     """
 
     window: float
@@ -114,6 +119,7 @@ def predict(
     drive: Drive,
     needed: Needed,
     *,
+    wheels: MeasuredTeeth | None = None,
     cross_check: str = "CLARABEL",
     seed: int = 0,
     executor: Executor | None = None,
@@ -121,14 +127,16 @@ def predict(
 ) -> Predictions:
     """Predict what is needed of a drive, and nothing else.
 
-    Arguments: needed, torques [N*m] of cycles and self errors, and whether the stiffness is; cross_check, solver of
-    some states again, and seed of their choice; executor, to spread the work over (the numbers do not depend on it);
-    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    Arguments: needed, torques [N*m] of cycles and self errors, and whether the stiffness is; wheels, with measured
+    teeth in place of first harmonics, for which there are no ranges over what is unknown or assumed (the spread is that
+    of the harmonics); cross_check, solver of some states again, and seed of their choice; executor, to spread the work
+    over (the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where an
+    answer cannot be trusted.
     """
     told = None if executor else progress
-    jobs: list[Callable[[], Any]] = [
-        partial(kinematic_error, drive, M_g, cross_check=cross_check, seed=seed, progress=told) for M_g in needed.cycles
-    ]
+    there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    error = partial(kinematic_error, there, teeth=teeth, cross_check=cross_check, seed=seed, progress=told)
+    jobs: list[Callable[[], Any]] = [partial(error, M_g) for M_g in needed.cycles]
     if needed.self_errors:
         jobs.append(partial(self_error, drive, needed.self_errors, progress=told))
     if needed.stiffness:
@@ -141,16 +149,17 @@ def predict(
             progress(sum(part.certificate.states for part in parts))
     errors = dict(zip(needed.cycles, results, strict=False))
     own = results[len(needed.cycles)] if needed.self_errors else []
-    over = unknown_ranges(drive, needed.cycles, seed=seed, executor=executor, progress=progress)
+    ranged = () if wheels else needed.cycles
+    over = unknown_ranges(drive, ranged, seed=seed, executor=executor, progress=progress)
     known = weighed(drive, needed.cycles, executor=executor, progress=progress) if needed.cycles else None
-    effects = rests_on(drive, needed.cycles, known=known, executor=executor, progress=progress) if known else ()
+    effects = rests_on(drive, ranged, known=known, executor=executor, progress=progress) if known and ranged else ()
     by_spread = known and drive.acceptance.margin is None and not is_calibrated(drive)
     return Predictions(
         drive.numerics.window,
         errors,
         dict(zip(needed.self_errors, own, strict=True)),
         results[-1] if needed.stiffness else None,
-        unknowns(drive) if needed.cycles else (),
+        unknowns(wheels.without_harmonics(drive) if wheels else drive) if needed.cycles else (),
         {each.M_g: each for each in over},
         known.spread if known and by_spread else None,
         effects,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord
+from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, Unanswered
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
@@ -107,11 +107,15 @@ def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
     if request.preset == "-":
         raise DataError("the preset was read from standard input", "name it: hdassist accept --replay RESULT PRESET")
     yield InputFile(request.preset, answer.preset.sha256, preset_sha256(request.preset))
-    found = {trace.file: trace.sha256 for trace in answer.measured} if isinstance(answer, Accepted) else {}
-    for trace in request.measured:
-        if trace.file == "-":
-            raise DataError("the trace was read from standard input, which is gone", "save it, and name the file")
-        yield InputFile(trace.file, found.get(trace.file), file_sha256(trace.file))
+    found: dict[str, str] = {}
+    if isinstance(answer, Accepted):
+        found = {trace.file: trace.sha256 for trace in answer.measured}
+        found |= {wheel.file: wheel.sha256 for wheel in answer.pitch}
+    wheels = [] if request.measured_only else request.wheels.files.values()
+    for what, file in [*(("trace", trace.file) for trace in request.measured), *(("pitch file", f) for f in wheels)]:
+        if file == "-":
+            raise DataError(f"the {what} was read from standard input, which is gone", "save it, and name the file")
+        yield InputFile(file, found.get(file), file_sha256(file))
 
 
 def preset_sha256(name: str) -> str | None:
@@ -143,8 +147,10 @@ def still_stands(answer: Answer, request: Request, version: str, fail_on: FailOn
 
 
 def differences(recorded: Answer, now: Answer) -> list[Difference]:
-    """What came out otherwise; numbers agree within RELATIVE of the value or its limit."""
+    """What came out otherwise; numbers agree within RELATIVE of the value or its limit, errors where alike in kind."""
     was, comes = _said(recorded), _said(now)
+    if isinstance(recorded, Unanswered) and isinstance(now, Unanswered) and recorded.error.code == now.error.code:
+        comes["error"] = was["error"]  # in the words of a cell or of an option, of this version or of another
     found = [Difference("", key, was[key], comes[key]) for key in was if was[key] != comes[key]]
     before, after = _checks(recorded), _checks(now)
     for name in dict.fromkeys([*before, *after]):

@@ -11,7 +11,7 @@ from hdassist.acceptance.answer import to_json as answer_json
 from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.replay import RELATIVE, Replayed, differences, prepare
-from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.errors import DataError, UsageError
 from hdassist.terminal.answers import combine, json_text
 from hdassist.terminal.output import complain
 from hdassist.terminal.workers import count, workers
@@ -51,7 +51,7 @@ def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
         out.text(out.style.text("\n".join(map(line, replayed))) + "\n")
     for one in replayed:
         if one.fault and not one.left_out:
-            complain(HdassistError(one.fault, one.hint))
+            complain(DataError(one.fault, one.hint))
     return worst_exit_code(one.exit_code for one in replayed)
 
 
@@ -100,5 +100,5 @@ def _one(one: Replayed) -> dict[str, Any]:
         "tolerance_relative": RELATIVE,
         "differences": [asdict(difference) for difference in one.differences],
         "inputs": [asdict(file) for file in one.inputs],
-        **({"error": {"message": one.fault, "hint": one.hint}} if one.fault else {}),
+        **({"error": {"code": str(DataError.fault), "message": one.fault, "hint": one.hint}} if one.fault else {}),
     }

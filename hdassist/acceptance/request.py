@@ -20,14 +20,18 @@ from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
+from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import Line
 from hdassist.preset.library import load_preset
+from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.readers.wheels import WheelFiles
 from hdassist.solve.answers import Progress
 from hdassist.solve.window import in_wide_enough_window, with_window
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
+_OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 FailOn = Literal["warn", "fail", "never"]
 Seed = Annotated[int, Field(ge=0)]  # of what is drawn
 
@@ -97,12 +101,18 @@ class Reading(ClosedRecord, TraceForm):
 
 
 @dataclass(frozen=True)
+class Wheels(ClosedRecord, WheelFiles):
+    """Pitch files of the drive's wheels, and how they are read: the options of `hdassist check`."""
+
+
+@dataclass(frozen=True)
 class Request(ClosedRecord):
     """One drive to accept.
 
     preset, a name, path or -; serial, of the drive, for reports; overrides of the preset, as on the command line;
     limits, instead of the preset's; measured, traces; values, measured otherwise; reading, how traces are read;
-    measured_only, predict nothing; cross_check, solver of some predicted states again, and seed of their choice.
+    measured_only, predict nothing; cross_check, solver of some predicted states again, and seed of their choice;
+    wheels, with measured teeth, for predictions.
     """
 
     preset: Line
@@ -115,10 +125,25 @@ class Request(ClosedRecord):
     measured_only: bool = False
     cross_check: str = "clarabel"
     seed: Seed = 0
+    wheels: Wheels = field(default_factory=Wheels)
 
     def load(self) -> Drive:
         """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
-        return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
+        try:
+            return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
+        except UsageError as error:
+            raise UsageError(self.as_said(error.message), error.hint) from None
+
+    def as_said(self, message: str, *, overrides: bool = False) -> str:
+        """A message about overrides of its preset that names limits as they were given; with overrides, those too."""
+
+        def name(match: re.Match[str]) -> str:
+            place = int(match[1]) - 1
+            if place >= len(self.overrides):
+                return f"--limit {self.limits[place - len(self.overrides)]}: "
+            return f"{OVERRIDE} {self.overrides[place]}: " if overrides else match[0]
+
+        return _OVERRIDE.sub(name, message)
 
 
 def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement]:
@@ -148,6 +173,14 @@ def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement
     }
 
 
+def read_wheels(request: Request, drive: Drive) -> MeasuredTeeth | None:
+    """Measured wheels of a request; None without any, and where nothing is predicted.
+
+    Raises what WheelFiles.read does.
+    """
+    return None if request.measured_only else request.wheels.read(drive)
+
+
 def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Value]:
     """Values measured otherwise, by the limit of the drive that they are for.
 
@@ -172,14 +205,18 @@ def predict_for(request: Request) -> Predictions | None:
     limits = limits_of(drive)
     torques, stated = [trace.at(drive) for trace in request.measured], [v.limit_of(limits) for v in request.values]
     left = () if request.measured_only else without_values(drive, torques, stated)
-    analysis = partial(predict, needed=needed_for(left), cross_check=request.cross_check, seed=request.seed)
-    return in_wide_enough_window(drive, analysis) if left else None
+    if not left:
+        return None
+    needed, wheels = needed_for(left), read_wheels(request, drive)
+    analysis = partial(predict, needed=needed, wheels=wheels, cross_check=request.cross_check, seed=request.seed)
+    return in_wide_enough_window(drive, analysis)
 
 
 def carry_out(
     request: Request,
     drive: Drive,
     measurements: Mapping[float, Measurement],
+    wheels: MeasuredTeeth | None = None,
     *,
     predictions: Predictions | None = None,
     executor: Executor | None = None,
@@ -187,13 +224,14 @@ def carry_out(
 ) -> AcceptanceResult:
     """Accept the drive of a request, loaded and measured before.
 
-    Arguments: measurements by torque [N*m]; predictions, where they are known already, else executor and progress for
-    them. Raises DataError: no limit, or something measured that no limit is for; UsageError: a value that no limit is
-    for; UntrustedError where a prediction cannot be trusted.
+    Arguments: measurements by torque [N*m]; wheels, with measured teeth; predictions, where they are known already,
+    else executor and progress for them. Raises DataError: no limit, or something measured that no limit is for;
+    UsageError: a value that no limit is for; UntrustedError where a prediction cannot be trusted.
     """
     analysis = partial(
         accept,
         measurements=measurements,
+        wheels=wheels,
         stated=stated_values(request.values, drive),
         measured_only=request.measured_only,
         predictions=predictions,

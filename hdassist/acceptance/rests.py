@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
 
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import ClosedRecord
-from hdassist.preset.kinds import short
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.preset.kinds import Line, short
 from hdassist.solve.throughcvxpy import CrossCheck
 
 
@@ -63,6 +67,36 @@ class RestsOnRecord(ClosedRecord):
         most = max(self.effect, key=lambda e: max(e.F_ior_arcsec) / max(min(e.F_ior_arcsec), 1e-3))
         (low, high), (least, greatest) = self.computed_range, sorted(most.F_ior_arcsec)
         return f"{self.field} {short(low)} to {short(high)}: {least:.1f} to {greatest:.1f} at {most.M_g_Nm:g} N·m"
+
+
+@dataclass(frozen=True)
+class WheelRecord(ClosedRecord):
+    """A measured wheel (b rigid, g flexspline): its pitch file, where its mark stands, and what was assumed of it."""
+
+    wheel: Literal["b", "g"]
+    file: Line
+    sha256: str
+    mark_tooth: int
+    mark_deg: float
+    flank: Literal["left", "right"] | None
+    range_um: float
+    notes: tuple[str, ...]
+
+
+def wheels_of(measured: MeasuredTeeth | None) -> tuple[WheelRecord, ...]:
+    """The measured wheels that predictions are of."""
+    return tuple(
+        WheelRecord(
+            name, wheel.pitch.file, wheel.pitch.sha256, wheel.pitch.mark, wheel.mark_deg, wheel.pitch.flank,
+            float(np.ptp(wheel.pitch.deviation)), wheel.pitch.notes,
+        )
+        for name, wheel in (_named(measured) if measured else ())
+        if wheel is not None
+    )  # fmt: skip
+
+
+def _named(measured: MeasuredTeeth) -> tuple[tuple[Literal["b", "g"], MeasuredWheel | None], ...]:
+    return ("b", measured.b), ("g", measured.g)
 
 
 def certificate_of(predictions: Predictions) -> CertificateRecord:

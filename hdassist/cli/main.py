@@ -133,7 +133,8 @@ def main() -> None:
     except ClickException as error:
         told = io.StringIO()
         error.show(told)
-        _say(told.getvalue())
+        lines = told.getvalue()
+        _say(lines, "", Fault.USAGE if "Error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()

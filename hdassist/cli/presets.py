@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
 
 LAST_COLUMN = 12  # least width of a column of text
-PIPE_WIDTH = 10_000  # whoever reads a pipe has the room that a table needs
+GAP = 3  # columns between those of a table
+ROOM = 10_000  # whoever reads a pipe has the room that a table needs
+PIPE = (80, 24)  # but not more than COLUMNS for what people page through
 
 Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]
 
@@ -80,7 +83,8 @@ def list_(options: TableOptions) -> None:
         )
         for name, drive in drives.items()
     ]
-    _print_table(("name", "teeth", "module", "given,\nidentified,\nassumed", "description"), rows, options)
+    head = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
+    _print_table(head, rows, options, shutil.get_terminal_size(PIPE).columns)
 
 
 @app.command()
@@ -130,8 +134,7 @@ def validate(
     presets: o.Presets,
     *,
     drives: o.DriveOptions,
-    json: o.AsJson = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
+    options: TableOptions,
 ) -> None:
     """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
@@ -161,14 +164,14 @@ def validate(
             answer = failure("presets-validate", error, preset=name)
             answers.append(answer | {"file": name, "valid": False, "findings": findings})
             verdict = "invalid"
-            if not json:
+            if not options.json:
                 complain(error)
-        if not json:
-            write_text("-", Style.of(sys.stdout).text(f"{name}: {verdict}\n"), force=False)
+        if not options.json:
+            write_text("-", Style.of(sys.stdout, ascii=options.ascii).text(f"{name}: {verdict}\n"), force=False)
             for warning in answers[-1]["warnings"]:
                 warn(warning)
     exit_code = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
-    if json:
+    if options.json:
         _print_json(combine("presets-validate", answers) | {"exit_code": exit_code})
     raise typer.Exit(exit_code)
 
@@ -255,39 +258,49 @@ def _print_json(answer: dict[str, Any]) -> None:
     write_text("-", json_text(answer), force=False)
 
 
-def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions) -> None:
+def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions, piped: int = ROOM) -> None:
     """Print a table whose last column may wrap; nothing else is ever cut.
 
-    In a pipe it takes the width it needs; on a terminal too narrow for its last column it does without.
+    Where there is too little room for its last column it does without. piped: columns that it has in a pipe.
     """
-    from rich.measure import Measurement
-
-    from hdassist.terminal.console import console
     from hdassist.terminal.output import Output, note
 
     out = Output.open(ascii=options.ascii, no_color=options.no_color)
-    wide = replace(out.style, width=PIPE_WIDTH)
-    if not sys.stdout.isatty():
-        out = replace(out, style=wide)
-    grid = _table(out.style, head, rows)
-    paper = console(sys.stdout, wide)
-    if Measurement.get(paper, paper.options, grid).minimum > out.style.width:
-        grid = _table(out.style, head[:-1], [row[:-1] for row in rows])
-        note(f"the column {head[-1]!r} needs a wider terminal, or a pipe")
-    out.human(grid)
+    terminal = sys.stdout.isatty()
+    room = out.style.width if terminal else piped
+    least = _least(head, rows)
+    if _needed(least, out.style) > room:
+        note(f"the column {head[-1]!r} needs more columns; --json has it")
+        head, rows, least = head[:-1], [row[:-1] for row in rows], least[:-1]
+    width = room if terminal else max(room, _needed(least, out.style))
+    out = replace(out, style=replace(out.style, width=width))
+    out.human(_table(out.style, head, rows, least))
 
 
-def _table(style: Style, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+def _needed(least: Sequence[int], style: Style) -> int:
+    """Columns that a table with columns of these widths needs, its edges where it has some."""
+    return sum(least) + GAP * (len(least) - 1) + 2 * style.ascii
+
+
+def _least(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
+    """Least widths of columns: the last one and values may wrap, a list of numbers between its numbers."""
+    found = []
+    for column, title in enumerate(head[:-1]):
+        cells = [row[column] for row in rows]
+        parts = [word for cell in cells for word in cell.split()] if title == "value" else cells
+        found.append(max(map(len, [*title.splitlines(), *parts])))
+    return [*found, LAST_COLUMN]
+
+
+def _table(style: Style, head: Sequence[str], rows: Sequence[Sequence[str]], least: Sequence[int]) -> Table:
     from rich.text import Text
 
     from hdassist.terminal.console import table
 
     grid = table(style)
-    for column, title in enumerate(head):
-        longest_word = max((len(word) for row in rows for word in row[column].split()), default=0)
-        last = title in ("description", "reference")
-        wraps = last or title == "value"  # a list of numbers wraps between its numbers
-        grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=LAST_COLUMN if last else longest_word)
+    for title, width in zip(head, least, strict=True):
+        wraps = title in ("description", "reference", "value")
+        grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=width)
     for row in rows:
         grid.add_row(*(Text(style.text(cell)) for cell in row))
     return grid

@@ -13,10 +13,10 @@ from hdassist.comparing.findings import Explanation, as_good
 from hdassist.comparing.record import OrderPair
 from hdassist.comparing.tables_page import F_ior_text, number, tables
 from hdassist.comparing.vectors import VECTORS
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.kinematics import Kinematics, turns_and_degrees
 from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, certificate_object, envelope
-from hdassist.terminal.brief import again, facts, not_known, on_what, proof, turns_and_degrees
+from hdassist.terminal.brief import again, facts, not_known, on_what, proof
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import two_curves
 from hdassist.terminal.runs import Answer, Figures

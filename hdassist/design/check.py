@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -10,11 +10,12 @@ from operator import add
 from typing import Any
 
 from hdassist.error.cycle import KinematicError, kinematic_error
+from hdassist.error.nearby import Nearby
 from hdassist.error.rests_on import Effect, rests_on
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivity
-from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, unknown_ranges
+from hdassist.error.sensitivity import SLOPES, Sensitivity, sensitivity
+from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, uncertain_deviations, unknown_ranges
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, names, unknowns
 from hdassist.model.wheels import MeasuredTeeth
@@ -28,8 +29,8 @@ from hdassist.verdict import Verdict, worst
 class OperatingPoint:
     """What a drive does at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
 
-    open_: whether some of its deviations are not known, which error takes as zero; over, F'_ior over them, None where
-    that cannot be had.
+    open_: whether some of its deviations are not known, which error takes as zero, or are uncertain; over, F'_ior over
+    them, None where that cannot be had.
     """
 
     M_g: float
@@ -55,7 +56,8 @@ class OperatingPoint:
     def verdict(self) -> Verdict:
         """PASS where the upper value is within the limit, else FAIL; NO_LIMIT without one.
 
-        Where deviations are not known, PASS if 95 % of what they may be passes, FAIL if 95 % fails, else INCONCLUSIVE.
+        Where deviations are not known or uncertain, PASS if 95 % of what they may be passes, FAIL if 95 % fails, else
+        INCONCLUSIVE.
         """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
@@ -109,13 +111,20 @@ class DesignCheck:
         told = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
         if self.unknown and not any(point.over for point in self.points):
             told.append(f"not known, and computed as 0: {names(self.unknown)}; there is no range over them")
+        if left := [path for path, spread in self.drive.uncertainty.items() if spread and path not in self.uncertain]:
+            told.append(f"the uncertainty of {', '.join(left)} is not in F'_ior")
         return (*self.drive.origin.warnings, *told)
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """Deviations whose uncertainty is in the ranges of F'_ior, by path."""
+        return tuple(uncertain_deviations(self.drive)) if any(point.over for point in self.points) else ()
 
 
 def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = DRAWS) -> int:
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and drawn_range(drive, draws) else 0
-    searched = (SEARCHES + drawn) * SEARCHED if searchable(drive) and not measured else 0
+    searched = SLOPES + drawn * SEARCHED if searchable(drive) and not measured else 0
     return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
 
 
@@ -143,41 +152,36 @@ def check(
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
     told = None if executor else progress  # a process tells nothing before it is done
     error = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed)
-    jobs: list[_Job] = []
-    for M_g in torques:
-        jobs += [partial(error, M_g, progress=told), partial(_sensitivity, None if measured else drive, M_g)]
-    jobs.insert(1, partial(self_error, drive, torques, progress=told))  # in an order that two processes share best
+    jobs: list[Callable[[], Any]] = [partial(error, M_g, progress=told) for M_g in torques]
+    jobs.append(partial(self_error, drive, torques, progress=told))
+    if searchable(drive) and not measured:
+        jobs.append(partial(Nearby, drive, torques))
     results = []
-    for job, result in zip(jobs, (executor.map if executor else map)(_run, jobs), strict=True):
+    for result in (executor.map if executor else map)(_run, jobs):
         results.append(result)
-        if progress and (executor or job.func is _sensitivity):
+        if progress and (executor or isinstance(result, Nearby)):
             progress(_states(result))
-    own = results.pop(1)
-    errors, slopes = results[::2], results[1::2]
+    errors, (own, *near) = results[: len(torques)], results[len(torques) :]
     unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
     over: tuple[UnknownRange, ...] = ()
     effects: tuple[Effect, ...] = ()
-    if not measured:
+    slopes: Sequence[Sensitivity | None] = [None] * len(torques)
+    for known in near:  # one, where the cycle can be searched
+        slopes = sensitivity(known, executor=executor, progress=progress)
         over = unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
-        effects = rests_on(drive, torques, executor=executor, progress=progress)
+        effects = rests_on(drive, torques, near=known, executor=executor, progress=progress)
     held = [drive.limit(M_g) for M_g in torques]
-    rows = zip(
-        torques, errors, own, held, slopes, [bool(unknown)] * len(torques), over or [None] * len(torques), strict=True
-    )
+    open_ = bool(unknown) or bool(over)
+    rows = zip(torques, errors, own, held, slopes, [open_] * len(torques), over or [None] * len(torques), strict=True)
     return DesignCheck(drive, tuple(OperatingPoint(*row) for row in rows), measured, unknown, effects)
 
 
-_Job = partial[Any]
-
-
-def _run(job: _Job) -> Any:
+def _run(job: Callable[[], Any]) -> Any:
     return job()
 
 
-def _sensitivity(drive: Drive | None, M_g: float) -> Sensitivity | None:
-    return sensitivity(drive, M_g) if drive else None
-
-
-def _states(result: Any) -> int:
+def _states(result: KinematicError | list[SelfError] | Nearby) -> int:
+    if isinstance(result, Nearby):
+        return sum(proof.states for proof in result.certificates)
     parts = result if isinstance(result, list) else [result]
-    return sum(part.certificate.states for part in parts if part is not None)
+    return sum(part.certificate.states for part in parts)

@@ -151,6 +151,7 @@ def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     yield "rests on", basis_line(check.rests_on, [point.M_g for point in check.points])
     zero = "" if any(point.over for point in check.points) else "taken as 0: "
     yield "unknown", zero + names(check.unknown) if check.unknown else ""
+    yield "uncertain", ", ".join(check.uncertain)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
     yield "proof", proof(check.certificate, check.cross_checks)
@@ -244,8 +245,11 @@ def _points(check: DesignCheck, style: Style) -> Iterator[RenderableType]:
     shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
     yield from _columns(check, style, "kinematic error", shown)
     if any(point.over for point in check.points):
-        yield Text(style.text(f"not known, and 0 above: {names(check.unknown)}"))
-        yield from _columns(check, style, "F'_ior over what is not known", UNKNOWN)
+        if check.unknown:
+            yield Text(style.text(f"not known, and 0 above: {names(check.unknown)}"))
+        if check.uncertain:
+            yield Text(style.text(f"uncertain: {', '.join(check.uncertain)}"))
+        yield from _columns(check, style, "F'_ior over what is not known or uncertain", UNKNOWN)
     if check.rests_on:
         yield basis_table(check.drive, check.rests_on, [point.M_g for point in check.points], style)
     if any(point.sensitivity for point in check.points):

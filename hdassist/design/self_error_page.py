@@ -13,6 +13,7 @@ from hdassist.error.self_error import SelfError
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
 from hdassist.terminal.answers import Json, certificate_object, envelope
+from hdassist.terminal.brief import again, facts, on_what, proof
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
@@ -44,15 +45,20 @@ def _proof(results: Sequence[SelfError]) -> Certificate:
 
 
 def render(drive: Drive, results: Sequence[SelfError], style: Style) -> RenderableType:
-    """One row per torque, and the certificate."""
+    """One row per torque, and what is to be known beside."""
     grid = table(style, f"{drive.name}: error of the drive without deviations")
     for quantity in POINT:
         grid.add_column(style.text(quantity.words), justify="right")
     for result in results:
         grid.add_row(*(quantity.text(result) for quantity in POINT))
     phases = drive.numerics.n_phase
-    words = f"certificate: {phases} x {phases} phases at each torque; {_proof(results)}"
-    return Group(grid, Text(""), Text(style.text(words)))
+    below = [
+        ("phases", f"{phases} of a tooth, {phases} of a ball"),
+        ("rests on", on_what(drive)),
+        ("next", again("check", drive)),
+        ("proof", proof(_proof(results))),
+    ]
+    return Group(grid, Text(""), facts(style, below))
 
 
 def to_json(drive: Drive, results: Sequence[SelfError]) -> Json:

@@ -20,8 +20,13 @@ def command(
     t1: Annotated[float | None, typer.Option("--t1", metavar="N*M", help="End of the first segment.")] = None,
     t2: Annotated[float | None, typer.Option("--t2", metavar="N*M", help="End of the second segment.")] = None,
     to: Annotated[float | None, typer.Option("--to", metavar="N*M", help="End of the curve, on both sides.")] = None,
+    at: Annotated[
+        list[float],
+        typer.Option("--at", metavar="N*M", help="Torque of a tangent stiffness, else the preset's. Repeatable."),
+    ] = [],  # noqa: B006 (typer copies it)
     cross_check: o.CrossCheck = "clarabel",
     plot: o.Plot = True,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """Torsional stiffness: twist against torque in both directions, lost motion, K1, K2, K3.
@@ -30,14 +35,16 @@ def command(
     Examples:
       hdassist stiffness vzp160
       hdassist stiffness my-drive.yaml --t1 29 --t2 108 --to 250
+      hdassist stiffness my-drive.yaml --at 20 --at 60
       hdassist stiffness my-drive.yaml --csv curve.csv -q
 
     Mesh, rings and balls of the contact model in series with the shell as a tube, without deviations and without
     friction. The segments end where catalogues end them, by the cube of the pitch diameter, unless --t1 and --t2
-    say otherwise.
+    say otherwise. K1, K2, K3 are chords; the tangent stiffness is the slope at one torque, which counts for small
+    moves about it. Without --at it is told at the torques of the preset that the curve reaches.
     """
     from hdassist.design.stiffness_page import answer
-    from hdassist.error.stiffness import estimate_states, stiffness
+    from hdassist.error.stiffness import curve_end, estimate_states, stiffness
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
 
@@ -47,8 +54,12 @@ def command(
         return in_wide_enough_window(drives.load(name), of)
 
     def of(drive: Drive) -> Answer:
+        end = curve_end(drive, t2, to)
+        torques = at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
         with out.progress(drive.name, estimate_states()) as progress:
-            result = stiffness(drive, T_1=t1, T_2=t2, T_max=to, cross_check=cross_check, progress=progress)
-        return answer(drive, result, plots=plot)
+            result = stiffness(
+                drive, T_1=t1, T_2=t2, T_max=to, tangents_at=torques, cross_check=cross_check, progress=progress
+            )
+        return answer(drive, result, plots=plot, details=details)
 
     give("stiffness", run_each("stiffness", [preset], one, options, keep_failures=False), options, out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import pi
 
 from rich.console import Group, RenderableType
@@ -11,7 +12,8 @@ from rich.text import Text
 from hdassist.error.stiffness import LOST_MOTION, Segment, Stiffness
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
-from hdassist.terminal.console import Style, table
+from hdassist.terminal.brief import again, facts, on_what, proof
+from hdassist.terminal.console import Style, grid, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
@@ -26,11 +28,11 @@ WHOLE: tuple[Quantity[Stiffness], ...] = (
 )  # fmt: skip
 
 
-def answer(drive: Drive, result: Stiffness, *, plots: bool) -> Answer:
-    """What there is to say of a drive's stiffness; plots, whether the curve is drawn."""
+def answer(drive: Drive, result: Stiffness, *, plots: bool, details: bool = False) -> Answer:
+    """What there is to say of a drive's stiffness; plots, whether the curve is drawn; details, whether all tables."""
     return Answer(
         to_json=lambda: to_json(drive, result),
-        page=lambda style: render(drive, result, style, plots=plots),
+        page=lambda style: render(drive, result, style, plots=plots, details=details),
         summary_line=lambda: summary_line(result),
         figures=lambda: figures(result),
         about=drive.name,
@@ -45,39 +47,69 @@ def warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     return (*drive.origin.warnings, *([unrated] if drive.operation.rated is None else []))
 
 
-def render(drive: Drive, result: Stiffness, style: Style, *, plots: bool = True) -> RenderableType:
-    """The curve, the segments of both sides, lost motion and play."""
+def render(
+    drive: Drive, result: Stiffness, style: Style, *, plots: bool = True, details: bool = False
+) -> RenderableType:
+    """The curve, the segments, and what to know of them; with details both sides, tangents and the whole proof."""
     parts: list[RenderableType] = [
         Text(style.text(f"{drive.name}: twist of the drive without deviations, the cam held"), style="bold")
     ]
     if plots:
         drawn = curve(style, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
         parts.append(Text(drawn))
-    parts += [*([_segments(result, style)] if result.positive else []), _whole(result, style)]
-    words = f"certificate: {result.certificate}{cross_checked([result.cross_check])}"
-    parts.append(Text(words))
+    parts += [_segments(result, style, both=details)] if result.positive else []
+    if details:
+        parts += [*([_tangents(result, style)] if result.tangents else []), _whole(result, style)]
+        parts.append(Text(f"certificate: {result.certificate}{cross_checked([result.cross_check])}"))
+    else:
+        parts.append(facts(style, _lines(drive, result)))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _segments(result: Stiffness, style: Style) -> Table:
-    grid = table(style, "torsional stiffness")
-    for words in ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", "K the other way, 1e4 N·m/rad"):
-        grid.add_column(style.text(words), justify="left" if words == "segment" else "right")
+def _lines(drive: Drive, result: Stiffness) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the segments, a label and a text each."""
+    slopes = ", ".join(f"{_scaled(t.stiffness)} at {t.torque:g} N·m" for t in result.tangents)
+    yield "tangent", slopes and f"{slopes}, 1e4 N·m/rad"
+    play = f"; play {result.play_arcsec:.2f} arcsec"
+    ends = f"±{LOST_MOTION:.0%} of {result.rated:g} N·m".replace("%", " %")
+    yield "lost motion", f"{result.lost_motion_arcsec:.2f} arcsec between {ends}{play}"
+    yield "rests on", on_what(drive)
+    yield "next", again("check", drive)
+    yield "proof", proof(result.certificate, [result.cross_check])
+    yield "more", "--details"
+
+
+def _scaled(stiffness: float) -> str:
+    return f"{stiffness / 1e4:.3g}"
+
+
+def _segments(result: Stiffness, style: Style, *, both: bool) -> Table:
+    """A row for each segment; both, whether its stiffness to the negative side stands there too."""
+    found = table(style, "torsional stiffness")
+    other = ["K the other way, 1e4 N·m/rad"] if both else []
+    for words in ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", *other):
+        found.add_column(style.text(words), justify="left" if words == "segment" else "right")
     for k, (plus, minus) in enumerate(zip(result.positive, result.negative, strict=True), 1):
         span = f"{plus.start:.4g} to {plus.end:.4g}"
-        arcmin = plus.stiffness * ARCMIN
-        numbers = (f"{plus.stiffness / 1e4:.3g}", f"{arcmin:.4g}", f"{minus.stiffness / 1e4:.3g}")
-        grid.add_row(f"K{k}", span, *numbers)
-    return grid
+        numbers = (_scaled(plus.stiffness), f"{plus.stiffness * ARCMIN:.4g}", _scaled(minus.stiffness))
+        found.add_row(f"K{k}", span, *numbers[: 3 if both else 2])
+    return found
+
+
+def _tangents(result: Stiffness, style: Style) -> Table:
+    found = grid(style, "tangent stiffness dT/dphi", "torque, N·m", "1e4 N·m/rad", "N·m/arcmin", words=0)
+    for tangent in result.tangents:
+        found.add_row(f"{tangent.torque:g}", _scaled(tangent.stiffness), f"{tangent.stiffness * ARCMIN:.4g}")
+    return found
 
 
 def _whole(result: Stiffness, style: Style) -> Table:
-    grid = table(style, "near zero", header=False)
-    grid.add_column()
-    grid.add_column(justify="right")
+    found = table(style, "near zero", header=False)
+    found.add_column()
+    found.add_column(justify="right")
     for quantity in WHOLE:
-        grid.add_row(style.text(quantity.words), quantity.text(result))
-    return grid
+        found.add_row(style.text(quantity.words), quantity.text(result))
+    return found
 
 
 def to_json(drive: Drive, result: Stiffness) -> Json:
@@ -91,6 +123,7 @@ def to_json(drive: Drive, result: Stiffness) -> Json:
         **as_object(WHOLE, result),
         "positive": segments(result.positive),
         "negative": segments(result.negative),
+        "tangents": [{"M_g_Nm": t.torque, "stiffness_Nm_per_rad": t.stiffness} for t in result.tangents],
         "curve": {
             "torque_Nm": result.torque.tolist(),
             "twist_arcsec": result.twist_arcsec.tolist(),

@@ -16,7 +16,14 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import ContactSystems, contact_system
 from hdassist.model.deviations import ToothDeviations, gaps
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, States, ball_phase, neighbours_together, pitch_locked_states
+from hdassist.model.kinematics import (
+    Kinematics,
+    States,
+    ball_phase,
+    neighbours_together,
+    pitch_locked_states,
+    turns_and_degrees,
+)
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate, Progress
 from hdassist.solve.formulation import Formulation, formulate
@@ -182,4 +189,4 @@ def _cross_check(
 def place(states: States, M_g: float, k: int) -> str:
     """Words for where state k of some states is, at a torque [N*m]."""
     phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))
-    return f"phi_h = {phi_h:.3f} deg, phi_g = {phi_g:.3f} deg, phi_b = {phi_b:.3f} deg, M_g = {M_g:g} N*m"
+    return f"phi_h = {turns_and_degrees(phi_h)}, phi_g = {phi_g:.3f} deg, phi_b = {phi_b:.3f} deg, M_g = {M_g:g} N*m"

@@ -29,7 +29,7 @@ from hdassist.solve.loadcase import LoadCase
 
 Indices = NDArray[np.int64]
 
-READ = 40  # positions of each wheel at which the table is read, at most
+READ = 40  # positions of each wheel at which the error is estimated, at most
 BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
 HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others
@@ -46,6 +46,11 @@ class Batch:
 
     drive: Drive
     columns: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, drive: Drive) -> Batch:
+        """A drive alone."""
+        return cls(drive, {"tolerances.F_i1": np.array([drive.number("tolerances.F_i1")])})
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -75,23 +80,23 @@ class ManyExtremes:
 
 
 class ProposedSearch:
-    """The search for extremes of many drives at one torque, led by a table.
+    """The search for extremes of many drives at one torque, led by estimates of their error.
 
-    Arguments: drive, what they have in common; table, which spans their deviations; formulation, of the contact
-    system that they share, which may differ a little from the table's; like, a load case to start from.
+    Arguments: drive, what they have in common; M_g, the torque [N*m]; formulation, of the contact system that they
+    share; like, a load case to start from.
     """
 
-    def __init__(self, drive: Drive, table: ErrorTable, formulation: Formulation, like: LoadCase | None = None) -> None:
-        self.table, self.M_g = table, table.M_g
+    def __init__(self, drive: Drive, M_g: float, formulation: Formulation, like: LoadCase | None = None) -> None:
+        self.M_g = M_g
         # never solves a state: every search starts from it alike and so gives the same digits
-        self.fresh = LoadCase(formulation, table.M_g, like=like)
+        self.fresh = LoadCase(formulation, M_g, like=like)
         kinematics = Kinematics.of(drive)
         self.states = pitch_locked_states(kinematics)
         self.board, self.finest = lattice(kinematics)
 
     @cached_property
     def points(self) -> Indices:
-        """Points of the torus at which the table is read, shape (k, l, 2)."""
+        """Points of the torus at which the error is estimated, shape (k, l, 2)."""
         lines = [
             np.linspace(0, z, max(min(READ, z // 2) // BLOCK, 1) * BLOCK, endpoint=False).astype(np.int64)
             for z in self.board.shape
@@ -108,22 +113,25 @@ class ProposedSearch:
         """States j at points, shape (..., 2)."""
         return np.asarray(self.board[tuple(np.moveaxis(point % self.board.shape, -1, 0))])
 
-    def estimates(self, batch: Batch) -> Array:
-        """Rotation [arcsec] of drives as the table has it, shape (drives, k, l)."""
+    def estimates(self, table: ErrorTable, batch: Batch) -> Array:
+        """Rotation [arcsec] of drives as a table that spans their deviations has it, shape (drives, k, l).
+
+        The table's contact system may differ a little from theirs.
+        """
         points = self.state(self.points)
         there = self.states.take(points.ravel())
         # one by one, so that arrays stay in the cache
         rows = (np.array([row]) for row in range(len(batch)))
-        found = [self.table.rotation(batch.scalars(row, there.alpha_g, there.alpha_b)) for row in rows]
+        found = [table.rotation(batch.scalars(row, there.alpha_g, there.alpha_b)) for row in rows]
         return np.reshape(found, (len(batch), *points.shape))
 
     def extremes(self, batch: Batch, estimates: Array) -> ManyExtremes:
         """Extremes of drives, solved and proven.
 
-        Arguments: batch, the drives; estimates, what the table has of them. Raises UntrustedError where an answer
-        cannot be trusted.
+        Arguments: batch, the drives; estimates of their rotation [arcsec] at the points, shape (drives, k, l). Raises
+        UntrustedError where an answer cannot be trusted.
         """
-        case = LoadCase(self.fresh.formulation, self.table.M_g, like=self.fresh, many=True)
+        case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
         solved.climb(solved.promising(_hills(estimates, self)))
         value, rows = solved.value, np.arange(len(batch))

@@ -11,14 +11,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.nearby import Nearby
+from hdassist.error.search import searchable
 from hdassist.errors import HdassistError
 from hdassist.model.assumed import Assumption, assumptions
+from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.rules import conflicts
 from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
 MOST = 3  # assumptions that are told
@@ -98,12 +101,12 @@ def weighed(
     if not searchable(drive) or not (assumed := assumptions(drive)):
         return None
     asked = tuple(torques)
-    ends = [(drive, each.path, end, asked) for each in assumed for end in (each.low, each.high)]
     run = executor.map if executor else map
-    (_, (here, _)), *found = run(_screened, [(drive, "", 0.0, asked), *ends])
+    ((_, here, proof),), *found = run(partial(_screened, drive, asked), [None, *assumed])
+    ends = [end for both in found for end in both]
     if progress:
-        progress(sum(proof.states for _, (_, proof) in found))
-    reached_, errors = [end for end, _ in found], [error for _, (error, _) in found]
+        progress(sum((end[2] for end in ends), proof).states)
+    reached_, errors = [end[0] for end in ends], [end[1] for end in ends]
     return Weighed(assumed, here, np.reshape(reached_, (-1, 2)), np.reshape(errors, (-1, 2, len(asked))))
 
 
@@ -113,32 +116,31 @@ def rests_on(
     *,
     most: int = MOST,
     known: Weighed | None = None,
+    near: Nearby | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> tuple[Effect, ...]:
     """The assumptions that move F'_ior of a drive most, the greatest first.
 
     A few states tell which these are; what they do is searched. Empty where nothing is assumed, or the cycle cannot be
-    searched (rolling balls). Arguments: torques [N*m]; most, how many assumptions; known, what the few states say,
-    where they were solved before; executor and progress as in weighed. Raises what that does.
+    searched (rolling balls). Arguments: torques [N*m]; most, how many assumptions; known, what the few states say, and
+    near, the drive at these torques, where they were solved before; executor and progress as in weighed. Raises what
+    that does.
     """
     known = known or weighed(drive, torques, executor=executor, progress=progress)
     if known is None:
         return ()
-    asked, chosen = tuple(torques), known.heaviest(most)
-    goals = [(drive, known.assumed[k].path, float(end), asked) for k in chosen for end in known.ends[k]]
-    (_, (at, _)), *found = (executor.map if executor else map)(_searched, [(drive, "", 0.0, asked), *goals])
+    near = near or Nearby(drive, torques)
+    chosen = known.heaviest(most)
+    goals = [(known.assumed[k].path, float(end)) for k in chosen for end in known.ends[k]]
+    found = list((executor.map if executor else map)(partial(_searched, near), goals))
     effects = []
-    for k, (low, down), (high, up) in zip(chosen, found[::2], found[1::2], strict=True):
-        values = np.column_stack([down[0], up[0]])
-        effects.append(Effect(known.assumed[k], (low, high), values, at, down[1] + up[1]))
+    for k, (low, (down, proof)), (high, (up, other)) in zip(chosen, found[::2], found[1::2], strict=True):
+        states = sum((*proof, *other), EMPTY)
+        effects.append(Effect(known.assumed[k], (low, high), np.column_stack([down, up]), near.F_ior_arcsec, states))
         if progress:
-            progress(effects[-1].certificate.states)
+            progress(states.states)
     return tuple(sorted(effects, key=lambda effect: -effect.share))
-
-
-_End = tuple[Drive, str, float, tuple[float, ...]]  # drive, field or none, value of it, torques
-_Found = tuple[float, tuple[Array, Certificate]]
 
 
 def reached(drive: Drive, path: str, end: float, solve: Callable[[Drive], T]) -> tuple[float, T]:
@@ -157,35 +159,32 @@ def reached(drive: Drive, path: str, end: float, solve: Callable[[Drive], T]) ->
     return value, solve(drive)
 
 
-def _screened(task: _End) -> _Found:
-    """Range of the error in a few states [arcsec], shape (torques,), as far on the way to a value as there is one."""
-    drive, path, end, torques = task
-    solve = partial(_at, torques, _in_few_states)
-    return reached(drive, path, end, solve) if path else (end, solve(drive))
+def _screened(
+    drive: Drive, torques: Sequence[float], assumption: Assumption | None
+) -> list[tuple[float, Array, Certificate]]:
+    """Values at the ends of a range, as far as there is a drive, each with the range of the error in a few states.
+
+    The range [arcsec], shape (torques,), and the proof of it; without an assumption, of the drive as it is.
+    """
+    here = LoadCase.of(drive, torques[0])
+    solve = partial(_in_few_states, torques, here)
+    if not assumption:
+        return [(0.0, *solve(drive))]
+    found = [reached(drive, assumption.path, end, solve) for end in (assumption.low, assumption.high)]
+    return [(end, *solved) for end, solved in found]
 
 
-def _searched(task: _End) -> _Found:
-    """F'_ior [arcsec], shape (torques,), as far on the way to a value as there is one."""
-    drive, path, end, torques = task
-    solve = partial(_at, torques, _full_cycle)
-    return reached(drive, path, end, solve) if path else (end, solve(drive))
-
-
-def _at(
-    torques: Sequence[float], solve: Callable[[Drive, float], tuple[float, Certificate]], drive: Drive
-) -> tuple[Array, Certificate]:
-    found = [solve(drive, M_g) for M_g in torques]
-    return np.array([value for value, _ in found]), sum((proof for _, proof in found), EMPTY)
-
-
-def _in_few_states(drive: Drive, M_g: float) -> tuple[float, Certificate]:
+def _in_few_states(torques: Sequence[float], like: LoadCase, drive: Drive) -> tuple[Array, Certificate]:
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles))
-    case = LoadCase.of(drive, M_g)
-    answers = case.solve(case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b)), lambda k: f"state {k}")
-    return float(np.ptp(answers.rotation_arcsec)), answers.certificate
+    formulation = formulate(contact_system(drive))
+    delta_p = formulation.system.gaps(deviation_scalars(drive, alpha_g, alpha_b))
+    cases = [LoadCase(formulation, M_g, like=like) for M_g in torques]
+    found = [case.solve(delta_p, lambda k: f"state {k}") for case in cases]
+    ranges = np.array([np.ptp(answers.rotation_arcsec) for answers in found])
+    return ranges, sum((answers.certificate for answers in found), EMPTY)
 
 
-def _full_cycle(drive: Drive, M_g: float) -> tuple[float, Certificate]:
-    found = CycleSearch(drive, M_g).extremes(drive)
-    return found.F_ior_arcsec, found.certificate
+def _searched(near: Nearby, end: tuple[str, float]) -> tuple[float, tuple[Array, list[Certificate]]]:
+    """F'_ior [arcsec], shape (torques,), as far on the way to a value of a field, by path, as there is a drive."""
+    return reached(near.drive, *end, near.F_ior)

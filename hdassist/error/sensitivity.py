@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
-from hdassist.error.search import CycleSearch, searchable
-from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+import numpy as np
 
-SEARCHES = 6  # for one sensitivity
+from hdassist.error.nearby import Nearby
+from hdassist.model.geometry import Array
+from hdassist.solve.answers import Certificate, Progress
+
+SLOPES = 2500  # states solved for a drive near which others are, and its slopes, at a torque, about
 MICROMETRE = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # in the unit of each field
 
 
@@ -27,41 +29,30 @@ class Sensitivity:
     certificate: Certificate
 
 
-def sensitivity(drive: Drive, M_g: float) -> Sensitivity | None:
-    """Sensitivity of a drive at a torque M_g [N*m]; None where the cycle cannot be searched (rolling balls).
+def sensitivity(
+    known: Nearby, *, executor: Executor | None = None, progress: Progress | None = None
+) -> tuple[Sensitivity, ...]:
+    """Sensitivity of a drive at each of its torques.
 
-    Raises UntrustedError where an answer cannot be trusted.
+    Arguments: known, the drive and what is near; executor, to spread the work over (any concurrent.futures executor;
+    the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where an answer
+    cannot be trusted.
     """
-    if not searchable(drive):
-        return None
-    slopes, proof = [], EMPTY
-    search: CycleSearch | None = None
-    for path, micrometre in MICROMETRE.items():
-        value = drive.value(path)
-        down = 1 if value >= micrometre else 0
-        found = []
-        for steps in (-down, 1):
-            there = drive.with_values({path: value + steps * micrometre})
-            search = CycleSearch(there, M_g, like=search)
-            found.append(search.extremes(there))
-            proof += found[-1].certificate
-        slopes.append((found[1].F_ior_arcsec - found[0].F_ior_arcsec) / (1 + down))
-    j_n, W_0, g_b = slopes
-    return Sensitivity(j_n, W_0, g_b, proof)
+    slopes, proofs = [], known.certificates
+    for slope, more in (executor.map if executor else map)(partial(_slope, known), MICROMETRE):
+        slopes.append(slope)
+        proofs = [proof + part for proof, part in zip(proofs, more, strict=True)]
+        if progress:
+            progress(sum(part.states for part in more))
+    columns = np.transpose(slopes).tolist()
+    return tuple(Sensitivity(j_n, W_0, g_b, proof) for (j_n, W_0, g_b), proof in zip(columns, proofs, strict=True))
 
 
-def sensitivities(
-    cases: Iterable[tuple[Drive, float]], *, executor: Executor | None = None, progress: Progress | None = None
-) -> list[Sensitivity | None]:
-    """Sensitivity of several drives, each at a torque [N*m]; None where a cycle cannot be searched (rolling balls).
-
-    Arguments: executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it);
-    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
-    """
-    drives, torques = zip(*cases, strict=True)
-    results = []
-    for result in (executor.map if executor else map)(sensitivity, drives, torques):
-        results.append(result)
-        if progress and result:
-            progress(result.certificate.states)
-    return results
+def _slope(known: Nearby, path: str) -> tuple[Array, list[Certificate]]:
+    """Change of F'_ior [arcsec per um] with a length, by its path, shape (torques,), and the proof of each."""
+    value, micrometre = known.drive.value(path), MICROMETRE[path]
+    more, proofs = known.F_ior(known.drive.with_values({path: value + micrometre}))
+    if value < micrometre:
+        return more - known.F_ior_arcsec, proofs
+    less, others = known.F_ior(known.drive.with_values({path: value - micrometre}))
+    return (more - less) / 2, [proof + other for proof, other in zip(proofs, others, strict=True)]

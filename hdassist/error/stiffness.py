@@ -28,6 +28,8 @@ NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist 
 T_58, D_58 = (168.0, 598.0), 147.32
 BEYOND = 1.5  # of T_2: how far the curve goes by default
 POINTS = 40  # torques to each side by default
+# of a torque, to both sides: the twist is straight between changes of contact, and its proof holds ten digits
+STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -40,12 +42,20 @@ class Segment:
 
 
 @dataclass(frozen=True)
+class Tangent:
+    """The slope dT/dphi of the curve at a torque [N*m]: stiffness [N*m/rad]."""
+
+    torque: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
 class Stiffness:
     """Twist of a drive over torques.
 
     torque [N*m], shape (points,), ascending, without 0; contact_arcsec and tube_arcsec, the twist of mesh and
     rings and that of the shell, same shape; rated [N*m]; segments: K1, K2, K3 to the positive, then to the
-    negative side, those the curve reaches.
+    negative side, those the curve reaches; tangents, slopes at the torques asked for.
     """
 
     torque: Array
@@ -56,6 +66,7 @@ class Stiffness:
     negative: tuple[Segment, ...]
     certificate: Certificate
     cross_check: CrossCheck | None
+    tangents: tuple[Tangent, ...] = ()
 
     @property
     def twist_arcsec(self) -> Array:
@@ -92,6 +103,11 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_58[0] * scale, T_58[1] * scale
 
 
+def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
+    """End of the curve [N*m]: T_max, by default 1.5 T_2, by default the catalogues'."""
+    return BEYOND * (catalogue_torques(drive)[1] if T_2 is None else T_2) if T_max is None else T_max
+
+
 def estimate_states(points: int = POINTS) -> int:
     """Number of states that a stiffness curve with so many torques to each side solves, about, for a progress bar."""
     return 2 * (points + 5)
@@ -104,6 +120,7 @@ def stiffness(
     T_2: float | None = None,
     T_max: float | None = None,
     points: int = POINTS,
+    tangents_at: Sequence[float] = (),
     cross_check: str | None = "CLARABEL",
     progress: Progress | None = None,
 ) -> Stiffness:
@@ -111,26 +128,30 @@ def stiffness(
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
     T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    cross_check, the solver that solves the ends of the segments again, None for none; progress, told how many states
-    were solved.
-    Raises UsageError for torques out of order, UntrustedError where an answer cannot be trusted.
+    tangents_at, torques [N*m] of either sign at which the slope is wanted; cross_check, the solver that solves the
+    ends of the segments again, None for none; progress, told how many states were solved.
+    Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
     first, second = catalogue_torques(drive)
+    T_max = curve_end(drive, T_2, T_max)
     T_1, T_2 = first if T_1 is None else T_1, second if T_2 is None else T_2
-    T_max = BEYOND * T_2 if T_max is None else T_max
     rated = rated_torque(drive)
     near_zero = NEAR_ZERO * rated
-    if not (near_zero < T_1 < T_2 < np.inf and near_zero < T_max < np.inf):
-        raise UsageError(
-            f"T_1 {T_1:g}, T_2 {T_2:g} and the end of the curve {T_max:g} N*m must be positive, T_1 less than T_2",
-            f"at least {near_zero:g} N*m, a hundred-thousandth of the rated torque",
-        )
+    _require_in_order(drive, T_1, T_2, T_max, near_zero)
+    for here in tangents_at:
+        if not near_zero < abs(here) < np.inf:
+            raise UsageError(f"no tangent stiffness at {here:g} N*m", f"a finite torque above {near_zero:g} N*m")
     # a segment that the curve ends in is none
     ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
     side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
     twist = Twist(drive)
     contact, tube, proof = twist.at(torque, progress)
+    tangents = []
+    for here in tangents_at:
+        slope, proven = twist.tangent(here, progress)
+        tangents.append(slope)
+        proof += proven
     at = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
     centre = (at[near_zero] + at[-near_zero]) / 2
     positive, negative = (
@@ -142,7 +163,23 @@ def stiffness(
         gaps = np.broadcast_to(twist.case.system.delta_p, (len(rows), len(twist.case.system.delta_p)))
         place = partial(_place, torque[rows].tolist())
         check = solve_again(twist.case.formulation, torque[rows], gaps, contact[rows], cross_check, place)
-    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
+    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check, tuple(tangents))
+
+
+def _require_in_order(drive: Drive, T_1: float, T_2: float, T_max: float, least: float) -> None:
+    """Raise UsageError unless the torques [N*m] of a curve are finite and above the least one, T_1 below T_2."""
+    for name, torque in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
+        if not least < torque < np.inf:
+            raise UsageError(
+                f"{name} cannot be {torque:g} N*m",
+                f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one",
+            )
+    if not T_1 < T_2:
+        first, second = catalogue_torques(drive)
+        raise UsageError(
+            f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
+            f"--t1 and --t2 together; catalogues have {first:.4g} and {second:.4g} N*m for this size",
+        )
 
 
 class Twist:
@@ -164,6 +201,17 @@ class Twist:
             contact[k] = answers.rotation_arcsec[0]
             proof += answers.certificate
         return contact, torque * N_MM / self._tube * ARCSEC, proof
+
+    def tangent(self, torque: float, progress: Progress | None = None) -> tuple[Tangent, Certificate]:
+        """The slope of torque over twist at a torque [N*m], with the certificate of its two states.
+
+        Where a contact closes or opens within STEP of the torque it is the mean slope across that corner.
+        Raises UntrustedError where an answer cannot be trusted.
+        """
+        ends = torque * np.array([1 - STEP, 1 + STEP])
+        contact, tube, proof = self.at(ends, progress)
+        low, high = ((contact + tube) / ARCSEC).tolist()
+        return Tangent(torque, 2 * STEP * torque / (high - low)), proof
 
     def between(self, low: float, high: float) -> float:
         """Twist [arcsec] from one torque to another [N*m]."""

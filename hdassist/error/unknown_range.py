@@ -54,8 +54,13 @@ class UnknownRange:
 
 
 def drawn_range(drive: Drive, draws: int) -> bool:
-    """Whether there is a range over what is not known of a drive: something is not, and its cycle can be searched."""
-    return draws > 0 and searchable(drive) and bool(unknowns(drive))
+    """Whether there is a range over what is not known, or uncertain, of a drive's deviations: its cycle is searched."""
+    return draws > 0 and searchable(drive) and bool(unknowns(drive) or uncertain_deviations(drive))
+
+
+def uncertain_deviations(drive: Drive) -> dict[str, float]:
+    """Uncertainties of the deviations of a drive, by path."""
+    return {path: spread for path, spread in drive.uncertainty.items() if spread and path.startswith(DEVIATIONS)}
 
 
 def unknown_ranges(
@@ -70,14 +75,13 @@ def unknown_ranges(
     """F'_ior of a drive at torques [N*m] over what is not known of its deviations, one range a torque.
 
     Empty where all is known, or the cycle cannot be searched (rolling balls). Deviations that have an uncertainty are
-    drawn with it. Arguments: draws, how many drives; seed, of them; executor, to spread the work over (the numbers do
-    not depend on it); progress, told how many states were solved. Raises UntrustedError where an answer cannot be
-    trusted.
+    not quite known: they are drawn with it. Arguments: draws, how many drives; seed, of them; executor, to spread the
+    work over (the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where
+    an answer cannot be trusted.
     """
     if not drawn_range(drive, draws):
         return ()
-    known = {path: value for path, value in drive.uncertainty.items() if path.startswith(DEVIATIONS)}
-    drawn = draw(drive.model_copy(update={"uncertainty": known}), draws, seed)
+    drawn = draw(drive.model_copy(update={"uncertainty": uncertain_deviations(drive)}), draws, seed)
     tasks = [(M_g, drawn[first : first + CHUNK]) for M_g in torques for first in range(0, draws, CHUNK)]
     found: dict[float, list[float]] = {M_g: [] for M_g in torques}
     proofs = dict.fromkeys(torques, EMPTY)

@@ -227,6 +227,13 @@ QUANTITIES = (
         "N*m/rad",
     ),
     Term(
+        "tangent stiffness",
+        "касательная жёсткость",
+        "The slope dT/dphi of the twist curve at one torque: what counts for small moves about it.",
+        ("dT/dphi",),
+        "N*m/rad",
+    ),
+    Term(
         "rated torque",
         "номинальный момент",
         "The torque that the maker allows for; operation.rated.",

@@ -18,18 +18,7 @@ def command(
     ] = None,
     *,
     drives: o.LoadedDriveOptions,
-    trial_torque: Annotated[
-        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
-    ] = None,
-    noise: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial's F'_ior, about.")
-    ] = 1.0,
-    reseat: Annotated[
-        float, typer.Option(metavar="UM", help="Standard deviation of the wheel's centre each time it is mounted.")
-    ] = 0.0,
-    sure: Annotated[
-        float, typer.Option(metavar="SHARE", help="Probability of a loss below 5 % from which on trials settle it.")
-    ] = 0.9,
+    measuring: o.TrialOptions,
     light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False,
     jobs: o.Jobs = 0,
     debug: o.Debug = False,  # noqa: ARG001 (main() looks for it)
@@ -51,12 +40,12 @@ def command(
 
     from hdassist.errors import UsageError
     from hdassist.explorer.state import opened, with_trials
-    from hdassist.explorer.trial_entry import RigAsked, rig_of
+    from hdassist.explorer.trial_entry import rig_of
 
     if preset == "-":
         raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
     overrides = (*drives.overrides, *o.torque_overrides(drives.torque))
-    session = opened(preset, overrides, RigAsked(trial_torque, noise, reseat, sure))
+    session = opened(preset, overrides, measuring)
     rig_of(session.drive, session.rig)
     if trials:
         session = with_trials(session, " ".join(trials))

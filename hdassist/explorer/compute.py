@@ -154,7 +154,7 @@ def _rendered(asked: RenderQuestion) -> str:
     advice = pickle.loads(asked.sealed)  # of this program's own process
     page: Any = mount_page if isinstance(advice, Advice) else trials_page
     if asked.kind == "json":
-        return json_text(page.to_json(advice, SEED))
+        return json_text(page.to_json(advice, *([SEED] if isinstance(advice, Advice) else [])))
     say = texts(asked.language)
     card = card_of(page.card_facts(advice, say), say, serial=asked.serial, made=date.today())
     made = {".html": card_render.html, ".md": card_render.markdown, ".txt": card_render.plain_text}
@@ -316,7 +316,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         places.append(_place(drive, at.rotation_deg, values))
     best, good = losses.rotations_deg[losses.best], losses.probability_good[losses.best]
     facing, off = advice.direction
-    size = np.abs(advice.cloud.offset_um[advice.draws.places])
+    size = np.abs(advice.offset_um)
     toward = "direction open" if off >= 40 else f"at {facing:.0f}±{off:.0f} deg"
     return Advised(
         command="trials",

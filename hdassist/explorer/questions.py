@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdassist.explorer.trial_entry import RigAsked
 from hdassist.preset.fields import Drive
+from hdassist.terminal.options import TrialOptions
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class TrialsQuestion:
 
     drive: Drive
     trials: tuple[str, ...]
-    rig: RigAsked
+    rig: TrialOptions
     effort: Effort = FULL
 
 

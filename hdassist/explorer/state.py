@@ -7,13 +7,14 @@ from shlex import quote
 
 from hdassist.errors import UsageError
 from hdassist.explorer import trial_entry
-from hdassist.explorer.trial_entry import USUAL, RigAsked
 from hdassist.model.deviations import carried
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
 from hdassist.preset.load import load_text
+from hdassist.terminal.options import TrialOptions
 
 MOST_PAST = 200  # steps that can be undone
+USUAL = TrialOptions()
 
 Change = tuple[str, str]  # path of a field, and its value as --set takes it
 
@@ -50,7 +51,7 @@ class Session:
 
     source: Source
     drive: Drive
-    rig: RigAsked = USUAL
+    rig: TrialOptions = USUAL
     step: Step = Step()
     turn_deg: float = 0.0
     pinned: tuple[Change, ...] = ()
@@ -91,7 +92,7 @@ class Session:
         """
         name, behind = name or ("trials" if self.trials else "mount"), list(more)
         if name == "trials":
-            behind = [*self.trials, *self.rig.options()]
+            behind = [*self.trials, *self.rig.words()]
         changes = self.turned_changes() if name in ("trace", "compare") else self.changes
         for text in _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in changes))):
             behind += ["--set", text]
@@ -103,11 +104,11 @@ def _last_of_each(overrides: tuple[str, ...]) -> tuple[str, ...]:
     return tuple({text.partition("=")[0]: text for text in overrides}.values())
 
 
-def opened(name: str, overrides: tuple[str, ...] = (), rig: RigAsked | None = None) -> Session:
+def opened(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL) -> Session:
     """A session of a preset. Raises what loading it raises."""
     text, file = read_preset(name)
     source = Source(name, text, file, overrides)
-    return Session(source, source.drive(), rig or USUAL)
+    return Session(source, source.drive(), rig)
 
 
 def edited(session: Session, path: str, value: str) -> Session:

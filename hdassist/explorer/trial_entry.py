@@ -4,41 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 from hdassist.mounting.positions import hole_of
 from hdassist.preset.fields import Drive
+from hdassist.terminal.options import TrialOptions
 from hdassist.trials.trial import Rig, Trial, read_trial
 
 if TYPE_CHECKING:
     from hdassist.solve.answers import Progress
     from hdassist.trials.advice import TrialAdvice
-
-
-@dataclass(frozen=True)
-class RigAsked:
-    """How trials are measured, as `hdassist trials` takes it: torque (None: the lightest) [N*m], noise, seat, sure."""
-
-    torque: float | None = None
-    noise: float = 1.0
-    reseat: float = 0.0
-    sure: float = 0.9
-
-    def options(self) -> list[str]:
-        """The same as options of the command, where they are not its own."""
-        usual = USUAL
-        told = (
-            ("--trial-torque", self.torque, usual.torque),
-            ("--noise", self.noise, usual.noise),
-            ("--reseat", self.reseat, usual.reseat),
-            ("--sure", self.sure, usual.sure),
-        )
-        return [word for name, value, own in told if value != own for word in (name, f"{value:g}")]
-
-
-USUAL = RigAsked()
 
 
 def told(text: str, drive: Drive, turn_deg: float) -> str:
@@ -58,9 +34,9 @@ def read(texts: Sequence[str], drive: Drive) -> list[Trial]:
     return [read_trial(text, drive.mounting.holes) for text in texts]
 
 
-def rig_of(drive: Drive, asked: RigAsked) -> Rig:
+def rig_of(drive: Drive, asked: TrialOptions) -> Rig:
     """The rig of a drive's trials. Raises UsageError for what none can be."""
-    rig = Rig(min(drive.operation.M_g, key=abs) if asked.torque is None else asked.torque, asked.noise, asked.reseat)
+    rig = Rig(asked.torque_of(drive.operation.M_g), asked.noise, asked.reseat)
     rig.require_sound()
     return rig
 
@@ -68,7 +44,7 @@ def rig_of(drive: Drive, asked: RigAsked) -> Rig:
 def advice(
     drive: Drive,
     trials: Sequence[str],
-    asked: RigAsked,
+    asked: TrialOptions,
     *,
     samples: int | None = None,
     executor: Executor | None = None,

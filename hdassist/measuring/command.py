@@ -23,6 +23,7 @@ def command(
     traces: o.TraceOptions,
     seed: o.Bootstrap = 0,
     plot: o.Plot = True,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """F'_ior, orders and coverage of measured traces, with their uncertainty.
@@ -60,7 +61,7 @@ def command(
         trace = read_trace(name, form, gearing.ratio if gearing else None)
         result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=traces.drift, stated=stated, seed=seed)
         done.append(result)
-        return answer(result, drive, plots=plot)
+        return answer(result, drive, plots=plot, details=details)
 
     answers = run_each("measure", files, one, options, failed=lambda name, fault: failure("measure", fault, file=name))
     several = repeats(done)

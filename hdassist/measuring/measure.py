@@ -33,6 +33,7 @@ SHORTEST = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
 DRIFT_LEFT = "a linear drift of {:.3g} arcsec over the record is left in (--drift linear)"
 DRIFTED = 0.05  # of F'_ior: a drift left in that is said
+COARSE = 1 / 4  # of F'_ior: a step in time with the turns from which on the error is not told from it
 UNMODELLED = 1 / 5  # of F'_ior: error beyond the orders that is said
 
 
@@ -241,7 +242,13 @@ def _sweep_result(
     grid = visited_angles(bins, float(fit.orders[-1]), cycle)
     extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
     scatter = float(np.sqrt(np.mean(bins.rows * fit.residual**2)))
-    sources = budget(extent.spread, extent.bias_uncertainty, fit.unmodelled, trace.step_arcsec, scatter, stated)
+    step = trace.step_arcsec
+    sources = budget(
+        extent.spread, extent.bias_uncertainty, fit.unmodelled, step, scatter, stated, in_time=trace.in_time
+    )
+    if trace.in_time and step > COARSE * extent.value:
+        message = f"the output is read in steps of {step:.2g} arcsec at even angles: what they round looks like error"
+        raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
     alone = combined(sources[:OF_THE_RECORD])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"

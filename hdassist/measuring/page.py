@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,16 @@ from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json, envelope
+from hdassist.terminal.brief import again, facts
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
+from hdassist.textfile import STDIN
 
-SHOWN = 12  # orders in the table, the greatest
+SHOWN, NAMED = 12, 3  # orders in the table, and in a line: the greatest
+MANY = 8  # cam turns from which on their least and greatest values are drawn
+ENVELOPE = "error, arcsec: least and greatest around each cam turn"
 NAMES = {1: "growing cam angle", -1: "falling cam angle"}
 
 ORDER: tuple[Quantity[MeasuredOrder], ...] = (
@@ -32,11 +36,11 @@ ORDER: tuple[Quantity[MeasuredOrder], ...] = (
 )
 
 
-def answer(result: Measurement, drive: Drive | None, *, plots: bool) -> Answer:
-    """What there is to say of a measured trace; plots, whether it is drawn."""
+def answer(result: Measurement, drive: Drive | None, *, plots: bool, details: bool = False) -> Answer:
+    """What there is to say of a measured trace; plots, whether it is drawn; details, whether all tables are shown."""
     return Answer(
         to_json=lambda: to_json(result, drive),
-        page=lambda style: render(result, drive, style, plots=plots),
+        page=lambda style: render(result, drive, style, plots=plots, details=details),
         summary_line=lambda: summary_line(result),
         figures=lambda: figures(result),
         about=result.trace.file,
@@ -44,37 +48,60 @@ def answer(result: Measurement, drive: Drive | None, *, plots: bool) -> Answer:
     )
 
 
-def render(result: Measurement, drive: Drive | None, style: Style, *, plots: bool = True) -> RenderableType:
-    """What was found in each direction: F'_ior, coverage, orders and budget."""
+def render(
+    result: Measurement, drive: Drive | None, style: Style, *, plots: bool = True, details: bool = False
+) -> RenderableType:
+    """F'_ior in each direction and what it takes to read it right; with details all orders and the budget."""
     name = f"{result.trace.file}: {len(result.trace.line)} rows" + (f", {drive.name}" if drive else "")
     parts: list[RenderableType] = [Text(style.text(name), style="bold")]
-    parts += [Text(style.text(f"note: {text}")) for text in result.notes]
     for found in result.directions:
-        parts += [Text(""), *_direction(result, found, style, plots)]
-    if result.reversal:
-        r = result.reversal
-        words = f"reversal error {r.mean_arcsec:.2f} arcsec on the mean, up to {r.greatest_arcsec:.2f} arcsec off that"
-        parts += [Text(""), Text(f"{words}; it is not lost motion")]
-    return Group(*parts)
+        parts += [Text(""), *_direction(found, style, plots)]
+        parts.append(facts(style, _facts(result, found, details=details)))
+        if details:
+            parts += [Text(""), _orders(found, style), _budget(found, style)]
+    return Group(*parts, Text(""), facts(style, _below(result, drive, details=details)))
 
 
-def _direction(result: Measurement, found: SweepResult, style: Style, plots: bool) -> list[RenderableType]:
-    raw = f"raw range {found.raw_range_arcsec:.2f} arcsec; limited to the orders {found.range.fitted:.2f}"
-    within = f"{found.revolution.value:.2f} arcsec, u = {found.revolution_uncertainty_arcsec:.2f}"
-    parts: list[RenderableType] = [
-        Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold"),
-        Text(f"{raw}, of which noise adds {found.range.bias:.2f}"),
-        Text(f"greatest within one turn: {within}"),
-        *([Text(_lines(found))] if found.lines else []),
-        Text(_visited(result, found)),
-        Text(""),
-    ]
-    if plots:
-        first = found.bins.sweep == 0
-        x, y = found.bins.turns[first], found.bins.error[first] - found.fit.level[0]
-        drawn = curve(style, x, y, x_label="cam angle, turns", y_label="error, arcsec")
-        parts += [Text(drawn), Text("")]
-    return [*parts, _orders(found, style), _budget(found, style)]
+def _direction(found: SweepResult, style: Style, plots: bool) -> list[RenderableType]:
+    heading = Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold")
+    if not plots:
+        return [heading]
+    first = found.bins.sweep == 0
+    x, y = found.bins.turns[first], found.bins.error[first] - found.fit.level[0]
+    over, label = (1.0, ENVELOPE) if np.ptp(x) > MANY else (0.0, "error, arcsec")
+    return [heading, Text(""), Text(curve(style, x, y, x_label="cam angle, turns", y_label=label, over=over)), Text("")]
+
+
+def _facts(result: Measurement, found: SweepResult, *, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known of a direction, a label and a text each."""
+    if details:
+        raw = f"{found.raw_range_arcsec:.2f} arcsec as read; limited to the orders {found.range.fitted:.2f}"
+        yield "range", f"{raw}, of which noise adds {found.range.bias:.2f}"
+    yield "in a turn", f"at most {found.revolution.value:.2f} arcsec, u = {found.revolution_uncertainty_arcsec:.2f}"
+    if found.lines:
+        yield "lines", _lines(found)
+    yield "visited", _visited(result, found, details=details)
+    if not details:
+        greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:NAMED]
+        yield "orders", "; ".join(map(_order, greatest))
+        missing = [source.name for source in found.sources if source.arcsec is None]
+        yield "not in u", f"{', '.join(missing)}: --budget {missing[0]}=ARCSEC says them" if missing else ""
+
+
+def _below(result: Measurement, drive: Drive | None, *, details: bool) -> Iterator[tuple[str, str]]:
+    if reversal := result.reversal:
+        words = f"{reversal.mean_arcsec:.2f} arcsec on the mean, up to {reversal.greatest_arcsec:.2f} arcsec off that"
+        yield "reversal", f"{words}; it is not lost motion"
+    yield "read as", "; ".join(result.notes)
+    file = result.trace.file
+    yield "next", again("compare", drive, file) if drive and file != STDIN else ""
+    yield "more", "" if details else "--details"
+
+
+def _order(order: MeasuredOrder) -> str:
+    """An order in words: 2.01 a turn, 6.46 arcsec (flexspline + rigid wheel)."""
+    cause = f" ({order.cause.partition(';')[0]})" if order.cause else ""
+    return f"{order.per_cam_rev:.2f} a turn, {order.amplitude_arcsec:.2f} arcsec{cause}"
 
 
 def _value(found: SweepResult) -> str:
@@ -87,17 +114,20 @@ def _value(found: SweepResult) -> str:
 def _lines(found: SweepResult) -> str:
     lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
     rise = f"; in another cycle they may add {found.rise_arcsec:.2f} arcsec" if found.rise_arcsec else ""
-    return f"lines off the orders: {lines}{rise}"
+    return f"off the orders: {lines}{rise}"
 
 
-def _visited(result: Measurement, found: SweepResult) -> str:
+def _visited(result: Measurement, found: SweepResult, *, details: bool) -> str:
     if found.coverage is None or result.gearing is None:
         return f"{found.bins.span:.2f} cam turns; without --drive or --ratio the full cycle is not known"
     c, gearing = found.coverage, result.gearing
     turns = "turn" if gearing.cycle_output == 1 else "turns"
     cycle = f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output {turns}"
+    share = f"{100 * c.share:.1f} % of the cycle"
+    if not details:
+        return f"{share} ({cycle})"
     cells = f"{c.visited} of {c.cells} cells of {c.cam_deg:g} deg of the cam by {c.output_deg:.3g} deg of the output"
-    return f"visited: {100 * c.share:.1f} % of the cycle, {cells} ({cycle})"
+    return f"{share}, {cells} ({cycle})"
 
 
 def _orders(found: SweepResult, style: Style) -> Table:

@@ -48,23 +48,37 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
 
 
 def budget(
-    noise: float, bias: float, unmodelled: float, step: float, scatter: float, stated: Mapping[str, float]
+    noise: float,
+    bias: float,
+    unmodelled: float,
+    step: float,
+    scatter: float,
+    stated: Mapping[str, float],
+    *,
+    in_time: bool = False,
 ) -> tuple[UncertaintySource, ...]:
     """Sources of uncertainty of a range.
 
     Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; unmodelled,
     size of error beyond the declared orders; step, resolution of a reading; scatter, of single readings; stated, by
-    source. The two extremes of a range err by themselves: hence sqrt(2). A step below twice the scatter is dithered.
+    source; in_time, whether what a step rounds comes round with the turns. The two extremes of a range err by
+    themselves: hence sqrt(2). A step below twice the scatter is dithered. In time with the turns the fit follows what
+    is rounded, and both extremes may err together: hence 2.
     """
     hidden = step / 2 < scatter
+    size, words = (
+        (2 * step / sqrt(12), "step of the readings, at even angles")
+        if in_time
+        else (sqrt(2) * step / sqrt(12), "step of the readings")
+    )
     sources = [
         UncertaintySource("noise", noise, "bootstrap of the residuals"),
         UncertaintySource("bias correction", bias, "a third of what was taken off"),
         UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
         UncertaintySource(
             "resolution",
-            0.0 if hidden else step / sqrt(6),
-            "no step seen above the noise" if hidden else "step of the readings",
+            0.0 if hidden else size,
+            "no step seen above the noise" if hidden else words,
         ),
     ]
     given = [

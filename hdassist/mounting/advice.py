@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
+from hdassist.error.nearby import Nearby
 from hdassist.error.search import SEARCHED, searchable
-from hdassist.error.sensitivity import SEARCHES, Sensitivity, sensitivities
+from hdassist.error.sensitivity import SLOPES, Sensitivity, sensitivity
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
@@ -136,7 +138,7 @@ def estimate_states(
     curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured)
     if measured or not searchable(drive) or unknown_turn(drive):
         return curve
-    others = SEARCHED * (len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS) + 2 * SEARCHES)
+    others = 2 * SLOPES + SEARCHED * len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS)
     return curve + len(torques) * (others + sample_states(drive, samples, len(rotations) + 1))
 
 
@@ -197,13 +199,23 @@ def advise(
         )
     others = tuple(alternatives(drive, torques, executor=executor, progress=progress))
     chosen = Advice(drive, curve, sampled, others, (), ()).chosen
-    cases = [(rotated(drive, p.rotation_deg), M_g) for p in (curve.current, chosen) for M_g in torques]
-    slopes = [s for s in sensitivities(cases, executor=executor, progress=progress) if s is not None]
-    many = len(torques)
+    here, there = _slopes(drive, torques, (curve.current, chosen), executor, progress)
     held = stays_best(drive, curve, chosen, executor=executor, progress=progress)
-    return Advice(
-        drive, curve, sampled, others, tuple(slopes[:many]), tuple(slopes[many:]), None, unknown, held, needed
-    )  # fmt: skip
+    return Advice(drive, curve, sampled, others, here, there, None, unknown, held, needed)
+
+
+def _slopes(
+    drive: Drive,
+    torques: Sequence[float],
+    positions: Sequence[Position],
+    executor: Executor | None,
+    progress: Progress | None,
+) -> list[tuple[Sensitivity, ...]]:
+    if not searchable(drive):
+        return [() for _ in positions]
+    turned = [rotated(drive, position.rotation_deg) for position in positions]
+    known = (executor.map if executor else map)(partial(Nearby, torques=torques), turned)
+    return [sensitivity(each, executor=executor, progress=progress) for each in known]
 
 
 def _apart(one: Position, other: Position) -> float:

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.mounting.positions import Chances, Position, hole_of, phase_deg, rotated
+from hdassist.mounting.positions import Chances, Choice, Position, hole_of, phase_deg, rotated
 from hdassist.mounting.robust import Criterion, share_best
 from hdassist.preset.fields import Drive
 
@@ -33,13 +34,19 @@ class Losses:
         """F'_ior [arcsec] in one of the positions, None: at rotation 0, shape (torques, draws)."""
         return self.now_arcsec if place is None else self.F_ior_arcsec[:, :, place]
 
-    def position(self, drive: Drive, place: int | None) -> Position:
-        """One of the positions of a drive, with the F'_ior expected there."""
+    def position(self, drive: Drive, cam_deg: float, place: int | None) -> Position:
+        """One of the positions, with the F'_ior expected there, of a drive whose standing offset points to cam_deg."""
         rotation = 0.0 if place is None else self.rotations_deg[place]
+        turned = rotated(drive.with_values({standing_offset(drive)[1]: cam_deg}), rotation)
         expected = tuple(self.at(place).mean(axis=1).tolist())
-        return Position(
-            rotation, phase_deg(rotated(drive, rotation)), hole_of(rotation, drive.mounting.holes), expected
-        )
+        return Position(rotation, phase_deg(turned), hole_of(rotation, drive.mounting.holes), expected)
+
+    def choice(self, drive: Drive, cam_deg: float) -> Choice:
+        """The best position beside the others, at the torques of the drive; cam_deg as in position."""
+        ranked = tuple(self.position(drive, cam_deg, place) for place in self.ranked)
+        current = next((p for p in ranked if not p.rotation_deg), self.position(drive, cam_deg, None))
+        torques, turn = tuple(drive.operation.M_g), bool(ranked[0].rotation_deg)
+        return Choice(drive, torques, current, ranked[0], turn, ranked)
 
     @cached_property
     def merits(self) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from shlex import quote
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -87,10 +86,10 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
     say = say or texts()
     if advice.order != "none":
         return instruction(advice.choice, say)
-    holes, preset = bool(advice.drive.mounting.holes), quote(advice.drive.origin.file or advice.drive.name)
+    holes = bool(advice.drive.mounting.holes)
     fixed, where = wheel(advice.drive, say), ", ".join(place(p, say) for p in advice.to_measure)
-    trials = " ".join(f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_measure)
-    measure = say("instruction.measure", where=where, command=f"hdassist trials {preset} {trials}")
+    trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_measure]
+    measure = say("instruction.measure", where=where, command=again("trials", advice.drive, *trials))
     if sampled := advice.robust:
         change = say.percent(-advice.gain, "+")
         chances = (say.percent(sampled.probability_gain), say.percent(advice.needed))

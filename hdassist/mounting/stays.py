@@ -12,13 +12,16 @@ import numpy as np
 from hdassist.error.rests_on import MOST, reached
 from hdassist.error.search import searchable
 from hdassist.model.assumed import Assumption, assumptions
+from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import MountingCurve, Position, merit, rotated
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
+from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
+Told = tuple[float | None, float | None, float | None]  # what End has beside the value
 TURNS = 14  # positions of each wheel: enough to tell holes apart, not for their F'_ior
 
 
@@ -46,21 +49,23 @@ class Stays:
 
 
 def over_ranges(
+    drive: Drive,
     assumed: Sequence[Assumption],
-    look: Callable[[tuple[str, float]], End],
+    look: Callable[[Drive], Told],
     change: Callable[[End], float],
     *,
     executor: Executor | None = None,
     done: Callable[[], None] | None = None,
 ) -> tuple[Stays, ...]:
-    """Assumptions with what becomes of an advice at both ends of their ranges, the greatest change first.
+    """Assumptions of a drive with what becomes of an advice at both ends of their ranges, the greatest change first.
 
-    Arguments: look, what becomes of it with a field, by path, at such an end; change, how much that is; executor, to
-    spread the work over; done, called after each end.
+    Arguments: look, what becomes of it in the drive as far on the way to such an end as it can be computed; change, how
+    much that is; executor, to spread the work over; done, called after each end.
     """
     ends = []
-    for end in (executor.map if executor else map)(look, [(a.path, end) for a in assumed for end in (a.low, a.high)]):
-        ends.append(end)
+    tasks = [(drive, a.path, end, look) for a in assumed for end in (a.low, a.high)]
+    for value, told in (executor.map if executor else map)(_reached, tasks):
+        ends.append(End(value, *told))
         if done:
             done()
     held = [Stays(a, both) for a, both in zip(assumed, zip(ends[::2], ends[1::2], strict=True), strict=True)]
@@ -84,37 +89,38 @@ def stays_best(
     if not searchable(drive) or not (assumed := assumptions(drive)):
         return ()
     usable = tuple(float(rotation) for rotation in curve.rotation_deg[curve.usable])
-    look = partial(_end, drive, chosen.rotation_deg, usable, curve.torques, curve.weights)
+    look = partial(_told, chosen.rotation_deg, usable, curve.torques, curve.weights)
     states = TURNS**2 * (1 + len(usable)) * len(curve.torques)
     done = partial(progress, states) if progress else None
-    return over_ranges(assumed, look, lambda end: end.loss or 0.0, executor=executor, done=done)[:most]
+    return over_ranges(drive, assumed, look, lambda end: end.loss or 0.0, executor=executor, done=done)[:most]
 
 
-def _end(
-    drive: Drive,
+def _reached(task: tuple[Drive, str, float, Callable[[Drive], Told]]) -> tuple[float, Told]:
+    return reached(*task)
+
+
+def _told(
     chosen_deg: float,
     usable_deg: Sequence[float],
     torques: Sequence[float],
     weights: Sequence[float] | None,
-    task: tuple[str, float],
-) -> End:
-    """What becomes of a chosen position with a field, by path, as far on the way to an end as can be computed."""
-    value, F_ior = reached(drive, *task, lambda moved: _few_states(moved, torques, (0.0, *usable_deg)))
+    drive: Drive,
+) -> Told:
+    """What becomes of a chosen position in another drive."""
+    F_ior = _few_states(drive, torques, (0.0, *usable_deg))
     merits = merit(F_ior[:, 1:], F_ior[:, 0], weights)
-    loss = float(merits[usable_deg.index(chosen_deg)] / merits.min() - 1)
-    return End(value, usable_deg[int(np.argmin(merits))], loss)
+    return usable_deg[int(np.argmin(merits))], float(merits[usable_deg.index(chosen_deg)] / merits.min() - 1), None
 
 
 def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> Array:
     """Range of the error in a few states [arcsec], shape (torques, rotations)."""
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
-    rows = []
+    formulation = formulate(contact_system(drive))
+    scalars = [deviation_scalars(rotated(drive, rotation), alpha_g, alpha_b) for rotation in rotations]
+    rows, case = [], None
     for M_g in torques:
-        case, row = LoadCase.of(drive, M_g), []
-        for rotation in rotations:
-            scalars = deviation_scalars(rotated(drive, rotation), alpha_g, alpha_b)
-            answers = case.solve(case.system.gaps(scalars), lambda k: f"state {k}")
-            row.append(float(np.ptp(answers.rotation_arcsec)))
-        rows.append(row)
+        case = LoadCase(formulation, M_g, like=case)
+        answers = [case.solve(formulation.system.gaps(each), lambda k: f"state {k}") for each in scalars]
+        rows.append([float(np.ptp(each.rotation_arcsec)) for each in answers])
     return np.array(rows)

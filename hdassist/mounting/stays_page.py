@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import inf
 
 from rich.table import Table
 
@@ -41,12 +42,15 @@ def stays_line(drive: Drive, held: Sequence[Stays]) -> str:
     if not held:
         return ""
     first, holes = held[0], drive.mounting.holes
-    end = max(first.ends, key=lambda end: end.loss or 0.0)
-    words = f"assumed {first.assumption.path} (the position stays the best)"
-    if end.loss and end.best_deg is not None:
+    end = max(first.ends, key=lambda end: inf if end.loss is None else end.loss)
+    path, words = first.assumption.path, "the position stays the best"
+    if end.loss is None:
+        words = f"at {short(end.value)} hardly anything explains the trials"
+    elif end.loss and end.best_deg is not None:
         hole = hole_of(end.best_deg, holes)
         where = f"{end.best_deg:g} deg" if hole is None else f"hole {hole}"
-        words = f"assumed {first.assumption.path} (at {short(end.value)} {where} is the best, {end.loss:.0%} lost)"
+        words = f"at {short(end.value)} {where} is the best, {end.loss:.0%} lost"
+    words = f"assumed {path} ({words})"
     return ", ".join([words, *(each.assumption.path for each in held[1:])])
 
 

@@ -136,7 +136,7 @@ class Acceptance(Section):
     turn_range: PerTorque = field("limit of the range within one cam turn, as F_ior", "arcsec", {})
     self_error: PerTorque = field("limit of the self error, as F_ior", "arcsec", {})
     order_amplitude: PerOrder = field(
-        "limit of the amplitude of orders per cam turn {2: 10}, at all torques", "arcsec", {}
+        "limit of the amplitude of orders per cam turn {2: 10} at each torque, or at one {2@80: 8}", "arcsec", {}
     )
     lost_motion: float | None = field("limit of the lost motion", "arcsec", None, gt=0, le=1e6)
     K_1: float | None = field("least torsional stiffness near zero", "N*m/rad", None, gt=0, le=1e12)

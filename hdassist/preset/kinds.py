@@ -140,20 +140,29 @@ def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
         if by_order and not isinstance(limit, Unread):
             return Unread("must be a table of orders per cam turn", "like {2: 10}")
         return limit if isinstance(limit, Unread) else {"all": limit}
-    what, word = ("an order per cam turn", "order") if by_order else ("a torque in N*m, or all", "torque")
+    what = "an order per cam turn, or ORDER@TORQUE in N*m" if by_order else "a torque in N*m, or all"
     limits: dict[str, float | Unread] = {}
-    seen: set[float] = set()
+    seen: set[tuple[float, ...]] = set()
     for key, item in value.items():
-        fits = is_number(key) and (float(key) > 0 or not by_order)
-        if not fits and (by_order or key != "all"):
+        own = _order_and_torque(key) if by_order else (float(key),) if is_number(key) else ()
+        if not own and (by_order or key != "all"):
             limits[key] = Unread(f"must be {what}", at_key=True)
-        elif fits and float(key) in seen:
-            limits[key] = Unread(f"the same {word} twice", at_key=True)
+        elif own and own in seen:
+            limits[key] = Unread(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
         else:
             limits[key] = read_number(item, unit)
-        if fits:
-            seen.add(float(key))
+        if own:
+            seen.add(own)
     return limits
+
+
+def _order_and_torque(key: str) -> tuple[float, ...]:
+    """The order above 0 and the torque, if any, that a key of a table of limits names; empty for any other."""
+    parts = key.split("@")
+    if len(parts) > 2 or not all(map(is_number, parts)):
+        return ()
+    numbers = tuple(map(float, parts))
+    return numbers if numbers[0] > 0 else ()
 
 
 def unit_of(info: FieldInfo) -> str:

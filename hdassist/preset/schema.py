@@ -15,7 +15,7 @@ from hdassist.preset.units import pattern_for, spread_pattern, units_for
 Schema = dict[str, Any]
 NUMBER = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
 BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum"}
-KEYS = {"limits": rf"^(all|[-+]?{NUMBER})$", "orders": rf"^[+]?{NUMBER}$"}
+KEYS = {"limits": rf"^(all|[-+]?{NUMBER})$", "orders": rf"^[+]?{NUMBER}(@[-+]?{NUMBER})?$"}
 
 
 def preset_schema() -> Schema:

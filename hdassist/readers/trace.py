@@ -25,6 +25,7 @@ ARCSEC = 3600.0  # per degree
 MOST = 7200.0  # arcsec: range of an error that can be meant
 SLIP = 0.02  # of the ratio: how far the two encoders may disagree with it
 FEWEST = 20  # rows
+ROUNDED = 0.01  # of a step: what printed digits make of it
 
 Array = NDArray[np.float64]
 Shaft = Literal["cam", "output"]
@@ -74,7 +75,8 @@ class MeasuredTrace:
     """A measured trace in the order of its rows.
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
-    resolution of the readings, 0 where no step is seen. sweeps: moves in one direction each. sha256: of the
+    resolution of the readings, 0 where no step is seen; in_time: whether what it rounds comes round with the turns of
+    the cam, as readings at even angles do. sweeps: moves in one direction each. sha256: of the
     file as it lies there. angle_of: what the angles were counted at; those of the output were multiplied by the ratio.
     sense: of two encoders, 1 where both count up, -1 where one counts down, 0 for a column of errors.
     notes: what was converted, assumed or left out.
@@ -90,6 +92,7 @@ class MeasuredTrace:
     notes: tuple[str, ...]
     angle_of: Shaft = "cam"
     sense: int = 0
+    in_time: bool = False
 
 
 def read_trace(
@@ -120,7 +123,13 @@ def read_trace(
         cam *= abs(ratio)
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
-    step = _step(readings) * column.other_size
+    step, in_time = _step(readings), False
+    if not step and column.other_is == "second":
+        step = _step_between(readings)
+        # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such
+        in_time = float(np.std(np.diff(cam))) / abs(ratio or 1) * ARCSEC < step * column.other_size
+        step = step if in_time else 0.0
+    step *= column.other_size
     if column.other_is == "second":
         output = _angle(table, column.other, readings * (column.other_size / ARCSEC), form.wrap, notes)
         error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
@@ -140,7 +149,7 @@ def read_trace(
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
-        column.angle_of, sense,
+        column.angle_of, sense, in_time,
     )  # fmt: skip
 
 
@@ -182,6 +191,17 @@ def _step(readings: Array) -> float:
         return 0.0
     step = float(apart.min())
     return step if np.abs(apart / step - np.rint(apart / step)).max() < 0.01 else 0.0
+
+
+def _step_between(readings: Array) -> float:
+    """Resolution of angles that go on: they seldom repeat themselves, the ways between them do; 0: no step is seen."""
+    ways = np.sort(np.diff(readings))
+    apart = np.diff(ways)
+    apart = apart[apart > ROUNDED * apart.max(initial=0.0)]  # printed digits differ by less
+    if 2 * len(apart) > len(ways) or not len(apart):
+        return 0.0
+    step = float(apart.min())
+    return step if np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED else 0.0
 
 
 def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -> PresetError:

@@ -248,7 +248,7 @@ def _stiffness(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     found = sheet.stiffness
     caption = "Twist of the drive without deviations, the cam held"
     yield _figure(style, caption, found.torque, found.twist_arcsec, "torque, N·m", "twist, arcsec")
-    yield from blocks_of(stiffness_render(sheet.drive, found, STYLE, plots=False))[1:]
+    yield from blocks_of(stiffness_render(sheet.drive, found, STYLE, plots=False, details=True))[1:]
 
 
 def _basis(sheet: DriveSheet) -> Iterator[Block]:

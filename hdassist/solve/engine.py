@@ -20,8 +20,8 @@ class Engine:
     """Solves many states by principal pivots, few states and what those give up by DAQP.
 
     Arguments: formulation; torque [N*mm] on the flexspline; like, the engine of a neighbouring system, whose
-    compiled data and contact set this one takes over where the shapes are the same, and whose reference where it
-    is the same system; many, whether many states will come, in batches however small.
+    compiled data and contact set this one takes over where the shapes are the same, and whose reference where system
+    and torque are the same; many, whether many states will come, in batches however small.
     """
 
     def __init__(
@@ -34,7 +34,8 @@ class Engine:
         )
         contact: Flags = near._one_by_one.contact if near else np.ones(len(self.data.q_0), dtype=bool)
         self._one_by_one: ActiveSet = ActiveSet(formulation, self.data, torque, contact)
-        self._same = near if near and near._formulation is formulation else None
+        same = near and near._formulation is formulation and near._torque == torque
+        self._same = near if same else None
         self._pivoting: Pivoting | None = None
         self._pays = 0 if many else MANY
 

@@ -53,7 +53,7 @@ def failure(command: str, error: HdassistError, *, preset: str | None = None, fi
         **({} if file is None else {"file": {"name": file, "sha256": None}}),
         "exit_code": error.exit_code,
         "warnings": [],
-        "error": {"message": error.message, "hint": error.hint},
+        "error": {"code": str(error.fault), "message": error.message, "hint": error.hint},
     }
 
 

@@ -71,12 +71,6 @@ def thousands(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
-def turns_and_degrees(degrees: float) -> str:
-    """An angle as whole turns and degrees."""
-    turns, rest = divmod(degrees, 360.0)
-    return f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f} deg"
-
-
 def on_what(drive: Drive) -> str:
     """What is assumed of a drive, where nobody has weighed it."""
     assumed = len(assumptions(drive))

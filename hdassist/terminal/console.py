@@ -68,21 +68,33 @@ def _shows_unicode(stream: TextIO) -> bool:
     return True
 
 
+def stderr_style(*, no_color: bool = False) -> Style:
+    """Style of stderr. Whatever goes there may come before options are read, or beside them: --ascii is looked for."""
+    return Style.of(sys.stderr, ascii="--ascii" in sys.argv, no_color=no_color)
+
+
 def silence(stream: TextIO | None = None) -> None:
     """Stop talking on a stream (None: stdout) whose reader has gone: no complaint, the exit code stays the answer's."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
 
 def say(line: str) -> None:
-    """Write a line on stderr, hidden characters escaped; silent where it cannot be written: the exit code stays."""
+    """Write a line on stderr as it can show it; silent where it cannot be written: the exit code stays."""
     try:
-        sys.stderr.write(f"{visible(line)}\n")
+        sys.stderr.write(f"{stderr_style().text(line)}\n")
         sys.stderr.flush()
     except OSError:
         silence(sys.stderr)
 
 
 class _QuietConsole(Console):
+    seven_bits = False
+
+    @property
+    def encoding(self) -> str:
+        """What rich chooses its bars and boxes by."""
+        return "ascii" if self.seven_bits else super().encoding
+
     def on_broken_pipe(self) -> None:
         self.quiet = True
         silence()
@@ -98,7 +110,7 @@ class _QuietConsole(Console):
 
 def console(stream: TextIO, style: Style) -> Console:
     """A rich console that writes to a stream with a style."""
-    return _QuietConsole(
+    found = _QuietConsole(
         file=stream,
         width=style.width,
         color_system="auto" if style.codes else None,
@@ -109,6 +121,8 @@ def console(stream: TextIO, style: Style) -> Console:
         emoji=False,
         legacy_windows=False,
     )
+    found.seven_bits = style.ascii
+    return found
 
 
 def table(style: Style, title: str = "", *, header: bool = True) -> Table:

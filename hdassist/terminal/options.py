@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
@@ -220,6 +220,31 @@ class CardOptions(OptionGroup):
         None
     )
     serial: Annotated[str | None, typer.Option(metavar="TEXT", help="Serial number on the card.")] = None
+
+
+@dataclass(frozen=True)
+class TrialOptions(OptionGroup):
+    """How trials are measured, and how sure the choice has to be."""
+
+    panel: ClassVar[str] = "Trials"
+
+    trial_torque: Annotated[
+        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
+    ] = None
+    noise: Annotated[float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial; repeats tell it.")] = (
+        1.0
+    )
+    reseat: Annotated[float, typer.Option(metavar="UM", help="Standard deviation of where the wheel sits.")] = 0.0
+    sure: Annotated[float, typer.Option(metavar="SHARE", help="Probability of a good choice that settles it.")] = 0.9
+
+    def torque_of(self, torques: Sequence[float]) -> float:
+        """Torque of the trials [N*m], of a drive with such torques."""
+        return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
+
+    def words(self) -> list[str]:
+        """The options as a shell takes them, where they are not the usual ones."""
+        told = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
+        return [word for name, value, usual in told if value != usual for word in (name, f"{value:g}")]
 
 
 @dataclass(frozen=True)

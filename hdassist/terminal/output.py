@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdassist.errors import Fault, HdassistError
-from hdassist.terminal.console import PIPE_WIDTH, Style, console, say
+from hdassist.terminal.console import PIPE_WIDTH, Style, console, say, stderr_style
 from hdassist.terminal.files import require_writable, write_text
 from hdassist.visible import visible
 
@@ -74,7 +74,7 @@ class Output:
     @contextmanager
     def progress(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
         """A bar with the time left, on a terminal only and once the work has taken PATIENCE."""
-        style = Style.of(sys.stderr, no_color=self.no_color)
+        style = stderr_style(no_color=self.no_color)
         if not style.codes:
             yield lambda _: None
             return
@@ -121,4 +121,4 @@ def warn(text: str) -> None:
 
 def note(text: str) -> None:
     """Say something beside the answer on stderr."""
-    say(Style.of(sys.stderr).text(text))
+    say(text)

@@ -125,13 +125,14 @@ class Production:
         """F'_ior [arcsec] by the tables alone, shape (drives, torques, rotations), of drives first to last - 1."""
         values = self.draws.values(first, last)
         rows = ({path: float(column[k]) for path, column in values.items()} for k in range(last - first))
-        found = [[np.ptp(s.estimates(batch), axis=(1, 2)) for s in self._searches] for batch in map(self._batch, rows)]
+        read = list(zip(self._searches, self.tables, strict=True))
+        found = [[np.ptp(s.estimates(t, batch), axis=(1, 2)) for s, t in read] for batch in map(self._batch, rows)]
         return np.array(found)
 
     def _answer(self, drawn: dict[str, float]) -> Record:
         searches = self._searches if not self.draws.moves_system else self._searches_of(self._moved(drawn))
         batch = self._batch(drawn)
-        estimates = [search.estimates(batch) for search in searches]
+        estimates = [s.estimates(table, batch) for s, table in zip(searches, self.tables, strict=True)]
         near = np.array([np.ptp(maps, axis=(1, 2)) for maps in estimates])
         exact, proof = np.full(near.shape, np.nan), EMPTY
         while len(rows := self._promising(near, exact)):
@@ -187,11 +188,11 @@ class Production:
 
     @cached_property
     def _searches(self) -> list[ProposedSearch]:
-        return [ProposedSearch(self.drive, table, self._nominal) for table in self.tables]
+        return [ProposedSearch(self.drive, table.M_g, self._nominal) for table in self.tables]
 
     def _searches_of(self, drive: Drive) -> list[ProposedSearch]:
         formulation = formulate(contact_system(drive))
-        return [ProposedSearch(drive, s.table, formulation, like=s.fresh) for s in self._searches]
+        return [ProposedSearch(drive, s.M_g, formulation, like=s.fresh) for s in self._searches]
 
     def __getstate__(self) -> dict[str, Any]:
         """What goes to another process: what can be made there anew stays here."""

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, circmean, circstd
 
-from hdassist.error.rests_on import LEAST, reached, weighed
+from hdassist.error.rests_on import LEAST, weighed
 from hdassist.error.table import Mesh
 from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.deviations import standing_offset
 from hdassist.mounting.losses import Losses
 from hdassist.mounting.positions import Choice, Position, hole_words, require_weights, usable_positions
 from hdassist.mounting.robust import Criterion
-from hdassist.mounting.stays import End, Stays, over_ranges
+from hdassist.mounting.stays import Stays, Told, over_ranges
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 from hdassist.trials.cloud import FULL, QUICK, Cloud, Effort, cloud_of
@@ -130,20 +129,13 @@ class TrialAdvice:
         return hole_words(rotation_deg, self.drive.mounting.holes)
 
     def at(self, place: int | None) -> Position:
-        """One of the positions, with the F'_ior expected there; None: where the wheel stood before the first trial.
-
-        Its phase is that of the expected direction.
-        """
-        facing = self.drive.with_values({standing_offset(self.drive)[1]: self.direction[0]})
-        return self.losses.position(facing, place)
+        """One of the positions, with the F'_ior expected there; None: where the wheel stood before the first trial."""
+        return self.losses.position(self.drive, self.direction[0], place)
 
     @property
     def choice(self) -> Choice:
         """The chosen position beside the others."""
-        ranked = tuple(map(self.at, self.losses.ranked))
-        current = next((p for p in ranked if not p.rotation_deg), self.at(None))
-        torques = tuple(self.drive.operation.M_g)
-        return Choice(self.drive, torques, current, ranked[0], bool(ranked[0].rotation_deg), ranked)
+        return self.losses.choice(self.drive, self.direction[0])
 
 
 def advise_from_trials(
@@ -225,22 +217,20 @@ def stays_good(
     if not (known := weighed(cloud.drive, (cloud.rig.M_g,), executor=executor)):
         return ()
     coarse = partial(cloud_of, torques=(), rig=cloud.rig, seed=cloud.seed, effort=Effort(samples, COARSE, COUNT))
-    look = partial(_end, cloud, coarse(cloud.drive, executor=executor), best, coarse, teach)
-    told = float(teach(cloud)[1].probability_good[best])
+    look = partial(_told, cloud, coarse(cloud.drive, executor=executor), best, coarse, teach)
+    now = float(teach(cloud)[1].probability_good[best])
     assumed = [known.assumed[k] for k in known.heaviest()]
-    return over_ranges(assumed, look, lambda end: abs((end.good or 0.0) - told), executor=executor)
+    return over_ranges(cloud.drive, assumed, look, lambda end: abs((end.good or 0.0) - now), executor=executor)
 
 
-def _end(
-    cloud: Cloud, here: Cloud, best: int, make: Callable[[Drive], Cloud], teach: Teach, task: tuple[str, float]
-) -> End:
-    """What becomes of a choice with a field at, or on the way to, an end of its range; here: cloud by coarse tables."""
-    value, there = reached(cloud.drive, *task, make)
+def _told(cloud: Cloud, here: Cloud, best: int, make: Callable[[Drive], Cloud], teach: Teach, drive: Drive) -> Told:
+    """What becomes of a choice in another drive; here: cloud by coarse tables."""
+    there = make(drive)
     if there.values.keys() == here.values.keys():  # else nothing is open of what was, and they are other samples
         change = there.F_ior_arcsec / np.maximum(here.F_ior_arcsec, LEAST)
         there = replace(there, tables=cloud.tables, F_ior_arcsec=cloud.F_ior_arcsec * change)
     with suppress(UntrustedError):
         _, losses = teach(there)
-        loss, good = losses.expected_loss[best], losses.probability_good[best]
-        return End(value, losses.rotations_deg[losses.best], float(loss), float(good))
-    return End(value, None, None, None)
+        good = float(losses.probability_good[best])
+        return losses.rotations_deg[losses.best], float(losses.expected_loss[best]), good
+    return None, None, None

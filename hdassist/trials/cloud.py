@@ -55,9 +55,9 @@ QUICK = Effort(1536, Mesh((9, 5, 9, 9), 0), 16)  # to see within a second what c
 class Cloud:
     """Samples of a drive, and their F'_ior [arcsec] at the torque of the rig that trials are measured on.
 
-    tables by torque M_g [N*m]; values by field, shape (samples,), in the first direction; weight before any trial, sums
-    to 1, and F_ior_arcsec with the wheel at 0, shape (samples, directions); seat, some F'_ior and what a micrometre of
-    the wheel's centre does to them [arcsec/um]; seed of all that is drawn.
+    tables by torque M_g [N*m]; values by field, weight before any trial, which sums to 1, and F_ior_arcsec with the
+    wheel at 0, all of shape (samples, directions); seat, some F'_ior and what a micrometre of the wheel's centre does
+    to them [arcsec/um]; seed of all that is drawn.
     """
 
     drive: Drive
@@ -79,7 +79,7 @@ class Cloud:
     def offset_um(self) -> NDArray[np.complex128]:
         """Standing offset as x + i y, shape (samples * directions,)."""
         size, direction = (self.values[path] for path in standing_offset(self.drive))
-        return np.ravel(size[:, None] * np.exp(1j * np.radians(_directions(direction, self.weight.shape[1]))))
+        return np.ravel(size * np.exp(1j * np.radians(direction)))
 
     def noise(self, F_ior: Array) -> Array:
         """Standard deviation of values of so much F'_ior [arcsec] by what was told: noise and the seat's error."""
@@ -97,27 +97,21 @@ class Cloud:
         Arguments: flat places among samples and directions, all of them without it; M_g [N*m], another torque, computed
         of these samples alone.
         """
-        places, found = np.arange(self.weight.size) if places is None else places, self.F_ior_arcsec
-        count = found.shape[1]
-        sample, direction = np.divmod(places, count)
+        found, count = self.F_ior_arcsec, self.weight.shape[1]
+        sample, direction = np.divmod(np.arange(self.weight.size) if places is None else places, count)
         if M_g is not None:
             used, sample = np.unique(sample, return_inverse=True)
             found = self.evaluated(M_g, used, executor)
-        columns = []
-        for rotation in rotations_deg:
-            whole, part = divmod(round(rotation * count / 360, 9), 1)
-            here, beside = (found[sample, (direction - int(whole) - j) % count] for j in (0, 1))
-            columns.append((1 - part) * here + part * beside)
-        return np.stack(columns, axis=1)
+        whole, part = np.divmod(np.round(np.multiply(rotations_deg, count) / 360, 9), 1)
+        turned = direction[:, None] - whole.astype(int)
+        here, beside = (found[sample[:, None], (turned - j) % count] for j in (0, 1))
+        return np.asarray((1 - part) * here + part * beside)
 
     def evaluated(self, M_g: float, samples: Places, executor: Executor | None = None, off_um: complex = 0) -> Array:
         """F'_ior [arcsec] of samples in all directions, shape (samples, directions), from the table."""
-        count = self.weight.shape[1]
-        values = {path: np.repeat(column[samples], count) for path, column in self.values.items()}
-        standing = {standing_offset(self.drive)[1], *({OVALITY} if self.drive.mounting.fixed == "rigid" else ())}
-        values |= {path: _directions(self.values[path][samples], count).ravel() for path in standing & values.keys()}
+        values = {path: of[samples].ravel() for path, of in self.values.items()}
         found = F_ior_of_many(self.drive, self.tables[M_g], values, count=self.turns, off_um=off_um, executor=executor)
-        return found.reshape(-1, count)
+        return found.reshape(len(samples), -1)
 
 
 def cloud_of(
@@ -147,9 +141,9 @@ def cloud_of(
     values, weight = _drawn(drive, effort.samples, seed)
     # a table is compared with some of the samples, and reaches to the outermost one
     compared, turn, count = np.arange(effort.mesh.compared), standing_offset(drive)[1], weight.shape[1]
-    some = {path: column[compared] for path, column in values.items()}
+    some = {path: of[compared, 0] for path, of in values.items()}
     some[turn] = some[turn] + 360 * (5 * compared % count) / count
-    widest = {path: float(column.max()) for path, column in values.items()}
+    widest = {path: float(of.max()) for path, of in values.items()}
     widest |= {"tolerances.e_b": drive.number("tolerances.e_b") + SEAT_STEP} if rig.reseat_um else {}
     span = [*listed(drive, some, len(compared)), drive.with_values(widest)]
     [found] = error_tables(
@@ -199,27 +193,25 @@ def open_fields(drive: Drive) -> dict[str, tuple[float, float]]:
 
 
 def _drawn(drive: Drive, count: int, seed: int) -> tuple[dict[str, Array], Array]:
-    """Values by field of samples, and how likely each is in each direction."""
-    open_, turn, holes = open_fields(drive), standing_offset(drive)[1], drive.mounting.holes
+    """Values of samples by field, and how likely each is, of shape (samples, directions)."""
+    open_, (_, turn), holes = open_fields(drive), standing_offset(drive), drive.mounting.holes
     directions = holes * -(-COARSEST // holes) if 0 < holes <= FINEST else FINEST
+    turned = 360 / directions * np.arange(directions)
+    stand = {turn} if drive.mounting.fixed == "flexspline" else {turn, OVALITY}
     # a standing ovality that is known does not turn with the samples: each is taken in one direction, so there are more
-    fixed = drive.mounting.fixed == "rigid" and drive.number("harmonics.a_s2") != 0 and drive.value(OVALITY) is not None
+    fixed = OVALITY in stand and drive.number("harmonics.a_s2") != 0 and drive.value(OVALITY) is not None
     share = qmc.Sobol(len(open_) + 1, seed=seed).random(2 ** round(np.log2(count / (3 if fixed else directions))))
-    values = {turn: (360.0 if fixed else 360 / directions) * share[:, -1]}
-    if fixed:
-        values[OVALITY] = np.full(len(share), drive.number(OVALITY))
-    for (path, (low, high)), column in zip(open_.items(), share.T, strict=False):
-        within = np.clip(column, OUTERMOST, 1 - OUTERMOST)
-        uncertain = path in drive.uncertainty
-        values[path] = uncertain_values(drive, path, within) if uncertain else low + (high - low) * column
+    drawn = {turn: (360.0 if fixed else 360 / directions) * share[:, -1]}
+    drawn |= {OVALITY: np.full(len(share), drive.number(OVALITY))} if fixed else {}
+    for (path, (low, high)), of in zip(open_.items(), share.T, strict=False):
+        uncertain, within = path in drive.uncertainty, np.clip(of, OUTERMOST, 1 - OUTERMOST)
+        drawn[path] = uncertain_values(drive, path, within) if uncertain else low + (high - low) * of
+    values = {path: of[:, None] + turned * (path in stand) for path, of in drawn.items()}
+    values |= {path: values[path] % 360 for path in stand & values.keys()}
     weight = np.ones((len(share), directions))
     if turn in drive.uncertainty:
-        away = (_directions(values[turn], directions) - drive.number(turn) + 180) % 360 - 180
+        away = (values[turn] - drive.number(turn) + 180) % 360 - 180
         weight = norm.pdf(away, 0, max(drive.uncertainty[turn] / 2, NARROWEST))
     if fixed:
         weight[:, 1:] = 0
     return values, weight / weight.sum()
-
-
-def _directions(first: Array, count: int) -> Array:
-    return np.asarray((first[:, None] + 360 / count * np.arange(count)) % 360)

@@ -21,14 +21,7 @@ def command(
     ],
     *,
     drives: o.LoadedDriveOptions,
-    trial_torque: Annotated[
-        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
-    ] = None,
-    noise: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial; repeats tell it.")
-    ] = 1.0,
-    reseat: Annotated[float, typer.Option(metavar="UM", help="Standard deviation of where the wheel sits.")] = 0.0,
-    sure: Annotated[float, typer.Option(metavar="SHARE", help="Probability of a good choice that settles it.")] = 0.9,
+    measuring: o.TrialOptions,
     verify: Annotated[
         str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None,
@@ -37,6 +30,7 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn.")] = 0,
     jobs: o.Jobs = 0,
     card: o.CardOptions,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
@@ -73,28 +67,22 @@ def command(
     drive, weights = drives.load(preset), choosing.numbers()
     if verify is not None and card_file:
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
-    measured = [read_trial(text, drive.mounting.holes) for text in trials]
-    outcome = None if verify is None else read_trial(verify, drive.mounting.holes)
-    torques, begun = drive.operation.M_g, time.monotonic()
-    rig = Rig(min(torques, key=abs) if trial_torque is None else trial_torque, noise, reseat)
-    total = len({*torques, rig.M_g}) * FULL.mesh.states
-    with out.progress(drive.name, total) as progress, workers(jobs) as executor:
-        analysis = partial(
-            advise_from_trials,
-            trials=measured,
-            rig=rig,
-            outcome=outcome,
-            criterion=choosing.criterion,
-            weights=weights,
-            needed=sure,
-            effort=replace(FULL, samples=samples),
-            seed=seed,
-            executor=executor,
-            progress=progress,
-        )
-        advice = in_wide_enough_window(drive, analysis)
+    holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
+    rig = Rig(measuring.torque_of(torques), measuring.noise, measuring.reseat)
+    analysis = partial(
+        advise_from_trials,
+        trials=[read_trial(text, holes) for text in trials],
+        rig=rig,
+        outcome=None if verify is None else read_trial(verify, holes),
+        criterion=choosing.criterion,
+        weights=weights,
+        needed=measuring.sure,
+        effort=replace(FULL, samples=samples),
+        seed=seed,
+    )
+    with out.progress(drive.name, len({*torques, rig.M_g}) * FULL.mesh.states) as progress, workers(jobs) as executor:
+        advice = in_wide_enough_window(drive, partial(analysis, executor=executor, progress=progress))
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
-    told = answer(advice)
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None
-    raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))
+    raise typer.Exit(give_with_card("trials", answer(advice, details=details), card_file, facts, options, out))

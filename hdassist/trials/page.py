@@ -1,8 +1,8 @@
-"""What trials teach, as an instruction and tables, as JSON, and as CSV."""
+"""What trials teach: on a short page or in tables, as JSON, and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 
 import numpy as np
@@ -10,14 +10,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.model.unknown import unknowns
+from hdassist.model.unknown import names, unknowns
 from hdassist.mounting.card import CardFacts, Tried, after_trials, warnings_of
 from hdassist.mounting.losses import GOOD
 from hdassist.mounting.positions import hole_of
 from hdassist.mounting.seat_page import TRADE, wheel
-from hdassist.mounting.stays_page import stays_objects, stays_table
+from hdassist.mounting.stays_page import stays_line, stays_objects, stays_table
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.basis import unknown_objects
+from hdassist.terminal.brief import facts, proof
 from hdassist.terminal.console import Style, grid
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
@@ -28,9 +29,15 @@ from hdassist.verdict import Verdict
 
 LEVELS = {"low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
-SHOWN = 6  # positions that are listed, best first
+SHOWN = {False: 3, True: 6}  # positions that are listed, best first, without details and with them
 APART = 3.0  # standard deviations by which values of one position may differ without a remark
 MANY = 4  # trials without a repeat, from which on one is asked for
+
+
+def _beside(values: Iterable[float], digits: str = ".2f") -> str:
+    """Values at the torques that decide, side by side."""
+    return " / ".join(format(value, digits) for value in values)
+
 
 LEARNT: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: float(abs(a.offset_um).mean())),
@@ -41,14 +48,15 @@ LEARNT: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("scale_sd", "standard deviation (0.10 assumed before)", "", ".2f", lambda a: float(a.draws.scale.std())),
     Quantity("misfit", "misfit (0 to 12 % assumed)", "", ".0%", lambda a: float(a.draws.misfit.mean())),
     Quantity("effective_samples", "effective samples", "", ".0f", lambda a: a.draws.effective),
+    Quantity("standard_error_arcsec", "standard error of F'_ior", "arcsec", _beside, lambda a: a.standard_errors),
 )
 
 
-def answer(advice: TrialAdvice) -> Answer:
-    """What there is to say of an advice."""
+def answer(advice: TrialAdvice, *, details: bool = False) -> Answer:
+    """What there is to say of an advice; details, whether all tables are shown."""
     return Answer(
         to_json=lambda: to_json(advice),
-        page=lambda style: render(advice, style),
+        page=lambda style: render(advice, style, details=details),
         summary_line=lambda: summary_line(advice),
         figures=lambda: figures(advice),
         warnings=tuple(warnings(advice, texts())),
@@ -112,50 +120,48 @@ def instruction(advice: TrialAdvice) -> str:
     )
 
 
-def render(advice: TrialAdvice, style: Style) -> RenderableType:
-    """The instruction, the trials, the positions, what they rest on, what was learnt, and what no F'_ior tells."""
+def render(advice: TrialAdvice, style: Style, *, details: bool = False) -> RenderableType:
+    """The instruction, the best positions, and what to know of them; with details more positions and tables."""
     trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)} at {advice.cloud.rig.M_g:g} N·m"
-    below = [f"Learnt: {'; '.join(f'{q.label} {q.text(advice)} {q.unit}'.rstrip() for q in LEARNT)}."]
-    if len(advice.trials) >= MANY and not advice.repeats:
-        below.append(
-            f"No position was measured twice: repeat {advice.where(advice.trials[0].rotation_deg)}, the wheel taken "
-            "out and put back, to learn the noise. No F'_ior tells that holes were counted the other way round or from "
-            f"another one than the first: turn the {wheel(advice.drive)} by a hole as you counted; its mark must have "
-            "gone counter-clockwise, seen from the cam side."
-        )
     parts: list[RenderableType] = [
         Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
         Text(style.text(instruction(advice))),
-        _trials(advice, style),
-        _positions(advice, style),
-        *([stays_table(advice.drive, advice.rests_on, style, trials=True)] if advice.rests_on else []),
-        *(Text(style.text(words)) for words in below),
+        _positions(advice, style, SHOWN[details]),
+        *([stays_table(advice.drive, advice.rests_on, style, trials=True)] if details and advice.rests_on else []),
+        facts(style, _lines(advice, details=details)),
     ]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _trials(advice: TrialAdvice, style: Style) -> Table:
+def _lines(advice: TrialAdvice, *, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the positions, a label and a text each."""
     rig = advice.cloud.rig
-    seat = f"; seat {rig.reseat_um:g} um" if rig.reseat_um else ""
-    noise = f"noise told {rig.noise_arcsec:g}, found {advice.noise_arcsec:.2f} arcsec{seat}"
-    heads = ("position", "measured", "predicted", "2.5 %", "97.5 %")
-    rows = grid(style, f"trials, predicted by those before ({noise})", *heads)
-    for trial, p in zip(advice.trials, (None, *advice.predictions), strict=True):
-        cells = [f"{v:.1f}" for v in (p.expected_arcsec, p.low_arcsec, p.high_arcsec)] if p else ["-"] * 3
-        rows.add_row(advice.where(trial.rotation_deg), f"{trial.F_ior_arcsec:g}", *cells)
-    return rows
+    if details:
+        for one in advice.predictions:
+            yield "trial", _outcome(advice, one)
+        yield "noise", f"told {rig.noise_arcsec:g}, found {advice.noise_arcsec:.2f} arcsec; seat {rig.reseat_um:g} um"
+        yield "learnt", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in LEARNT)
+    else:
+        yield "rests on", stays_line(advice.drive, advice.rests_on)
+    yield "unknown", names(unknowns(advice.drive))
+    if len(advice.trials) >= MANY and not advice.repeats:
+        first = advice.where(advice.trials[0].rotation_deg)
+        yield "repeat", f"{first}, the wheel taken out and put back, to learn the noise: none was measured twice"
+        turn = f"turn the {wheel(advice.drive)} by a hole as you counted: its mark must go"
+        yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior tells how holes were counted"
+    more = "--card card.html" if advice.settled else f"the value of {advice.where(advice.next[0])} as one more trial"
+    yield "next", "" if advice.outcome else f"the same command with {more}"
+    yield "proof", proof(advice.cloud.certificate)
+    yield "more", "" if details else "--details"
 
 
-def _positions(advice: TrialAdvice, style: Style) -> Table:
-    torques = " / ".join(f"{M_g:g}" for M_g in advice.drive.operation.M_g)
-    errors = " / ".join(f"{error:.2f}" for error in advice.standard_errors)
-    told = f"F'_ior in arcsec at {torques} N·m, standard error {errors}"
-    turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
-    heads = ("position", "good, %", "expected", "5 %", "95 %", "loss, %")
-    rows = grid(style, f"positions, {turns}, best first\n{told}", *heads)
-    for at in (_position(advice, place) for place in advice.losses.ranked[:SHOWN]):
-        levels = (" / ".join(f"{v:.1f}" for v in values) for values in at["F_ior_arcsec"].values())
+def _positions(advice: TrialAdvice, style: Style, most: int) -> Table:
+    turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side, best first"
+    title = f"positions, {turns}\nF'_ior in arcsec at {_beside(advice.drive.operation.M_g, 'g')} N·m"
+    rows = grid(style, title, "position", "good, %", "expected", "5 %", "95 %", "loss, %")
+    for at in (_position(advice, place) for place in advice.losses.ranked[:most]):
         good, loss = f"{100 * at['probability_good']:.0f}", f"{100 * at['expected_loss']:.1f}"
+        levels = (_beside(values, ".1f") for values in at["F_ior_arcsec"].values())
         rows.add_row(advice.where(at["rotation_deg"]), good, *levels, loss)
     return rows
 
@@ -195,7 +201,6 @@ def to_json(advice: TrialAdvice) -> Json:
         "prediction_errors": [_prediction(advice, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,
         **as_object(LEARNT, advice),
-        "standard_error_arcsec": advice.standard_errors,
         "verification": advice.outcome
         and {
             **_prediction(advice, advice.outcome.predicted),

@@ -96,21 +96,23 @@ def learnt(
     unknown criterion, UntrustedError where no sample, or too few, explain the trials.
     """
     require_reachable(cloud, trials)
-    everywhere, rng, found = [*rotations_deg, 0.0], np.random.default_rng([cloud.seed, 1]), []
+    everywhere, rng = [*rotations_deg, 0.0], np.random.default_rng([cloud.seed, 1])
     draws = drawn(cloud, trials, everywhere)
     if draws.effective < TRUSTED:
         raise UntrustedError(
             f"too few of {cloud.weight.size} samples explain the trials: {draws.effective:.1f} effective ones",
             f"{TRUSTED:g} are needed: a larger --noise, or more samples: --samples 100000",
         )
-    for M_g in torques or [cloud.rig.M_g]:
-        F_ior = draws.F_ior_arcsec
-        if M_g != cloud.rig.M_g:
-            f = cloud.at(everywhere, draws.places, M_g, executor)
-            spread = np.hypot(draws.misfit * f.mean(axis=1), cloud.tables[M_g].standard_error)[:, None]
-            F_ior = np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f)
-        found.append(F_ior)
-    every, shares = np.array(found), None if weights is None else tuple(weights)
+
+    def at(M_g: float) -> Array:
+        if M_g == cloud.rig.M_g:
+            return draws.F_ior_arcsec
+        f = cloud.at(everywhere, draws.places, M_g, executor)
+        spread = np.hypot(draws.misfit * f.mean(axis=1), cloud.tables[M_g].standard_error)[:, None]
+        return np.asarray(np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f))
+
+    every = np.array([at(M_g) for M_g in torques or [cloud.rig.M_g]])
+    shares = None if weights is None else tuple(weights)
     return draws, Losses(tuple(rotations_deg), every[..., :-1], every[..., -1], Criterion.of(criterion), shares)
 
 

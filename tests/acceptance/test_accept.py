@@ -24,18 +24,20 @@ from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.acceptance.replay import differences
 from hdassist.acceptance.request import Request, TraceFile, read_measurements, stated_values
 from hdassist.design.check import check
+from hdassist.error.cycle import kinematic_error
 from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import STATED
 from hdassist.preset.fields import Source
 from hdassist.preset.library import load_preset
+from hdassist.preset.load import load_text
 from hdassist.terminal.basis import basis_objects
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
-from tests.process import ASSUMED
+from tests.process import ASSUMED, TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -402,17 +404,34 @@ def test_limits_name_torques_beyond_those_of_operation():
     ]  # fmt: skip
 
 
+def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
+    drive = small("order_2=5", "order_2@4=3", "order_0.1@7=1")
+    assert [(a.order, a.M_g, a.bound) for a in limits_of(drive)] == [(2, 1, 5), (2, 4, 3), (0.1, 7, 1)]
+    assert [(a.order, a.M_g, a.bound) for a in limits_of(small("order_2@1=3"))] == [(2, 1, 3)]
+    preset = (
+        Path(SMALL).read_text() + "acceptance: {order_amplitude: {2: 5, 2@4: 3 arcsec, 2.0@4.0: 4, 0@4: 1, x@4: 1}}\n"
+    )
+    with pytest.raises(PresetError) as caught:
+        load_text(preset, "own.yaml")
+    assert [(f.path, f.message) for f in caught.value.findings] == [
+        ("acceptance.order_amplitude.2.0@4.0", "the same order twice"),
+        ("acceptance.order_amplitude.0@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
+        ("acceptance.order_amplitude.x@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
+    ]
+
+
 def test_words_of_limits():
-    texts = ("F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1")
+    texts = ("F_ior@80=30", "F_ior=0.5 arcmin", "order_2=5", "K_1=30 N*m/arcmin", "order_0.01=1", "order_2@80=4")
     assert [str(limit) for limit in bounds(*texts)] == list(texts)
     assert [limit.override for limit in bounds(*texts)] == [
         "acceptance.F_ior.80=30", "acceptance.F_ior=0.5 arcmin", "acceptance.order_amplitude.2=5",
         "acceptance.K_1=30 N*m/arcmin", "acceptance.order_amplitude.0.01=1",
+        "acceptance.order_amplitude.2@80=4",
     ]  # fmt: skip
     drive = small("order_0.1=1", "K_1=30 N*m/arcmin")
     assert [a.order for a in limits_of(drive)] == [0.1, 0.1, None]
     assert limits_of(drive)[-1].bound == pytest.approx(30 * 10800 / np.pi)
-    for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@80=3"):
+    for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@=3", "order_@80=3"):
         with pytest.raises(UsageError):
             bounds(bad)
 
@@ -498,10 +517,57 @@ def test_what_is_not_known_decides_nothing_that_it_could_reverse():
         assert told.checks[0].decided_again(held.acceptance.rule, 0.0) == told.checks[0]
         page = render(result, Style(ascii=False, codes=False, width=300), details=True)
         lines = [text.plain for text in page.renderables[-3:]]
-        measure = any("what is not known could take it" in line and "--measured 4:FILE" in line for line in lines)
+        measure = any(
+            "what is not known, or uncertain, could take it" in line and "--measured 4:FILE" in line for line in lines
+        )
         assert measure == (verdict == "INCONCLUSIVE")
     order = load_preset(SMALL, [*open_, "acceptance.order_amplitude={2: 1000}"])
     assert accept(order).verdict == "INCONCLUSIVE"  # there is no range over it
+
+
+@pytest.fixture(scope="module")
+def uncertain():
+    """A drive that gives ± of a direction and of a thickness, and what is predicted of it."""
+    drive = load_preset(
+        TINY,
+        [
+            "operation.M_g=4", "acceptance.margin=0", "phases.xi_b=90 ± 40", "flexspline.h_1=0.35 ± 0.02",
+            "acceptance.F_ior=1000", "acceptance.order_amplitude.2=1000",
+        ],
+    )  # fmt: skip
+    return drive, predict(drive, needed_for(limits_of(drive)))
+
+
+def test_what_is_uncertain_decides_nothing_that_it_could_reverse(uncertain):
+    drive, found = uncertain
+    values = {limit.check: limit.predicted(found) for limit in limits_of(drive)}
+    low, high = (value.number for value in values[F_IOR])
+    assert low < found.errors[4.0].F_ior_arcsec + found.self_errors[4.0].range_arcsec < high
+    # the second way: drives drawn by scipy's normal distribution, the whole cycle of each
+    turned = norm.rvs(90, 20, 16, random_state=1)
+    errors = [kinematic_error(drive.with_values({"phases.xi_b": xi}), 4.0, cross_check=None) for xi in turned]
+    cycle = [error.F_ior_arcsec + found.self_errors[4.0].range_arcsec for error in errors]
+    assert np.mean(np.array(cycle) <= high) > 0.8
+    assert np.mean(np.array(cycle) >= low) > 0.8
+    for bound, verdict in ((high + 0.1, "PASS"), (high - 0.1, "INCONCLUSIVE"), (low - 0.1, "FAIL")):
+        limits = drive.acceptance.model_copy(update={"F_ior": {"all": bound}})
+        result = accept(drive.model_copy(update={"acceptance": limits}), predictions=found)
+        assert result.decisions[0].verdict == verdict
+        (note,) = (note for note in result.notes if note.code == "UNCERTAIN")
+        assert note.text == (
+            "F'_ior is what 95 % of drives within ± of phases.xi_b stay below, other values take them as they are "
+            "given; ± of flexspline.h_1 is in no predicted value"
+        )
+    # the amplitude of an order is told as it is given, and decided
+    assert [value.extent for value in values[ORDER]] == ["whole"]
+
+
+def test_an_uncertainty_that_is_nothing_or_beside_a_measured_value_is_no_matter(uncertain):
+    drive, found = uncertain
+    known = {limit: stated(20.0, 0.1) for limit in limits_of(drive)}
+    assert "UNCERTAIN" not in [note.code for note in accept(drive, stated=known).notes]
+    exact = drive.model_copy(update={"uncertainty": dict.fromkeys(drive.uncertainty, 0.0)})
+    assert "UNCERTAIN" not in [note.code for note in accept(exact, predictions=found).notes]
 
 
 def test_the_margin_is_as_wide_as_what_is_assumed_spreads():

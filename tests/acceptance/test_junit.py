@@ -31,7 +31,7 @@ part,20±1,30,60,
 # what the strict schema of Jenkins allows: children and attributes of each element
 ALLOWED: dict[str, tuple[set[str], set[str]]] = {
     "testsuites": ({"testsuite"}, {"name", "tests", "failures", "errors"}),
-    "testsuite": ({"properties", "testcase"}, {"name", "tests", "failures", "errors", "skipped"}),
+    "testsuite": ({"properties", "testcase", "system-out"}, {"name", "tests", "failures", "errors", "skipped"}),
     "properties": ({"property"}, set()),
     "property": (set(), {"name", "value"}),
     "testcase": ({"skipped", "error", "failure", "system-out"}, {"name", "classname"}),
@@ -65,26 +65,26 @@ def test_each_verdict_reads_right(told):
         for case in elements(suite, "testcase"):
             (result,) = [node for node in case.childNodes if node.nodeType == node.ELEMENT_NODE]
             body = result.firstChild.data if result.firstChild else ""
-            read[case.getAttribute("name")] = (
+            read[case.getAttribute("classname"), case.getAttribute("name")] = (
                 result.nodeName, result.getAttribute("type"), result.getAttribute("message"), body
             )  # fmt: skip
-            assert case.getAttribute("classname") in ("small", SMALL)
     names = [suite.getAttribute("name") for suite in suites]
     assert names == ["good", "bad <&\"'>", "open, \\x07", "broken", "part"]
     where = "F'_ior at 1 N·m"
-    assert read[f"good: {where}"][0] == "system-out"
-    assert read[f"good: {where}"][3].startswith(f"PASS: {where}: 20.00 ± 1.00 arcsec, limit ≤ 30, margin 10.00")
+    assert read["good", where][0] == "system-out"
+    assert read["good", where][3].startswith(f"PASS: {where}: 20.00 ± 1.00 arcsec, limit ≤ 30, margin 10.00")
     for name, verdict, value in (("bad <&\"'>", "FAIL", "40.00"), ("open, \\x07", "INCONCLUSIVE", "30.10")):
-        tag, kind, message, body = read[f"{name}: {where}"]
+        tag, kind, message, body = read[name, where]
         assert (tag, kind) == ("failure", verdict)
         assert message.startswith(f"{verdict}: {where}: {value} ± 1.00 arcsec, limit ≤ 30")
         assert body.startswith(message)
         assert "hdassist explain F_IOR" in body
-    tag, kind, message, body = read["broken: no answer"]
+    tag, kind, message, body = read["broken", "no answer"]
     assert (tag, kind) == ("error", "DATA")
     assert message.startswith("BROKEN: ")
     assert "none.csv" in body
-    assert read["part: lost motion"][:3] == ("skipped", "", "not tested: nothing was measured")
+    assert body.endswith("hdassist explain FILE_UNREADABLE")
+    assert read["part", "lost motion"][:3] == ("skipped", "", "not tested: nothing was measured")
     counts = [[int(suite.getAttribute(key)) for key in ("tests", "failures", "errors", "skipped")] for suite in suites]
     assert counts == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0], [2, 0, 0, 1]]
     assert [int(root.getAttribute(key)) for key in ("tests", "failures", "errors")] == [6, 2, 1]
@@ -136,3 +136,16 @@ def test_junitparser_counts_the_same(told, tmp_path):
     suites = list(JUnitXml.fromfile(str(tmp_path / "lot.xml")))
     kinds = [[type(result).__name__ for case in suite for result in case.result] for suite in suites]
     assert kinds == [[], ["Failure"], ["Failure"], ["Error"], ["Skipped"]]
+    # a build server shows class and name of a case together: the drive and the limit, each once, and no two alike
+    cases = [(case.classname, case.name) for suite in suites for case in suite]
+    assert len(set(cases)) == len(cases) == 6
+    assert all(suite.name == case.classname and suite.name not in case.name for suite in suites for case in suite)
+
+
+def test_remarks_stand_once_and_fail_nothing_by_themselves(told):
+    text = junit("lot", told, {})
+    assert text.count("remark NOT_TESTED: lost motion") == 1
+    root = parseString(text).documentElement
+    assert root is not None
+    *_, part = elements(root, "testsuite")
+    assert [node.nodeName for node in part.childNodes if node.nodeType == node.ELEMENT_NODE][-1] == "system-out"

@@ -75,10 +75,14 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "BROKEN", "BROKEN"]
     assert [line.split()[:2] for line in lines[:5]] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin -15.00, stated" in lines[1]
-    assert "lot.csv:5: no such file: gone.csv" in lines[3]
+    assert "lot.csv:5:10: measured@4: no such file: gone.csv" in lines[3]
     assert "5 drives, 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 broken (40 %)" in result.stdout
     assert "yield: 1 of 3 drives with a verdict, 33.3 %" in result.stdout
-    for words in ("error: 17-4: lot.csv:5: no such file: gone.csv", "error: 17-5: lot.csv:6: --set", "wrote a.jsonl"):
+    for words in (
+        "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
+        "error: 17-5: lot.csv:6:16: phases.xi_b: must be a number (got here; in deg)\n  hint: hdassist explain DATA",
+        "wrote a.jsonl",
+    ):
         assert words in result.stderr
     code, out, _ = here(*MEASURED, "--json", "--jobs", "1")
     assert code == 4
@@ -298,6 +302,6 @@ def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
     answers = [json.loads(line) for line in done.stdout.splitlines()]
     assert [answer["serial"] for answer in answers] == ["1", "2", "3"]
     assert [answer["error"]["message"].partition(": ")[2] for answer in answers] == (
-        ["no such preset or file: none"] * 2 + ["folder is a directory, not a preset"]
+        ["preset: no such preset or file: none"] * 2 + ["preset: folder is a directory, not a preset"]
     )
     assert all(answer["request"]["limits"] == ["F_ior@1=9"] for answer in answers)

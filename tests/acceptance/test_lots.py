@@ -25,7 +25,7 @@ from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.lot_summary import Z, quantiles, summary, wilson
 from hdassist.acceptance.page import csv as figures
 from hdassist.acceptance.replay import RELATIVE, differences, still_stands
-from hdassist.acceptance.request import Reading, Request, TraceFile
+from hdassist.acceptance.request import Reading, Request, TraceFile, Wheels
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
@@ -100,7 +100,7 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     assert [row.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
     expected = (
         "", "3:1: serial: stands in line 2", "4:1: serial: missing", "5:1: preset: missing", "6:7: a cell beyond",
-        "7:1: a row cannot read standard",
+        "7:3: preset: a row cannot read standard",
     )  # fmt: skip
     for said, words in zip(faults, expected, strict=True):
         assert words in said
@@ -273,7 +273,7 @@ LINE = st.text(st.characters(exclude_characters="\n"))
 TEXTS = st.lists(st.text(), max_size=2).map(tuple)
 TORQUES = st.sampled_from(["", "4", "-1.5e2"])
 NAMES = st.builds(LimitName, st.just("F_ior"), torque=TORQUES) | st.builds(
-    LimitName, st.just("order_amplitude"), st.sampled_from(["2", "0.01"])
+    LimitName, st.just("order_amplitude"), st.sampled_from(["2", "0.01"]), TORQUES
 )
 SAID = st.lists(st.builds(LimitText, NAMES, st.text(min_size=1).filter(lambda t: t == t.strip())), max_size=2).map(
     tuple
@@ -285,6 +285,7 @@ REQUESTS = st.builds(
     Request, LINE, LINE, TEXTS, SAID, TRACES, SAID,
     st.builds(Reading, st.none() | st.text(), wrap=st.none() | st.floats(1, 360), budget=TEXTS),
     st.booleans(), st.text(), st.integers(0),
+    st.builds(Wheels, st.none() | st.text(), mark_g=st.none() | st.floats(-720, 720), pitch_sense=st.just("cw")),
 )  # fmt: skip
 
 

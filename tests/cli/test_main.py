@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from unittest import mock
 
 import pytest
 
@@ -51,32 +52,26 @@ def test_help_starts_with_examples(command):
     assert max(map(len, text.splitlines())) <= 80
 
 
-def breaking(error: str, *args: str) -> subprocess.CompletedProcess[str]:
-    code = (
-        "import sys, hdassist.design.check as module\n"
-        f"def broken(*_, **__): raise {error}\n"
-        "module.check = broken\n"
-        f"sys.argv = ['hdassist', 'check', {SMALL!r}, *{list(args)!r}]\n"
-        "from hdassist.cli.main import main\nmain()\n"
-    )
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=CLEAN, check=False)
+def breaking(error: Exception, *args: str) -> subprocess.CompletedProcess[str]:
+    with mock.patch("hdassist.design.check.check", side_effect=error):
+        return run("check", SMALL, *args)
 
 
 def test_a_bug_is_exit_code_1_and_says_so():
-    result = breaking("ZeroDivisionError('oops')")
+    result = breaking(ZeroDivisionError("oops"))
     assert result.returncode == 1
     assert "bug" in result.stderr
     assert "ZeroDivisionError: oops" in result.stderr
     assert "Traceback" not in result.stderr
-    assert "Traceback" in breaking("ZeroDivisionError('oops')", "--debug").stderr
+    assert "Traceback" in breaking(ZeroDivisionError("oops"), "--debug").stderr
 
 
 @pytest.mark.parametrize(
     ("fault", "code", "said"),
     [
-        ("MemoryError()", 5, "error: there is not memory enough"),
-        ("OSError(24, 'Too many open files')", 4, "error: the system refuses: Too many open files"),
-        ("OSError(11, 'Resource temporarily unavailable')", 4, "error: the system refuses: Resource"),
+        (MemoryError(), 5, "error: there is not memory enough"),
+        (OSError(24, "Too many open files"), 4, "error: the system refuses: Too many open files"),
+        (OSError(11, "Resource temporarily unavailable"), 4, "error: the system refuses: Resource"),
     ],
 )
 def test_what_the_system_refuses_is_no_bug(fault, code, said):

@@ -53,7 +53,7 @@ def test_list_shows_each_preset_in_one_line() -> None:
     ):
         (line,) = (line for line in result.stdout.splitlines() if line.startswith(name))
         assert all(cell in line for cell in cells)
-    assert "Lyuminarsky and Ivanov (2019)." in result.stdout
+    assert "Lyuminarsky and Ivanov (2019)." in " ".join(re.findall(r"\S+", result.stdout.split("vzp160   ")[-1]))
     assert "Results hinge" not in result.stdout
 
 
@@ -246,7 +246,19 @@ def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -
     assert code == 0
     assert max(map(len, page.splitlines())) <= columns
     assert "synthetic-160-162" in page or "1830000" in page
-    assert ("wider terminal" in page) == (columns == 60)
+    assert ("needs more columns" in page) == (columns == 60)
+
+
+@pytest.mark.parametrize(("columns", "width"), [(None, 80), ("70", 70), ("140", 140), ("40", 53), ("wide", 80)])
+def test_in_a_pipe_the_list_is_as_wide_as_columns_says(columns: str | None, width: int) -> None:
+    env = {} if columns is None else {"COLUMNS": columns}
+    found = CliRunner().invoke(presets.app, ["list"], env=env)
+    lines = found.stdout.splitlines()
+    assert max(map(len, lines)) <= width
+    assert "…" not in found.stdout
+    for name in preset_names():  # whatever a script would look for stands on one line
+        assert re.search(rf"^{name} +\d+/\d+ +[\d.]+ mm +\d+, \d+, \d+", found.stdout, re.MULTILINE)
+    assert ("description" in lines[2]) == (width > 53)
 
 
 def made(*arguments: str) -> Drive:

@@ -24,13 +24,14 @@ from tests.process import SMALL
 from tests.rigs import recorded
 
 M_G = 4.0
+FEW = ["numerics.n_max=8", "numerics.n_2=16"]  # nodes: the numbers are held against the same model's
 START = 20.0
 KNOWN = RecordConvention(start_deg=START)
 
 
 @pytest.fixture(scope="module")
 def drive() -> Drive:
-    return load_preset(SMALL)
+    return load_preset(SMALL, FEW)
 
 
 def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float = 1.0) -> MeasuredTrace:
@@ -88,7 +89,7 @@ def test_a_cam_angle_that_counts_clockwise(drive):
 
 @pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
 def test_two_encoders_tell_the_sign(drive, fixed):
-    there = load_preset(SMALL, [f"mounting.fixed={fixed}"])
+    there = load_preset(SMALL, [*FEW, f"mounting.fixed={fixed}"])
     u = Kinematics.of(there).u
     column = recorded(np.arange(100) / 40, np.zeros(100))
     counts_alike = replace(column, sense=np.sign(u))  # both encoders counter-clockwise
@@ -132,7 +133,7 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
     apart = (change.direction_deg - np.degrees(np.angle(true)) / which.order + turn / 2) % turn - turn / 2
     assert abs(apart) < 4 * change.direction_uncertainty_deg < 12
     # said again in terms of the preset, it solves to nearly the hidden drive's F'_ior
-    there = load_preset(SMALL, overrides_of(best))
+    there = load_preset(SMALL, [*FEW, *overrides_of(best)])
     assert {path: there.value(path) for path, _ in best.overrides} == dict(best.overrides)
     solved = kinematic_error(there, M_G, cross_check=None).F_ior_arcsec
     assert best.F_ior_arcsec == pytest.approx(solved, abs=0.01)

@@ -23,6 +23,8 @@ def test_json_has_what_others_build_on(answer):
     assert set(told["curve"]) == {"torque_Nm", "twist_arcsec", "contact_arcsec", "tube_arcsec"}
     for side in ("positive", "negative"):
         assert [set(s) for s in told[side]] == 3 * [{"from_Nm", "to_Nm", "stiffness_Nm_per_rad"}]
+    # at the torques of the preset that the curve reaches
+    assert [t["M_g_Nm"] for t in told["tangents"]] == [1, 4]
     assert told["lost_motion_arcsec"] >= told["play_arcsec"] > 0
     assert told["certificate"]["cross_check"]["max_difference_arcsec"] <= 0.01
     # no rated torque in the preset: said, on stderr and in the answer
@@ -38,8 +40,14 @@ def test_people_figures_and_the_answer_alone(answer):
     assert page.stderr == ""
     page = run("stiffness", SMALL, "--set", "operation.rated=4")
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("twist, arcsec", "K1", "K3", "lost motion", "certificate"):
+    for words in ("twist, arcsec", "K1", "K3", "tangent", "lost motion", "again by CLARABEL", "--details"):
         assert words in page.stdout
+    slopes = [f"{t['stiffness_Nm_per_rad'] / 1e4:.3g} at {t['M_g_Nm']:g} N·m" for t in told["tangents"]]
+    assert ", ".join(slopes) in page.stdout
+    more = run("stiffness", SMALL, "--set", "operation.rated=4", "--details", "--at", "3", "--at=-3").stdout
+    for words in ("K the other way", "tangent stiffness dT/dphi", "certificate"):
+        assert words in more
+    assert [line.split()[0] for line in more.split("dT/dphi")[1].splitlines()[3:5]] == ["3", "-3"]
     quiet = run("stiffness", SMALL, "-q").stdout.splitlines()
     assert quiet[-1] == f"lost motion: {told['lost_motion_arcsec']:.2f} arcsec"
 

@@ -43,8 +43,8 @@ def exact(small: Drive, batch: Batch) -> np.ndarray:
 
 
 def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray) -> None:
-    search = ProposedSearch(small, table, formulate(contact_system(small)))
-    estimates = search.estimates(batch)
+    search = ProposedSearch(small, 1.0, formulate(contact_system(small)))
+    estimates = search.estimates(table, batch)
     found = search.extremes(batch, estimates)
     read = np.ptp(estimates, axis=(1, 2))
     assert np.abs(read - exact).max() > 0.5, "the table alone is worse, or this shows nothing"
@@ -54,9 +54,9 @@ def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: B
 
 
 def test_the_states_are_the_extremes(small: Drive, table: ErrorTable, batch: Batch) -> None:
-    search = ProposedSearch(small, table, formulate(contact_system(small)))
+    search = ProposedSearch(small, 1.0, formulate(contact_system(small)))
     one = batch.take(np.array([5]))
-    found = search.extremes(one, search.estimates(one))
+    found = search.extremes(one, search.estimates(table, one))
     drive = small.with_values({p: float(v[5]) for p, v in batch.columns.items()})
     error = kinematic_error(drive, 1.0, cross_check=None)
     assert {int(found.at_max[0]), int(found.at_min[0])} == {error.at_max, error.at_min}
@@ -66,13 +66,13 @@ def test_a_drive_has_the_same_digits_alone_and_with_its_table_from_another_drive
     small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray
 ) -> None:
     softer = small.with_values({"contact.c_t": 6.6e-5})
-    like = ProposedSearch(small, table, formulate(contact_system(small)))
-    search = ProposedSearch(softer, table, formulate(contact_system(softer)), like=like.fresh)
+    like = ProposedSearch(small, 1.0, formulate(contact_system(small)))
+    search = ProposedSearch(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
     rows = np.array([2, 7])
     part = batch.take(rows)
-    found = search.extremes(part, search.estimates(part)).F_ior_arcsec
-    again = ProposedSearch(softer, table, formulate(contact_system(softer)), like=like.fresh)
-    assert (again.extremes(part, again.estimates(part)).F_ior_arcsec == found).all()
+    found = search.extremes(part, search.estimates(table, part)).F_ior_arcsec
+    again = ProposedSearch(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
+    assert (again.extremes(part, again.estimates(table, part)).F_ior_arcsec == found).all()
     for row, value in zip(rows, found, strict=True):
         drive = softer.with_values({p: float(v[row]) for p, v in batch.columns.items()})
         assert value == pytest.approx(kinematic_error(drive, 1.0, cross_check=None).F_ior_arcsec, abs=1e-6)

@@ -3,7 +3,8 @@
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.sensitivity import sensitivities, sensitivity
+from hdassist.error.nearby import Nearby
+from hdassist.error.sensitivity import sensitivity
 from tests.process import SMALL
 from tests.support import changed
 
@@ -13,7 +14,7 @@ def F_ior(**fields) -> float:
 
 
 def test_slopes_are_those_of_the_full_cycle():
-    found = sensitivity(load_preset(SMALL), 1.0)
+    found, _ = sensitivity(Nearby(load_preset(SMALL), (1.0, 4.0)))
     assert found.j_n == pytest.approx((F_ior(gears__j_n=7.0) - F_ior(gears__j_n=5.0)) / 2, abs=0.02)
     assert pytest.approx((F_ior(cam__W_0=0.581) - F_ior(cam__W_0=0.579)) / 2, abs=0.02) == found.W_0
     # no clearance cannot become less
@@ -21,12 +22,5 @@ def test_slopes_are_those_of_the_full_cycle():
     # wider flanks and a smaller wave free the wheels, so that more of the deviations shows at a light load
     assert found.j_n > 1
     assert found.W_0 < -1
-    assert found.certificate.states > 3000
-
-
-def test_rolling_balls_have_none():
-    rolling = changed(load_preset(SMALL), bearing__ball_motion="rolling", bearing__d_ball=3.0)
-    assert sensitivity(rolling, 1.0) is None
-    told: list[int] = []
-    assert sensitivities([(rolling, 1.0), (rolling, 4.0)], progress=told.append) == [None, None]
-    assert not told
+    assert found.certificate.states > 1000
+    assert found.certificate.max_residual < 1e-8

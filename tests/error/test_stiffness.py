@@ -8,10 +8,11 @@ import pytest
 from hdassist import load_preset, stiffness
 from hdassist.error.stiffness import Segment, Twist, catalogue_torques
 from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.rings import shell_twist_stiffness
 from tests.process import SMALL
-from tests.support import changed, wind_up
+from tests.support import changed, solve_state, wind_up
 
 ARCSEC = np.degrees(3600)
 
@@ -126,11 +127,38 @@ def test_a_short_curve_has_fewer_segments(reference):
 
 
 @pytest.mark.parametrize(
-    "options", [{"T_1": 900.0}, {"T_2": -5.0}, {"T_2": np.inf}, {"T_max": 0.0}, {"T_max": np.nan}, {"T_max": np.inf}]
+    ("options", "said"),
+    [
+        ({"T_1": 900.0}, "T_1, 900 N.m, must be below T_2, 766.083 N.m"),
+        ({"T_2": 30.0}, "T_1, 215.221 N.m, must be below T_2, 30 N.m"),
+        ({"T_2": -5.0}, "T_2 cannot be -5 N.m"),
+        ({"T_2": np.inf}, "T_2 cannot be inf N.m"),
+        ({"T_max": 0.0}, "end of the curve cannot be 0 N.m"),
+        ({"T_max": np.nan}, "end of the curve cannot be nan N.m"),
+        ({"tangents_at": [80.0, 0.0]}, "no tangent stiffness at 0 N.m"),
+        ({"tangents_at": [-np.inf]}, "no tangent stiffness at -inf N.m"),
+    ],
 )
-def test_torques_out_of_order(reference, options):
-    with pytest.raises(UsageError, match="must be positive"):
+def test_a_torque_that_cannot_be_meant_is_named(reference, options, said):
+    with pytest.raises(UsageError, match=said):
         of(reference, **options)
+
+
+def test_the_tangent_is_the_slope_of_the_contacts_that_carry(reference):
+    torques = [80.0, -5.0, 800.0]
+    found = of(reference, points=0, tangents_at=torques).tangents
+    system = contact_system(reference)
+    tube = shell_twist_stiffness(reference, Geometry.of(reference)) / 1e3
+    for tangent, torque in zip(found, torques, strict=True):
+        # the second way: the linear system of the contacts that carry, none opening and none closing
+        forces = solve_state(system, torque * 1e3, system.delta_p)[0]
+        inside = forces > 1e-9 * forces.max()
+        D, G = system.D[np.ix_(inside, inside)], system.G[inside]
+        whole = np.block([[D, G], [G.T, -np.diag(system.C)]])
+        right = np.concatenate([np.zeros(len(D)), -system.load(1e3)])
+        per_Nm = np.linalg.solve(whole, right)[len(D) + ROTATION]
+        assert tangent.torque == torque
+        assert tangent.stiffness == pytest.approx(1 / (per_Nm + 1 / tube), rel=1e-6)
 
 
 def test_beyond_the_model_there_is_no_number(reference):

@@ -62,3 +62,18 @@ def test_a_check_passes_or_fails_only_where_nearly_all_of_it_does():
     # without a range nothing is settled, however wide the limit; where all is known it is the value that counts
     assert verdict(1000.0, over=None) is Verdict.INCONCLUSIVE
     assert verdict(1000.0, over=None, open_=False) is Verdict.PASS
+
+
+def test_an_uncertainty_alone_is_judged_by_its_range_too():
+    known = check(load_preset(SMALL, ["operation.M_g=4"]), draws=64)
+    spread = ["operation.M_g=4", "phases.xi_b=90±60", "flexspline.h_1=0.35±0.01"]
+    (point,) = check(load_preset(SMALL, spread), draws=64).points
+    assert known.points[0].over is None
+    assert point.over is not None
+    assert point.over.high - point.over.low > 1
+    for limit, verdict in ((point.over.low - 1, Verdict.FAIL), (point.over.median, Verdict.INCONCLUSIVE)):
+        held = replace(point, limit_arcsec=limit + point.self_error.range_arcsec)
+        assert held.verdict is verdict
+    found = check(load_preset(SMALL, spread), draws=20)
+    assert found.uncertain == ("phases.xi_b",)
+    assert "the uncertainty of flexspline.h_1 is not in F'_ior" in found.warnings

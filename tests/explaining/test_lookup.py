@@ -115,7 +115,9 @@ def test_codes_are_explained_to_people_and_scripts():
     assert all(check.code in run("explain").stdout for check in CHECKS)
 
 
-@pytest.mark.parametrize("names", [(), ("F_IOR", "gears", "tangential composite deviation", "certificate")])
+@pytest.mark.parametrize(
+    "names", [(), tuple(dict.fromkeys(entry.names[0] for entry in entries()))], ids=["list", "all"]
+)
 def test_forty_columns_hold_it_whole(names):
     wide = run("explain", *names).stdout
     code, told = on_terminal("explain", *names, "--no-color", columns=40)

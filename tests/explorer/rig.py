@@ -15,8 +15,8 @@ from hdassist.explorer.answers import Answer, Failed
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import answers
 from hdassist.explorer.questions import Effort, Question
-from hdassist.explorer.state import Session, opened
-from hdassist.explorer.trial_entry import RigAsked
+from hdassist.explorer.state import USUAL, Session, opened
+from hdassist.terminal.options import TrialOptions
 from tests.process import SMALL
 
 QUICK = Effort(turns=4, samples=64, trial_samples=1024, jobs=1)
@@ -51,7 +51,7 @@ def _answers(pickled: bytes) -> list[Answer]:
     return found
 
 
-def small(*overrides: str, rig: RigAsked | None = None) -> Session:
+def small(*overrides: str, rig: TrialOptions = USUAL) -> Session:
     """The small drive at one torque, with six holes and coarse rings, and more on top."""
     return opened(SMALL, (*FEW, *overrides), rig)
 

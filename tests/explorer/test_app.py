@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -108,7 +109,9 @@ def likely() -> str:
     return " ".join(f"h{k}:{values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
 
 
-def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likely: str) -> None:
+def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_json(
+    likely: str, tmp_path: Path
+) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         found = app.of_trials
         assert found is not None and found.advised is not None
@@ -118,6 +121,12 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likel
         await pilot.press("c")
         if not found.advised.settled:
             assert "no card: the trials do not settle it" in said(app)
+            await pilot.press("j")
+            app.screen.query_one(Input).value = str(tmp_path / "trials.json")
+            await pilot.press("enter")
+            await settled(app, pilot)
+            told = json.loads((tmp_path / "trials.json").read_text())
+            assert (told["schema"], told["instruction"]) == ("hdassist.trials/1", found.advised.words)
 
     explored(act, with_trials(small(), likely))
 

@@ -7,8 +7,8 @@ import pytest
 from hdassist.errors import UsageError
 from hdassist.explorer import state
 from hdassist.explorer.state import Session, Step
-from hdassist.explorer.trial_entry import RigAsked
 from hdassist.preset.load import load_text
+from hdassist.terminal.options import TrialOptions
 from tests.explorer.rig import FEW, small
 from tests.process import SMALL
 
@@ -72,7 +72,7 @@ def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -
 
 
 def test_the_command_of_trials_says_how_they_were_measured() -> None:
-    tried = state.with_trials(small(rig=RigAsked(torque=1.0, noise=0.5)), "h0:28.1 h4:17.3")
+    tried = state.with_trials(small(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0:28.1 h4:17.3")
     assert tried.command() == (f"hdassist trials {SMALL} h0:28.1 h4:17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
         f"--set {quote(text)}" for text in FEW
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, run
+from tests.process import CLEAN, COMMAND, TINY, run
 
 LONG = "x" * 5000  # a name that no file can have
 DIGITS = "1" * 30_000
@@ -35,7 +35,7 @@ def folder(tmp_path, monkeypatch):
     """A folder to stand in, with targets, a lot, a trace, a pipe that nobody writes to, and a circle of links."""
     monkeypatch.chdir(tmp_path)
     Path("targets.yaml").write_text(TARGETS % TARGET)
-    Path("lot.csv").write_text(f"serial,preset,limit F_ior@4\n1,{SMALL},60\n")
+    Path("lot.csv").write_text(f"serial,preset,limit F_ior@4\n1,{TINY},60\n")
     Path("run.csv").write_text("cam_deg,error_arcsec\n" + "".join(f"{k / 2},{k % 7}\n" for k in range(720)))
     os.mkfifo("pipe")
     for name in ("circle", "circle.txt"):
@@ -69,7 +69,7 @@ def answer(tmp_path_factory):
     rows = (f"{k},{15 * math.sin(math.radians(k)):.4f}\n" for k in range(361))
     trace.write_text("cam_deg,error_arcsec\n" + "".join(rows))
     asked = ("--limit", "F_ior@4=60", "--measured", f"4:{trace}", "--measured-only")
-    assert run("accept", SMALL, *asked, "--json", "-o", str(file)).returncode in (0, 6)
+    assert run("accept", TINY, *asked, "--json", "-o", str(file)).returncode in (0, 6)
     return json.loads(file.read_text())
 
 
@@ -100,10 +100,10 @@ OPENED = {  # every place where a file is named to be read
     "presets": ("presets", "validate"),
     "accepted": ("accept",),
     "trace": ("measure", "--ratio", "100"),
-    "measured": ("accept", SMALL, "--limit", "F_ior@4=60", "--measured"),
-    "pitch": ("mount", SMALL, "--pitch-b"),
-    "targets": ("calibrate", SMALL, "--targets"),
-    "state": ("calibrate", SMALL, "--targets", "targets.yaml", "--state"),
+    "measured": ("accept", TINY, "--limit", "F_ior@4=60", "--measured"),
+    "pitch": ("mount", TINY, "--pitch-b"),
+    "targets": ("calibrate", TINY, "--targets"),
+    "state": ("calibrate", TINY, "--targets", "targets.yaml", "--state"),
     "replay": ("accept", "--replay"),
     "resume": ("accept", "lot.csv", "--resume", "--jsonl"),
 }
@@ -137,20 +137,20 @@ def test_a_pipe_with_a_writer_is_read(folder):
 
 
 def test_targets_from_a_stream_are_read_and_refused_as_those_of_a_file(folder):
-    require_refused(run("calibrate", SMALL, "--targets", "-", stdin=TARGETS % "{quantity: none}"), "names no quantity")
+    require_refused(run("calibrate", TINY, "--targets", "-", stdin=TARGETS % "{quantity: none}"), "names no quantity")
     require_refused(run("calibrate", "-", "--targets", "-"), "standard input")
 
 
 WRITTEN = {  # every place where a file is named to be written
-    "output": ("check", SMALL, "-o"),
-    "csv": ("check", SMALL, "--csv"),
-    "card": ("mount", SMALL, "--card"),
-    "beside a card": ("mount", SMALL, "--card", "card.txt", "-o"),
-    "figures beside a card": ("mount", SMALL, "--card", "card.txt", "--csv"),
+    "output": ("check", TINY, "-o"),
+    "csv": ("check", TINY, "--csv"),
+    "card": ("mount", TINY, "--card"),
+    "beside a card": ("mount", TINY, "--card", "card.txt", "-o"),
+    "figures beside a card": ("mount", TINY, "--card", "card.txt", "--csv"),
     "lines": ("accept", "lot.csv", "--jsonl"),
-    "lines of one": ("accept", SMALL, "--jsonl"),
+    "lines of one": ("accept", TINY, "--jsonl"),
     "suite": ("accept", "lot.csv", "--junit"),
-    "found": ("calibrate", SMALL, "--targets", "targets.yaml", "--write"),
+    "found": ("calibrate", TINY, "--targets", "targets.yaml", "--write"),
     "new": ("presets", "new", "mine", "-o"),
     "schema": ("presets", "schema", "-o"),
 }
@@ -167,12 +167,12 @@ def test_what_can_be_no_file_is_refused_where_a_file_is_written(folder, place, f
 
 @pytest.mark.parametrize("trial", [f"h0:{LONG}", "h0:circle", "h0:/dev/zero", "h0:pipe"])
 def test_a_trial_that_names_a_file_is_none(folder, trial):
-    require_refused(run("trials", SMALL, trial), "is no trial")
+    require_refused(run("trials", TINY, trial), "is no trial")
 
 
 def preset_with(**lines: str) -> str:
     """The small preset with some of its values replaced."""
-    text = Path(SMALL).read_text()
+    text = Path(TINY).read_text()
     for old, new in lines.items():
         assert old in text
         text = text.replace(old, new)
@@ -187,7 +187,7 @@ def preset_with(**lines: str) -> str:
         preset_with() + f"\nacceptance: {{F_ior: {{? {DIGITS}x : 1}}}}\n",
         preset_with() + f"\nacceptance: {{order_amplitude: {{? {DIGITS}x : 1}}}}\n",
         *(
-            preset_with(**{"m: 0.5": f"m: {value}"})
+            preset_with(**{"m: 1.5": f"m: {value}"})
             for value in (
                 DIGITS, f"{DIGITS}x", f"1e{DIGITS}", f"'1{BLANKS}x'", f"'1 mm/{BLANKS}x'", f"'1 mm ± 1{BLANKS}x'",
                 f"'{DIGITS} mm'", f"'1 {'+' * 60_000}'", f"[{'1, ' * 20_000}]", "1 " * 30_000,
@@ -218,7 +218,7 @@ def test_time_to_refuse_a_number_does_not_grow_with_its_blanks(blanks):
 )
 @pytest.mark.parametrize("holes", ["0", "12"])
 def test_positions_that_are_asked_for_are_bounded(alarm, step, said, holes):
-    done = run("mount", SMALL, "--step", step, "--set", f"mounting.holes={holes}")
+    done = run("mount", TINY, "--step", step, "--set", f"mounting.holes={holes}")
     require_refused(done, said)
     assert done.returncode == 2
 
@@ -226,14 +226,14 @@ def test_positions_that_are_asked_for_are_bounded(alarm, step, said, holes):
 @pytest.mark.parametrize("trial", ["1e308:17.3", "-1e308:17.3", "h1e308:17.3", "h0:1e308", "nan:17.3", "inf:1"])
 @pytest.mark.parametrize("holes", ["0", "12"])
 def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
-    done = run("trials", SMALL, trial, "--set", f"mounting.holes={holes}")
+    done = run("trials", TINY, trial, "--set", f"mounting.holes={holes}")
     require_refused(done)
     assert done.returncode == 2
 
 
 @pytest.mark.parametrize("torque", ["1e308", "-1e308", "1.1e7", "0", "nan", "inf"])
 def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque):
-    done = run("trials", SMALL, "h0:17.3", "--trial-torque", torque)
+    done = run("trials", TINY, "h0:17.3", "--trial-torque", torque)
     require_refused(done, "the torque of a trial must not be")
     assert done.returncode == 2
 
@@ -243,14 +243,12 @@ def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque)
 )
 @pytest.mark.parametrize("value", ["1e308", "1.1e6", "-1", "nan", "inf"])
 def test_noise_and_reseat_beyond_what_can_be_measured_are_none(alarm, option, said, value):
-    done = run("trials", SMALL, "h0:17.3", option, value)
+    done = run("trials", TINY, "h0:17.3", option, value)
     require_refused(done, said)
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize(
-    "command", [("check", SMALL), ("accept", "lot.csv"), ("trials", SMALL, "h0:1"), ("mount", SMALL)]
-)
+@pytest.mark.parametrize("command", [("check", TINY), ("accept", "lot.csv"), ("trials", TINY, "h0:1"), ("mount", TINY)])
 def test_so_many_processes_are_wrong_usage(folder, command):
     done = run(*command, "--jobs", "9" * 400)
     require_refused(done, "--jobs")
@@ -264,7 +262,7 @@ def test_a_ratio_beyond_what_a_drive_has_is_refused(folder, ratio):
 
 @pytest.mark.parametrize("serial", ["s" * 4_000_000, '"' + "s" * 4_000_000 + '"', "s" * 20_000])
 def test_a_cell_of_a_lot_is_bounded(folder, serial):
-    Path("long.csv").write_text(f"serial,preset\n{serial},{SMALL}\n")
+    Path("long.csv").write_text(f"serial,preset\n{serial},{TINY}\n")
     require_refused(run("accept", "long.csv"), "long.csv:2:1: a line of", "characters")
 
 
@@ -289,7 +287,7 @@ def test_time_for_a_lot_does_not_grow_with_the_square_of_its_remarks(folder, ala
 )  # fmt: skip
 def test_a_target_of_the_wrong_kind_is_a_finding(folder, target):
     Path("wrong.yaml").write_text(TARGETS % target)
-    require_refused(run("calibrate", SMALL, "--targets", "wrong.yaml"), "wrong.yaml:4:")
+    require_refused(run("calibrate", TINY, "--targets", "wrong.yaml"), "wrong.yaml:4:")
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "[" * 100_000 + "]" * 100_000, '{"a":' * 100_000, "9" * 100_000])
@@ -303,8 +301,8 @@ FORGED = "1\nPASS"  # a second line where a name stands
 
 
 def test_a_line_break_in_a_name_forges_no_line(folder, answer):
-    require_refused(run("accept", SMALL, "--serial", FORGED), "a line break in '1\\nPASS'")
-    Path("named.yaml").write_text(preset_with(**{"name: small": f"name: {json.dumps(FORGED)}"}))
+    require_refused(run("accept", TINY, "--serial", FORGED), "a line break in '1\\nPASS'")
+    Path("named.yaml").write_text(preset_with(**{"name: tiny": f"name: {json.dumps(FORGED)}"}))
     require_refused(run("check", "named.yaml"), "named.yaml:3:7: name: must be one line")
     Path("answer.json").write_text(json.dumps(answer | {"serial": FORGED}))
     require_refused(run("accept", "--replay", "answer.json"), "answer.json")
@@ -349,10 +347,10 @@ STDOUT = {
     "list": ("presets", "list"),
     "list as JSON": ("presets", "list", "--json"),
     "preset as it is": ("presets", "show", "vzp160"),
-    "verdict of validate": ("presets", "validate", SMALL),
+    "verdict of validate": ("presets", "validate", TINY),
     "schema": ("presets", "schema"),
     "page": ("explain",),
-    "accepted": ("accept", SMALL, "--limit", "F_ior@4=60"),
+    "accepted": ("accept", TINY, "--limit", "F_ior@4=60"),
     "lot": ("accept", "lot.csv"),
 }
 

@@ -58,8 +58,13 @@ def test_people_see_what_was_found_and_assumed(rig):
     page = run("measure", "run.csv", "--ratio", "30", cwd=rig)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ('note: "cam_deg": cam angle', "F'_ior", "raw range", "100.0 % of the cycle", "orders", "not stated"):
+    for words in ('"cam_deg": cam angle', "F'_ior", "100.0 % of the cycle", "orders", "--budget encoder", "--details"):
         assert words in page.stdout
+    assert len(page.stdout.splitlines()) < 30
+    whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig)
+    assert max(map(len, whole.stdout.splitlines())) <= 80
+    for words in ("as read", "cells of", "the 12 greatest of", "not stated", "combined"):
+        assert words in whole.stdout
     plain = run("measure", "run.csv", "--ascii", cwd=rig).stdout
     assert plain.isascii()
     assert "at least" in plain

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks import encoders
 from hdassist import load_preset, trace
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.decision import Limit, Value, decide
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import combined, parse_stated
+from hdassist.readers.trace import TraceForm, read_trace
 from tests.process import SMALL
 from tests.rigs import Curve, drive_error, recorded, slow_noise, turn_range, whole_range
 
@@ -212,6 +214,33 @@ def test_a_coarse_reading_without_noise_counts():
     coarse = measure(recorded(EVEN, error, step=1.0), ratio=100).directions[0]
     (source,) = (s for s in coarse.sources if s.name == "resolution")
     assert source.arcsec == pytest.approx(1 / np.sqrt(6))
+
+
+def by_two_encoders(step: float, uneven: float):
+    """What is read of an error of 30 arcsec by encoders at both shafts, the output's with steps [arcsec]."""
+    turns = np.arange(6000) / 200
+    error = 14 * np.cos(4 * np.pi * turns) + np.cos(2 * np.pi * turns / 30)
+    file = encoders.recorded(error, 30, step, 0.01, 0.0, uneven)
+    return measure(read_trace(file, TraceForm(second="output_deg"), ratio=30), ratio=30).directions[0]
+
+
+@pytest.mark.parametrize("step", [1.0, 5.0])
+def test_steps_that_come_round_with_the_turns_are_in_the_interval(step: float):
+    found = by_two_encoders(step, encoders.CAM)
+    low, high = found.interval_arcsec
+    assert low < 30 < high
+    (source,) = (s for s in found.sources if s.name == "resolution")
+    assert source.arcsec == pytest.approx(step / np.sqrt(3), rel=1e-3)
+    by_clock = by_two_encoders(step, encoders.CLOCK)
+    assert next(s for s in by_clock.sources if s.name == "resolution").arcsec == 0
+    low, high = by_clock.interval_arcsec
+    assert low < 30 < high
+
+
+def test_steps_that_may_be_the_error_are_refused():
+    with pytest.raises(UntrustedError, match="steps of 20 arcsec at even angles"):
+        by_two_encoders(20.0, encoders.CAM)
+    assert by_two_encoders(20.0, encoders.CLOCK).range.value == pytest.approx(30, abs=5)
 
 
 def test_the_same_seed_gives_the_same_figures():

@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from hdassist.error.cycle import kinematic_error
-from hdassist.model.kinematics import STRIP, Kinematics, ball_phase, neighbours_together, pitch_locked_states
+from hdassist.error.cycle import kinematic_error, place
+from hdassist.model.kinematics import (
+    STRIP,
+    Kinematics,
+    ball_phase,
+    neighbours_together,
+    pitch_locked_states,
+    turns_and_degrees,
+)
 from tests.support import changed
 
 
@@ -110,6 +117,16 @@ def test_results_stand_in_the_order_of_the_states_asked_for(reference):
     for k, j in enumerate(index):
         alone = kinematic_error(reference, 80, states=pitch_locked_states(Kinematics.of(reference), np.array([j])))
         assert some.rotation_arcsec[k] == pytest.approx(alone.rotation_arcsec[0], abs=1e-7)
+
+
+def test_an_angle_in_turns_and_degrees():
+    told = [turns_and_degrees(deg) for deg in (14916.83, 400.0, 719.97, 0.0)]
+    assert told == ["41 turns + 156.8 deg", "1 turn + 40.0 deg", "2 turns + 0.0 deg", "0 turns + 0.0 deg"]
+
+
+def test_a_state_is_named_by_the_turns_of_its_cam(reference):
+    states = pitch_locked_states(Kinematics.of(reference), np.array([8370]))
+    assert place(states, 80.0, 0).startswith("phi_h = 41 turns + 156.8 deg, phi_g = ")
 
 
 def test_full_cycle_is_asked_for_by_name(reference):

@@ -7,9 +7,9 @@ from datetime import date
 
 import pytest
 
-from tests.process import SMALL, interrupted, run
+from tests.process import TINY, interrupted, run
 
-QUICK = ("mount", SMALL, "--set", "mounting.holes=4", "--torque", "4", "--set", "numerics.n_max=8", "--jobs", "1")
+QUICK = ("mount", TINY, "--set", "mounting.holes=4", "--torque", "4", "--set", "numerics.n_max=8", "--jobs", "1")
 
 
 def test_cards_are_written_beside_the_answer(tmp_path):
@@ -89,7 +89,7 @@ def test_a_folder_that_cannot_be_written(tmp_path):
 
 
 def test_interrupted_work_leaves_no_card(tmp_path):
-    done = interrupted("mount", SMALL, "--torque", "4", "--step", "0.1", "--card", str(tmp_path / "card.html"), after=2)
+    done = interrupted("mount", TINY, "--torque", "4", "--step", "0.1", "--card", str(tmp_path / "card.html"), after=1)
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
     assert "no card" in done.stderr

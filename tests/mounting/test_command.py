@@ -10,9 +10,9 @@ import pytest
 
 from hdassist import kinematic_error, load_preset
 from hdassist.mounting.seat_page import HIGH
-from tests.process import SMALL, interrupted, run, run_cold
+from tests.process import TINY, interrupted, run, run_cold
 
-QUICK = ("mount", SMALL, "--set", "mounting.holes=6")
+QUICK = ("mount", TINY, "--set", "mounting.holes=6")
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +41,12 @@ def test_json_has_what_others_build_on(answer):
     worst_served = max(b / n for b, n in zip(best["F_ior_arcsec"], now, strict=True))
     assert told["gain"] == pytest.approx(1 - worst_served)
     assert told["gain"] > 0.1
-    assert told["certificate"]["states"] == 12 * 1860
+    assert told["certificate"]["states"] == 12 * 220
 
 
 def test_the_recommended_position_holds_when_checked_alone(answer):
     best = json.loads(answer.stdout)["recommended"]
-    drive = load_preset(SMALL, [f"phases.xi_b={90 + best['rotation_deg']}"])
+    drive = load_preset(TINY, [f"phases.xi_b={90 + best['rotation_deg']}"])
     for M_g, value in zip((1.0, 4.0), best["F_ior_arcsec"], strict=True):
         assert kinematic_error(drive, M_g).F_ior_arcsec == pytest.approx(value, abs=1e-9)
 
@@ -95,7 +95,7 @@ def test_figures_and_torques():
     ],
 )
 def test_wrong_input(args, code):
-    result = run("mount", SMALL, *args)
+    result = run("mount", TINY, *args)
     assert result.returncode == code
     assert result.stdout == ""
     assert result.stderr.startswith("error:")
@@ -103,7 +103,7 @@ def test_wrong_input(args, code):
 
 
 def test_an_interrupt_ends_with_130_and_what_is_done():
-    done = interrupted("mount", SMALL, "--torque", "4", "--step", "0.1", "--json", after=2)
+    done = interrupted("mount", TINY, "--torque", "4", "--step", "0.1", "--json", after=1)
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
     assert "interrupted" in done.stderr

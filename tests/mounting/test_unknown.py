@@ -36,7 +36,8 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert (told["exit_code"], told["order"], told["turn"], told["recommended"]) == (6, "none", False, None)
     assert [place["hole"] for place in told["measure"]] == [0, 4, 8]
     assert told["unknown"] == [{"field": "phases.phi_hb", "range": [0, 360], "reason": "any direction"}]
-    assert f"hdassist trials {SMALL} h0:F_IOR h4:F_IOR h8:F_IOR" in what_to_do(advice)
+    overrides = "--set phases.phi_hb=unknown --set operation.M_g=4"
+    assert f"hdassist trials {SMALL} {overrides} h0:F_IOR h4:F_IOR h8:F_IOR" in what_to_do(advice)
 
 
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):

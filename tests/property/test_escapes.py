@@ -23,7 +23,7 @@ from hdassist.reporting import render as report_render
 from hdassist.reporting.blocks import Figure, Paragraph, Report, Section, Table, Tile
 from hdassist.reporting.charts import Dot, chart
 from tests.advices import advice_of, card
-from tests.process import SMALL, on_terminal, run
+from tests.process import TINY, on_terminal, run
 from tests.test_visible import EVERY_HIDDEN, hidden
 
 SURROGATES = re.compile("[\ud800-\udfff]")
@@ -40,8 +40,8 @@ def folder(word: str) -> Iterator[tuple[Path, str]]:
     """A folder, and in it a preset whose name and file name have a word in them."""
     with tempfile.TemporaryDirectory() as made:
         preset = Path(made) / f"{on_disk(word)}.yaml"
-        text = Path(SMALL).read_text(encoding="utf-8")
-        text = text.replace("name: small", f"name: {json.dumps('a' + word)}")
+        text = Path(TINY).read_text(encoding="utf-8")
+        text = text.replace("name: tiny", f"name: {json.dumps('a' + word)}")
         source = f"source: {{gears.z_g: {{kind: given, ref: {json.dumps(word)}}}}}\n"
         preset.write_text(text + source, encoding="utf-8")
         yield Path(made), str(preset)
@@ -161,12 +161,12 @@ def test_a_sweep(word: str) -> None:
 @given(WORDS)
 def test_words_of_the_command_line(word: str) -> None:
     say("explain", word)
-    say("check", SMALL, f"--a{word}")
-    say("check", SMALL, "--torque", word)
-    say("accept", SMALL, "--measured-only", "--value", word)
-    say("mount", SMALL, "--card", f"a{word}")
-    say("sweep", SMALL, "--vary", word, "--scheduler", word)
-    say("sweep", SMALL, "--vary", "gears.j_n=1," + word, "--scheduler-file", word.replace("\x00", "") + "/none")
+    say("check", TINY, f"--a{word}")
+    say("check", TINY, "--torque", word)
+    say("accept", TINY, "--measured-only", "--value", word)
+    say("mount", TINY, "--card", f"a{word}")
+    say("sweep", TINY, "--vary", word, "--scheduler", word)
+    say("sweep", TINY, "--vary", "gears.j_n=1," + word, "--scheduler-file", word.replace("\x00", "") + "/none")
 
 
 CARD = card(advice_of([30.0, 20.0, 25.0]), serial="17")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -12,10 +13,11 @@ from hdassist.cli.main import app
 from hdassist.explaining import symbols, terms
 from hdassist.preset.fields import BY_PATH, sections
 from hdassist.preset.kinds import choices_of, is_optional, kind_of, may_be_unknown, range_of, unit_of
-from tests.process import run
 
+ROOT: Any = typer.main.get_command(app)
+WIDTH = 68  # of help texts: what man has room for on a terminal of 80 columns
 DOCS = Path(__file__).parents[2] / "docs"
-MADE = "Made by `python -m tests.reference` from the declarations of the code; CI fails when the two differ."
+MADE = "<!-- made by `python -m tests.reference` from the declarations of the code; CI fails when the two differ -->"
 
 
 @cache
@@ -27,9 +29,8 @@ def made() -> dict[Path, str]:
 
 def commands() -> Iterator[str]:
     """Lines of the reference of commands, in the order and groups in which `hdassist` lists them."""
-    yield from ("# Commands", "", MADE, "", "```text", run().stdout.rstrip(), "```")
-    root = typer.main.get_command(app)
-    for name, command in root.commands.items():  # type: ignore[attr-defined]
+    yield from ("# Commands", "", MADE, "", "```text", _help(), "```")
+    for name, command in ROOT.commands.items():
         if command.hidden:
             continue
         yield from _command(name)
@@ -38,8 +39,17 @@ def commands() -> Iterator[str]:
 
 
 def _command(*names: str) -> Iterator[str]:
-    told = run(*names, "--help").stdout.rstrip()
-    yield from ("", f"{'#' * (len(names) + 1)} hdassist {' '.join(names)}", "", "```text", told, "```")
+    yield from ("", f"{'#' * (len(names) + 1)} hdassist {' '.join(names)}", "", "```text", _help(*names), "```")
+
+
+def _help(*names: str) -> str:
+    """What --help says."""
+    command, settings = ROOT, ROOT.context_settings | {"terminal_width": WIDTH}
+    context = command.context_class(command, info_name="hdassist", **settings)
+    for name in names:
+        command = command.commands[name]
+        context = command.context_class(command, context, name, **settings)
+    return str(command.get_help(context)).rstrip()
 
 
 def fields() -> Iterator[str]:

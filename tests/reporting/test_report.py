@@ -24,7 +24,7 @@ from hdassist.reporting.render import html, markdown
 from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 
-LIMIT = "acceptance.F_ior=30"
+LIMIT = "acceptance.F_ior=40"
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3]}"
 SETS = ["mounting.holes=4", ASSUMED, LIMIT]  # few holes: the less to compute
 ASKED = [word for text in SETS for word in ("--set", text)]

@@ -18,6 +18,7 @@ from hdassist.errors import DataError
 from hdassist.terminal import output
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output, complain
+from tests.process import SMALL, run
 from tests.test_visible import EVERY_HIDDEN, hidden
 
 NAME = "a\x1b]0;owned\x07\u202e[/bold]b"
@@ -70,3 +71,36 @@ def test_words_beside_a_bar_are_no_markup(monkeypatch: pytest.MonkeyPatch) -> No
         advance(1)
     assert TOLD in OURS.sub("", stream.getvalue())
     assert not hidden(OURS.sub("", stream.getvalue()))
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        *(
+            [*command.split(), "µ±.yaml"]
+            for command in (
+                "check", "trace", "self-error", "stiffness", "tolerance", "sensitivity", "allocate", "report", "mount",
+                "measure", "accept", "explain", "presets show", "presets validate",
+            )
+        ),
+        ["trials", "µ±.yaml", "h0:1"], ["compare", "µ±.yaml", "run.csv"], ["doctor", "µ±"],
+        ["sweep", "µ±.yaml", "--vary", "gears.j_n=0:9:3"], ["calibrate", "µ±.yaml", "--targets", "µ±"],
+        ["check", "vzp160", "--µ±"], ["check", SMALL, "--set", "µ±=1"],
+        ["accept", SMALL, "--limit", "µ±"],
+    ],
+)  # fmt: skip
+def test_seven_bits_on_stderr_too(args: list[str]) -> None:
+    wide, narrow = run(*args), run(*args, "--ascii")
+    assert "µ±" in wide.stderr
+    assert "u+-" in narrow.stderr
+    assert narrow.stderr.isascii()
+    assert narrow.returncode == wide.returncode
+
+
+def test_a_bar_of_seven_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output, "PATIENCE", -1.0)
+    monkeypatch.setattr(sys, "argv", ["hdassist", "check", "--ascii"])
+    with terminal() as stream, Output(Style(False, True, 120)).progress("5 µm", 2) as advance:
+        advance(1)
+    assert "5 um" in stream.getvalue()
+    assert stream.getvalue().isascii()

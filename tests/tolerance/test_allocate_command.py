@@ -29,11 +29,11 @@ def test_the_page_and_json_tell_costs_and_what_was_tried() -> None:
 
 def test_what_nothing_reaches_fails_and_says_why() -> None:
     done = run(
-        "allocate", SMALL, *FEW, *KNOWN, "--limit", "4:10.5", "--set", "cost.tolerances.F_i1.least=40", "--ascii"
+        "allocate", SMALL, *FEW, *KNOWN, "--limit", "4:12.4", "--set", "cost.tolerances.F_i1.least=40", "--ascii"
     )
     assert done.returncode == 3, done.stderr
     assert "no such tolerances" in done.stdout
-    assert "nothing fits: at 4 N*m the self error takes 10.4 of 10.5 arcsec" in done.stdout
+    assert "nothing fits: at 4 N*m the self error takes 12.3 of 12.4 arcsec" in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 

@@ -100,7 +100,7 @@ def test_a_drive_that_cannot_be_is_kept_with_the_reason() -> None:
 
 def test_quantiles_of_one_tolerance_are_those_of_its_distribution() -> None:
     fixed = ["tolerances.F_i2=0", "tolerances.e_hh=0", "tolerances.F_i1=0", "operation.M_g=4"]
-    drive = load_preset(SMALL, fixed)
+    drive = load_preset(SMALL, [*fixed, "numerics.n_max=20", "numerics.n_2=40"])
     draws = Draws(scatters(drive, "uniform", known=["phases.phi_hb"]), 0, "sobol")
     assert [s.path for s in draws.scatters] == ["tolerances.e_hb"]
     production = Production.of(drive, draws, (4.0,), mounting=False).tabled()

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from hdassist import Drive, load_preset
 from hdassist.errors import UsageError
 from hdassist.tolerance.scatter import TAIL, Draws, Scatter, scatters
-from tests.process import SMALL
+from tests.process import TINY
 
 
 @pytest.fixture(scope="module")
 def small() -> Drive:
-    return load_preset(SMALL)
+    return load_preset(TINY)
 
 
 EVEN = (np.arange(20_000) + 0.5) / 20_000
@@ -59,7 +59,7 @@ def test_sizes_go_up_to_their_tolerance_and_directions_are_any(small: Drive) -> 
 
 
 def test_what_is_not_given_is_drawn_up_to_what_it_may_be_and_called_assumed(small: Drive) -> None:
-    open_ = load_preset(SMALL, ["tolerances.e_b=unknown", "harmonics.a_b2=unknown"])
+    open_ = load_preset(TINY, ["tolerances.e_b=unknown", "harmonics.a_b2=unknown"])
     found = {s.path: s for s in scatters(open_)}
     assert found["tolerances.e_b"].assumed
     assert found["tolerances.e_b"].high > 0
@@ -68,7 +68,7 @@ def test_what_is_not_given_is_drawn_up_to_what_it_may_be_and_called_assumed(smal
 
 
 def test_an_uncertainty_stands_for_a_measured_value(small: Drive) -> None:
-    measured = load_preset(SMALL, ["tolerances.e_hb=20 ± 4", "phases.phi_hb=10 ± 5", "gears.j_n=6 ± 1"])
+    measured = load_preset(TINY, ["tolerances.e_hb=20 ± 4", "phases.phi_hb=10 ± 5", "gears.j_n=6 ± 1"])
     found = {s.path: s for s in scatters(measured)}
     assert found["tolerances.e_hb"] == Scatter("tolerances.e_hb", "normal", 16.0, 24.0)
     assert found["phases.phi_hb"] == Scatter("phases.phi_hb", "normal", 5.0, 15.0)
@@ -97,7 +97,7 @@ def test_other_fields_are_refused(small: Drive, arguments: dict, told: str) -> N
 
 def test_a_direction_that_the_preset_does_not_give_cannot_be_known() -> None:
     with pytest.raises(UsageError, match="does not give it"):
-        scatters(load_preset(SMALL, ["phases.xi_b=unknown"]), known=["phases.xi_b"])
+        scatters(load_preset(TINY, ["phases.xi_b=unknown"]), known=["phases.xi_b"])
 
 
 def test_the_widest_drive_has_each_size_as_great_as_it_can_be(small: Drive) -> None:

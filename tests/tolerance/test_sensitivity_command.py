@@ -5,18 +5,18 @@ import subprocess
 
 import pytest
 
-from tests.process import SMALL, run
+from tests.process import TINY, run
 
 FEW = ("--torque", "4", "-n", "16", "--jobs", "1")
 
 
 @pytest.fixture(scope="module")
 def as_json() -> subprocess.CompletedProcess[str]:
-    return run("sensitivity", SMALL, *FEW, "--json")
+    return run("sensitivity", TINY, *FEW, "--json")
 
 
 def test_the_page_says_what_to_tighten_first_and_fits_a_terminal() -> None:
-    done = run("sensitivity", SMALL, *FEW, "--ascii")
+    done = run("sensitivity", TINY, *FEW, "--ascii")
     assert done.returncode == 0, done.stderr
     assert "tighten first: tolerances." in done.stdout or "no single tolerance is worth" in done.stdout
     for words in ("variance", "tolerances.F_i1", "cam.W_0", "proof:", "next: hdassist allocate"):
@@ -41,17 +41,17 @@ def test_json_has_indices_and_slopes(as_json: subprocess.CompletedProcess[str]) 
 
 
 def test_csv_has_a_row_a_field() -> None:
-    done = run("sensitivity", SMALL, *FEW, "--csv", "-")
+    done = run("sensitivity", TINY, *FEW, "--csv", "-")
     header, *rows = (line.split(",") for line in done.stdout.splitlines())
     assert header == ["preset", "M_g_Nm", "field", "arcsec_per_unit", "elasticity", "first", "total"]
     assert {"tolerances.e_hb", "cam.W_0"} <= {row[2] for row in rows}
 
 
 def test_the_same_whatever_the_processes(as_json: subprocess.CompletedProcess[str]) -> None:
-    assert run("sensitivity", SMALL, *FEW[:-1], "2", "--json").stdout == as_json.stdout
+    assert run("sensitivity", TINY, *FEW[:-1], "2", "--json").stdout == as_json.stdout
 
 
 def test_a_design_of_nothing_is_refused() -> None:
-    done = run("sensitivity", SMALL, "-n", "0")
+    done = run("sensitivity", TINY, "-n", "0")
     assert done.returncode == 2
     assert "-n" in done.stderr

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, run, run_cold
+from tests.process import CLEAN, COMMAND, TINY, run, run_cold
 
 FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
 
@@ -17,13 +17,13 @@ FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The records of twelve drives, written at once by one process."""
     file = tmp_path_factory.mktemp("tolerance") / "whole.jsonl"
-    done = run("tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file))
+    done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file))
     assert done.returncode == 0, done.stderr
     return file
 
 
 def test_the_page_tells_yields_both_ways_and_the_next_command() -> None:
-    done = run("tolerance", SMALL, "-n", "12", "--torque", "1", "--limit", "60", "--jobs", "1", "--ascii")
+    done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--limit", "60", "--jobs", "1", "--ascii")
     assert done.returncode == 0, done.stderr
     for words in ("12 random drives", "yield as built", "best of 12", "5 %", "proof:", "next: hdassist sensitivity"):
         assert words in done.stdout
@@ -33,7 +33,7 @@ def test_the_page_tells_yields_both_ways_and_the_next_command() -> None:
 
 def test_json_has_quantiles_yield_and_what_was_drawn(kept: Path) -> None:
     done = run(
-        "tolerance", SMALL, "-n", "12", "--torque", "1", "--limit", "60", "--yield", "0.99", "--jobs", "1", "--json"
+        "tolerance", TINY, "-n", "12", "--torque", "1", "--limit", "60", "--yield", "0.99", "--jobs", "1", "--json"
     )
     told = json.loads(done.stdout)
     assert told["schema"] == "hdassist.tolerance/1"
@@ -51,7 +51,7 @@ def test_json_has_quantiles_yield_and_what_was_drawn(kept: Path) -> None:
 
 def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "two.jsonl"
-    run("tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "2", "--results", str(file))
+    run("tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "2", "--results", str(file))
     assert file.read_bytes() == kept.read_bytes()
 
 
@@ -59,14 +59,14 @@ def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -
 def test_a_cluster_writes_the_same_bytes_as_one_process(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "cluster.jsonl"
     options = ("--torque", "1", "--scheduler", "local", "--jobs", "2", "--results", str(file))
-    done = run_cold("tolerance", SMALL, "-n", "12", *options)
+    done = run_cold("tolerance", TINY, "-n", "12", *options)
     assert done.returncode == 0, done.stderr
     assert file.read_bytes() == kept.read_bytes()
 
 
 def test_a_killed_run_goes_on_to_the_same_bytes(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "killed.jsonl"
-    command = ["tolerance", SMALL, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file)]
+    command = ["tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file)]
     process = subprocess.Popen([*COMMAND, *command], env=CLEAN, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     begun = time.monotonic()
     while not (file.exists() and file.read_bytes().count(b"\n") > 2) and time.monotonic() - begun < 60:
@@ -83,7 +83,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(kept: Path, tmp_path: Path) -> N
 def test_more_drives_go_on_where_fewer_ended(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "more.jsonl"
     for count in ("5", "12"):
-        run("tolerance", SMALL, "-n", count, "--torque", "1", "--jobs", "1", "--results", str(file))
+        run("tolerance", TINY, "-n", count, "--torque", "1", "--jobs", "1", "--results", str(file))
     assert file.read_bytes() == kept.read_bytes()
 
 
@@ -94,7 +94,7 @@ def test_another_preset_or_option_leaves_the_file_as_it_is(kept: Path) -> None:
         (("--set", "tolerances.e_hb=20"), "overrides"),
         (("--as-built",), "rotations"),
     ):
-        done = run("tolerance", SMALL, "-n", "12", "--torque", "1", "--results", str(kept), *more)
+        done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--results", str(kept), *more)
         assert done.returncode == 2
         assert named in done.stderr
     assert kept.read_bytes() == before
@@ -104,7 +104,7 @@ def test_measured_sizes_are_drawn_from_their_file(tmp_path: Path) -> None:
     (tmp_path / "e_hb.csv").write_text("e_hb\n11\n17\n")
     done = run(
         "tolerance",
-        SMALL,
+        TINY,
         "-n",
         "4",
         *FEW,
@@ -120,7 +120,7 @@ def test_measured_sizes_are_drawn_from_their_file(tmp_path: Path) -> None:
 
 
 def test_figures_have_a_row_a_torque_and_way() -> None:
-    done = run("tolerance", SMALL, "-n", "3", "--jobs", "1", "--csv", "-")
+    done = run("tolerance", TINY, "-n", "3", "--jobs", "1", "--csv", "-")
     header, *rows = (line.split(",") for line in done.stdout.splitlines())
     assert [row[1:3] for row in rows] == [
         ["1.0", "as built"],
@@ -153,7 +153,7 @@ def test_figures_have_a_row_a_torque_and_way() -> None:
 def test_what_cannot_be_meant_is_refused(arguments: tuple[str, ...], code: int, told: str, tmp_path: Path) -> None:
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "below.csv").write_text("3\n-4\n")
-    done = run("tolerance", SMALL, *arguments, cwd=tmp_path)
+    done = run("tolerance", TINY, *arguments, cwd=tmp_path)
     assert done.returncode == code, done.stderr
     assert told in done.stderr
     assert not done.stdout

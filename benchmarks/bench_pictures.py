@@ -1,0 +1,197 @@
+"""The drawings of docs/bench.md: `python -m benchmarks.bench_pictures`. Light or dark as the screen is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, radians, sin
+from pathlib import Path
+
+FIGURES = Path(__file__).parents[1] / "docs/figures"
+HOLES = 12
+LIGHT = {"paper": "#ffffff", "ink": "#24292e", "soft": "#d0d7de", "weak": "#57606a", "go": "#0550ae", "mark": "#b03a2e"}
+DARK = {"paper": "#16191d", "ink": "#e6edf3", "soft": "#3d444d", "weak": "#9198a1", "go": "#79c0ff", "mark": "#ff9492"}
+RULES = """
+text{{fill:{ink}}} .paper{{fill:{paper}}} .solid{{fill:{ink}}} .weak{{fill:{weak}}} .gone{{fill:{go}}}
+.marked{{fill:{mark}}}
+.body{{fill:{soft};stroke:{ink}}} .hole{{fill:{paper};stroke:{ink}}} .line{{fill:none;stroke:{ink}}}
+.thin{{fill:none;stroke:{weak}}} .axis{{fill:none;stroke:{weak};stroke-dasharray:5 4}}
+.go{{fill:none;stroke:{go};stroke-width:3}} .mark{{fill:none;stroke:{mark};stroke-width:2.5}}"""
+Point = tuple[float, float]
+
+
+def at(centre: Point, angle_deg: float, distance: float) -> Point:
+    """A place on a drawing by its direction: counter-clockwise from the right, y downwards."""
+    return centre[0] + distance * cos(radians(angle_deg)), centre[1] - distance * sin(radians(angle_deg))
+
+
+def text(place: Point, words: str, kind: str = "", anchor: str = "middle", size: int = 14) -> str:
+    x, y = place
+    return f'<text x="{x:.1f}" y="{y:.1f}" class="{kind}" text-anchor="{anchor}" font-size="{size}">{words}</text>'
+
+
+def circle(centre: Point, radius: float, kind: str) -> str:
+    return f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{radius:g}" class="{kind}"/>'
+
+
+def path(kind: str, *points: Point) -> str:
+    way = "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
+    return f'<path class="{kind}" d="M{way}"/>'
+
+
+def box(left: float, top: float, width: float, height: float, kind: str = "body") -> str:
+    return f'<rect x="{left:g}" y="{top:g}" width="{width:g}" height="{height:g}" class="{kind}"/>'
+
+
+def head(tip: Point, direction_deg: float, kind: str, size: float = 11) -> str:
+    """An arrow's head."""
+    corners = [tip, *(at(tip, direction_deg + side, size) for side in (155, -155))]
+    return f'<polygon class="{kind}" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in corners)}"/>'
+
+
+def arrow(start: Point, angle_deg: float, length: float, line: str, end: str) -> Iterator[str]:
+    yield path(line, start, at(start, angle_deg, length - 6))
+    yield head(at(start, angle_deg, length), angle_deg, end)
+
+
+def turn(centre: Point, radius: float, first: float, last: float) -> Iterator[str]:
+    """An arrow around a centre from one direction to another: counter-clockwise where the last is the greater."""
+    sense = 1 if last > first else -1
+    (x, y), (u, v) = at(centre, first, radius), at(centre, last - 3 * sense, radius)
+    wide = int(abs(last - first) > 180)
+    yield f'<path class="go" d="M{x:.1f} {y:.1f}A{radius} {radius} 0 {wide} {int(sense < 0)} {u:.1f} {v:.1f}"/>'
+    yield head(at(centre, last, radius), last + 90 * sense, "gone")
+
+
+def cam_side() -> Iterator[str]:
+    """A section along the axis with the eye that looks at it, and one turn seen from both sides."""
+    axis = 165.0
+    for up in (-1, 1):  # both halves of the section
+        yield box(150, axis + up * 90 - 16, 46, 32)  # rigid wheel
+        yield path("line", (152, axis + up * 70), (330, axis + up * 66), (330, axis + up * 14))  # flexspline
+        yield path("line", (152, axis + up * 63), (322, axis + up * 59), (322, axis + up * 14))
+        yield box(156, axis + up * 52 - 8, 34, 16, "hole")  # flexible bearing
+    yield box(156, axis - 44, 34, 88)  # cam
+    yield box(96, axis - 10, 60, 20)
+    yield box(322, axis - 14, 68, 28)
+    yield path("axis", (70, axis), (405, axis))
+    yield f'<path class="line" d="M22 {axis}q22 -22 44 0q-22 22 -44 0Z"/>' + circle((46, axis), 7, "solid")
+    yield text((58, axis - 34), "you", "gone", size=15)
+    yield text((120, axis + 32), "cam side", "gone")
+    for place, words, weak in (
+        ((173, 46), "rigid wheel", "(circular spline)"), ((258, 135), "flexspline", ""), ((356, 205), "output", ""),
+        ((120, 128), "cam", ""),
+    ):  # fmt: skip
+        yield text((place[0], place[1] - (16 if weak else 0)), words)
+        yield text(place, weak, "weak", size=12) if weak else ""
+    for left, title, first, last, word in (
+        (500, "from the cam side", 20, 130, "counter-clockwise"), (690, "from the other side", 160, 50, "clockwise"),
+    ):  # fmt: skip
+        centre = (left, 165.0)
+        yield circle(centre, 62, "line") + circle(centre, 46, "thin") + circle(centre, 3, "solid")
+        yield from turn(centre, 78, first, last)
+        yield text((left, 58), title)
+        yield text((left, 268), word, "gone")
+    yield text((595, 296), "one and the same turn of the wheel", "weak")
+
+
+def seat(centre: Point, turned: int) -> Iterator[str]:
+    """The seat with its holes numbered, and the wheel in it with its marked screw hole at one of them."""
+    yield circle(centre, 118, "body") + circle(centre, 92, "hole")
+    for hole in range(HOLES):
+        angle = 360 * hole / HOLES
+        place = at(centre, angle, 105)
+        yield circle(place, 9, "hole")
+        yield text((at(centre, angle, 136)[0], at(centre, angle, 136)[1] + 5), str(hole), "", size=16)
+    angle = 360 * turned / HOLES
+    yield path("mark", at(centre, angle, 58), at(centre, angle, 95)) + circle(at(centre, angle, 105), 6, "marked")
+    name = at(centre, angle, 46)
+    yield text((name[0], name[1] + 6), "W", "marked", size=18)
+
+
+def holes() -> Iterator[str]:
+    """Hole 0, and what "hole 4" means."""
+    for left, hole, title, below in (
+        (180, 0, "hole 0: where the wheel stands now", "numbers on the housing, W on the wheel"),
+        (540, 4, "hole 4: four holes counter-clockwise", "both seen from the cam side"),
+    ):
+        centre = (left, 205.0)
+        yield from seat(centre, hole)
+        yield from turn(centre, 74, 0, 360 * hole / HOLES) if hole else ()
+        yield circle(centre, 3, "solid")
+        yield text((left, 30), title, size=15)
+        yield text((left, 380), below, "weak")
+
+
+def marks() -> Iterator[str]:
+    """Directions of a run-out and of the cam's offset, counted from hole 0."""
+    centre, xi, phi = (200.0, 190.0), 60.0, 215.0
+    teeth = at(centre, xi, 16)
+    yield circle(centre, 140, "thin") + circle(teeth, 112, "line")
+    yield path("axis", centre, (centre[0] + 165, centre[1]))
+    yield text((centre[0] + 172, centre[1] + 5), "x, hole 0", anchor="start")
+    yield from arrow(centre, xi, 152, "mark", "marked")
+    yield text((at(centre, xi, 170)[0], at(centre, xi, 170)[1] + 4), "M", "marked", size=18)
+    yield from turn(centre, 52, 0, xi)
+    yield text(at(centre, 24, 84), "xi_b", "gone", size=15)
+    yield from arrow(centre, phi, 64, "line", "solid")
+    yield text((at(centre, phi, 78)[0], at(centre, phi, 78)[1] + 5), "C", size=18)
+    yield circle(centre, 4, "solid")
+    words = (
+        ("M", "marked", "here the teeth of the rigid wheel"), ("", "", "stand furthest from the axis:"),
+        ("", "", "phases.xi_b, mark_kind: runout"), ("C", "", "to here the cam lies off the axis"),
+        ("", "", "of the seat: phases.phi_hb,"), ("", "", "mostly unknown: trials find it"),
+    )  # fmt: skip
+    for line, (letter, kind, told) in enumerate(words):
+        y = 96 + 26 * line + (22 if line > 2 else 0)
+        yield text((480, y), letter, kind, size=18)
+        yield text((502, y), told, anchor="start", size=15)
+
+
+def rig() -> Iterator[str]:
+    """What a rig needs, in a row along the axis."""
+    axis = 110.0
+    yield path("line", (60, axis), (640, axis))
+    parts = (
+        (30, 70, "motor", "slow, one way"), (150, 40, "encoder 1", "cam"), (280, 110, "drive", "as it will be bolted"),
+        (470, 40, "encoder 2", "output"), (580, 56, "drum", "constant torque"),
+    )  # fmt: skip
+    for left, width, name, role in parts:
+        tall = {"drive": 62, "drum": 50}.get(name, 34)
+        yield box(left, axis - tall, width, 2 * tall)
+        yield text((left + width / 2, 34), name, "gone" if "encoder" in name else "", size=15)
+        yield text((left + width / 2, 196), role, "weak", size=13)
+    yield path("line", (580 + 56, axis - 48), (672, axis - 48), (672, axis + 30))
+    yield box(656, axis + 30, 32, 36) + text((672, axis + 53), "m g", "", size=12)
+
+
+DRAWINGS = {
+    "bench-cam-side": (cam_side, 790, 312, "Section of a drive with the side of the cam, and a turn from both sides"),
+    "bench-holes": (holes, 720, 400, "Holes of the seat are counted counter-clockwise, seen from the cam side"),
+    "bench-mark": (marks, 770, 360, "Directions of marks are counted counter-clockwise from hole 0"),
+    "bench-rig": (rig, 720, 216, "Rig: motor, encoder of the cam, drive, encoder of the output, drum with a weight"),
+}
+
+
+def drawn(name: str) -> str:
+    """A drawing as SVG."""
+    draw, width, height, title = DRAWINGS[name]
+    dark = "@media (prefers-color-scheme: dark) {" + RULES.format(**DARK) + "}"
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" role="img" '
+        'font-family="sans-serif" stroke-width="1.6">',
+        f"<title>{title}</title>",
+        f"<style>text{{stroke:none}} {RULES.format(**LIGHT)} {dark}</style>",
+        f'<rect class="paper" width="{width}" height="{height}" rx="8"/>',
+        *filter(None, draw()),
+        "</svg>\n",
+    ]
+    return "\n".join(parts)
+
+
+def main() -> None:
+    for name in DRAWINGS:
+        (FIGURES / f"{name}.svg").write_text(drawn(name), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""Measured teeth of a drive's wheels: their pitch files, where their marks stand, and what was assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+
+from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import is_overridden
+from hdassist.readers.pitch import Flank, Form, Sense, read_pitch
+
+WHEELS = ("b", "g")
+
+
+@dataclass(frozen=True)
+class WheelFiles:
+    """Pitch files of the rigid wheel (b) and the flexspline (g), directions [deg] of their marks, how to read them."""
+
+    pitch_b: str | None = None
+    pitch_g: str | None = None
+    mark_b: float | None = None
+    mark_g: float | None = None
+    pitch_form: Form | None = None
+    pitch_sense: Sense | None = None
+    pitch_flank: Flank | None = None
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files by wheel, those that there are."""
+        named = {"b": self.pitch_b, "g": self.pitch_g}
+        return {name: file for name, file in named.items() if file is not None}
+
+    @property
+    def is_marked(self) -> bool:
+        """Whether a direction of a mark is given."""
+        return any(self.mark(name) is not None for name in WHEELS)
+
+    def mark(self, name: str) -> float | None:
+        """Direction [deg] of the mark of a wheel, as asked for."""
+        return self.mark_b if name == "b" else self.mark_g
+
+    def require_sound(self) -> None:
+        """Raise UsageError for what cannot be meant, before any file is read."""
+        for name in WHEELS:
+            mark = self.mark(name)
+            if mark is not None and name not in self.files:
+                raise UsageError(
+                    f"--mark-{name} is the mark of a measured wheel", f"--pitch-{name} FILE names its file"
+                )
+            if mark is not None and not isfinite(mark):
+                raise UsageError(f"--mark-{name} must be an angle in degrees, not {mark}")
+        if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
+            raise UsageError("--pitch-form, --pitch-sense and --pitch-flank say how to read --pitch-b and --pitch-g")
+
+    def read(self, drive: Drive) -> MeasuredTeeth | None:
+        """The measured wheels of a drive, with what was assumed in their notes; None without a file.
+
+        Raises PresetError with the faults of both files, DataError for a file that cannot be read, UsageError where it
+        is not known how a mark stands.
+        """
+        found: dict[str, MeasuredWheel] = {}
+        errors: list[DataError] = []
+        for name, file in self.files.items():
+            try:
+                found[name] = self._wheel(name, file, drive)
+            except DataError as error:
+                errors.append(error)
+        if errors:
+            raise errors[0] if len(errors) == 1 else _both(errors)
+        return MeasuredTeeth(**found) if found else None
+
+    def _wheel(self, name: str, file: str, drive: Drive) -> MeasuredWheel:
+        teeth, F_i = (drive.gears.z_b, "F_i2") if name == "b" else (drive.gears.z_g, "F_i1")
+        pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
+        mark, notes = self.mark(name), list(pitch.notes)
+        if mark is None and (given := drive.value(f"phases.xi_{name}")) is None:
+            raise UsageError(f"where the mark of {file} stands is not known", f"--mark-{name} 30, in deg")
+        if mark is None:
+            mark = float(given)
+            notes.append(
+                f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset; --mark-{name} says otherwise"
+            )
+        notes += _of_drive(drive, name, F_i)
+        return MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
+
+
+def _of_drive(drive: Drive, name: str, F_i: str) -> Iterator[str]:
+    """What of a drive's deviations is added to a measured wheel, and what has no effect beside it."""
+    if name == "b" and drive.tolerances.e_b:
+        yield "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
+    lost = [f"tolerances.{F_i}"] if is_overridden(f"tolerances.{F_i}", drive.origin.overrides) else []
+    lost += [path for n in (2, 3, 4) if drive.number(path := f"harmonics.a_{name}{n}")]
+    yield from (f"{path} has no effect, the teeth are measured" for path in lost)
+
+
+def _both(errors: Sequence[DataError]) -> DataError:
+    """One error for the faults of both files."""
+    findings = [finding for error in errors if isinstance(error, PresetError) for finding in error.findings]
+    if all(isinstance(error, PresetError) for error in errors):
+        return PresetError(findings)
+    return DataError("\n".join(e.message for e in errors), "\n  hint: ".join(e.hint for e in errors if e.hint))

@@ -1,0 +1,118 @@
+"""What is wrong with a cell of a lot is said of the cell: file, line, column and heading."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hdassist.acceptance.answer import Accepted, Unanswered, read_answers, to_lines
+from hdassist.acceptance.limit_parser import LimitText
+from hdassist.acceptance.lot import read_lot
+from hdassist.acceptance.lot_runner import answer_rows
+from hdassist.acceptance.replay import differences, prepare
+from hdassist.acceptance.request import Request
+from hdassist.errors import Fault
+from tests.process import SMALL, run
+
+FAULTS = """\
+serial;F_ior@4;limit F_ior@4;lost_motion;limit order_2@4;phases.xi_b;measured;preset;pitch_b;mark_b
+a;28,1;30;;;;;;;
+b;28±x;30;;;;;;;
+c;28±1;abc;;;;;;;
+d;28±1;30;41;;;;;;
+e;28±1;30;;x;;;;;
+f;28±1;30;;2;here;;;;
+g;28±1;-3;;3;1e9;;;;
+h;;30;;3;;4:none.csv;;;
+i;28±1;30;;;;;none;;
+j;28±1;30;;;;none.csv;-;;
+k;;30;;;;;;none.csv;10
+l;;30;;;;;;short.csv;10
+m;;30;;;;;;;10
+n;;30;;;;;;short.csv;left
+o;;30;;3;60;,x:none.csv;;;
+"""
+SAID = {
+    "a": "lot.csv:2:3: F_ior@4: without its uncertainty (got 28,1)",
+    "b": "lot.csv:3:3: F_ior@4: must be a number (got 28±x)",
+    "c": "lot.csv:4:8: limit F_ior@4: must be a number (got abc; in arcsec)",
+    "d": "lot.csv:5:11: lost_motion: the drive has no such limit (got 41)",
+    "e": "lot.csv:6:12: limit order_2@4: must be a number (got x; in arcsec)",
+    "f": "lot.csv:7:14: phases.xi_b: must be a number (got here; in deg)",
+    "g": "lot.csv:8:14: phases.xi_b: out of range: -3600 to 3600 deg (got 1e9)\n"
+    "lot.csv:8:8: limit F_ior@4: out of range: above 0, up to 1e6 arcsec (got -3)",
+    "h": "lot.csv:9:11: measured: no such file: none.csv",
+    "i": "lot.csv:10:15: preset: no such preset or file: none",
+    "j": "lot.csv:11:23: preset: a row cannot read standard input (got -; name a file)",
+    "k": "lot.csv:12:12: pitch_b: no such file: none.csv",
+    "l": "lot.csv:13:12: pitch_b: short.csv:1:1: column 1: the wheel has 62 teeth, the file 2",
+    "m": "lot.csv:14:13: mark_b: the mark of a wheel that is not measured (its file in pitch_b)",
+    "n": "lot.csv:15:22: mark_b: must be an angle in deg (got left)",
+    "o": "lot.csv:16:13: measured: at which torque was it measured? (got ,x:none.csv)",
+}
+
+
+@pytest.fixture
+def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Accepted | Unanswered]:
+    """Answers to a row for each fault."""
+    monkeypatch.chdir(tmp_path)
+    Path("lot.csv").write_text(FAULTS, encoding="utf-8")
+    Path("short.csv").write_text("1;0\n2;1\n", encoding="utf-8")
+    rows = read_lot("lot.csv", Request(SMALL, limits=(LimitText.parse("F_ior@1=30", "--limit"),))).rows
+    with ThreadPoolExecutor(1) as executor:
+        return list(answer_rows(rows, executor, "fail", jobs=1))
+
+
+def test_each_fault_is_said_of_its_cell(told: list[Unanswered]) -> None:
+    assert {answer.serial: answer.error.message.partition(" (got no row")[0] for answer in told} == SAID
+    assert {answer.exit_code for answer in told} == {4}
+    codes = {answer.serial: answer.error.code for answer in told}
+    assert (codes["a"], codes["h"], codes["l"]) == (Fault.DATA, Fault.FILE_UNREADABLE, Fault.FILE_INVALID)
+
+
+def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Unanswered], tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_text(to_lines(told), encoding="utf-8")
+    recorded = read_answers("a.jsonl")
+    prepared = [prepare(answer) for answer in recorded]
+    assert [before.left_out for _, before in prepared] == [a.serial in "jmn" for a in told]
+    rows = [row for row, _ in prepared if row is not None]
+    with ThreadPoolExecutor(1) as executor:
+        again = list(answer_rows(rows, executor, "fail", jobs=1))
+    asked = [answer for answer in recorded if answer.request is not None]
+    for was, now in zip(asked, again, strict=True):
+        assert isinstance(was, Unanswered) and isinstance(now, Unanswered)
+        assert differences(was, now) == []
+        other = replace(now, error=replace(now.error, code=Fault.BUG))
+        assert [each.key for each in differences(was, other)] == ["error"]
+
+
+def test_a_limit_of_the_command_line_is_named_as_it_was_given() -> None:
+    done = run("accept", SMALL, "--set", "cam.W_0=x", "--limit", "F_ior@4=30 mm", "--limit", "order_2@4=y")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[:3] == [
+        "error: --set:1:9: cam.W_0: must be a number (got x; in mm)",
+        "--limit F_ior@4=30 mm: acceptance.F_ior.4: mm is the unit of a length, an angle is wanted (got 30 mm; a bare "
+        "number is in arcsec; units: deg, arcmin, arcsec, rad, mrad, urad)",
+        "--limit order_2@4=y: acceptance.order_amplitude.2@4: must be a number (got y; in arcsec)",
+    ]
+    assert done.stderr.endswith("  hint: hdassist explain USAGE\n")
+
+
+def test_an_error_has_the_code_that_explain_takes() -> None:
+    for args, code, status in (
+        (("accept", "none.yaml"), "FILE_UNREADABLE", 4),
+        (("accept", SMALL), "DATA", 4),
+        (("check", SMALL, "--set", "operation.M_g=1e6"), "BEYOND_MODEL", 5),
+    ):
+        done = run(*args, "--json")
+        assert (done.returncode, json.loads(done.stdout)["error"]["code"]) == (status, code)
+        assert f"hdassist explain {code}" in done.stderr
+    for args in (("check",), ("check", SMALL, "--none"), ("nothing",), ("check", SMALL, "--jobs", "x")):
+        done = run(*args)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.endswith("\n  hint: hdassist explain USAGE\n")
+    assert "hint" not in run("presets").stderr  # the help of a group is no error

@@ -1,0 +1,183 @@
+"""Measured teeth in `hdassist accept`: of one drive, of a table and of a folder; lots from standard input."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.acceptance.accept import accept
+from hdassist.acceptance.decision import limits_of
+from hdassist.readers.wheels import WheelFiles
+from hdassist.terminal.files import held
+from tests.process import TINY, run
+
+HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
+LIMITS = ("--limit", "F_ior@4=100000", "--limit", "self_error@4=100000", "--set", "acceptance.margin=0")
+FILES = ("--pitch-b", "b.csv", "--mark-b", "30", "--pitch-g", "g.csv")
+
+
+def wheel(teeth: int, order: int) -> str:
+    return HEAD + "".join(f"{k};{9 * np.sin(2 * np.pi * order * k / teeth):.2f}\n" for k in range(1, teeth + 1))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with pitch files of both wheels of the tiny drive."""
+    (tmp_path / "b.csv").write_text(wheel(22, 1))
+    (tmp_path / "g.csv").write_text(wheel(20, 2))
+    return tmp_path
+
+
+def checks(answer: dict) -> dict[str, float]:
+    return {check["code"]: check["value"] for check in answer["checks"]}
+
+
+def test_a_prediction_is_that_of_the_measured_teeth(folder):
+    done = run("accept", TINY, *LIMITS, *FILES, "--json", "-o", "a.json", cwd=folder)
+    assert done.returncode == 0
+    assert "note: flexspline, g.csv: the mark stands at 0 deg, as phases.xi_g of the preset" in done.stderr
+    told = json.loads((folder / "a.json").read_text())
+    told_by_check = json.loads(run("check", TINY, "--torque", "4", *FILES, "--json", cwd=folder).stdout)
+    (point,) = told_by_check["operating_points"]
+    assert checks(told) == {
+        "F_IOR": pytest.approx(point["F_ior_upper_arcsec"], abs=1e-9),
+        "SELF_ERROR": pytest.approx(point["self_error_arcsec"], abs=1e-9),
+    }
+    assert checks(told)["F_IOR"] != checks(json.loads(run("accept", TINY, *LIMITS, "--json").stdout))["F_IOR"]
+    assert [(each["wheel"], each["file"], each["mark_deg"], each["sha256"]) for each in told["pitch"]] == [
+        (name, f"{name}.csv", mark, hashlib.sha256((folder / f"{name}.csv").read_bytes()).hexdigest())
+        for name, mark in (("b", 30.0), ("g", 0.0))
+    ]
+    page = run("accept", TINY, *LIMITS, *FILES, "--ascii", cwd=folder).stdout
+    assert "measured teeth: rigid wheel (b.csv), flexspline (g.csv)" in " ".join(page.split())
+    assert run("accept", "--replay", "a.json", "-q", cwd=folder).stdout == "agrees\n"
+    (folder / "g.csv").write_text(wheel(20, 1))
+    changed = run("accept", "--replay", "a.json", cwd=folder)
+    assert (changed.returncode, "g.csv has changed" in changed.stdout) == (4, True)
+
+
+def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
+    drive = load_preset(TINY, ["phases.phi_hb=unknown", "operation.M_g=4", "acceptance.F_ior=100000"])
+    wheels = WheelFiles(str(folder / "b.csv"), mark_b=0.0).read(drive)
+    result = accept(drive, wheels=wheels)
+    assert (result.verdict, [note.code for note in result.notes]) == ("INCONCLUSIVE", ["UNKNOWN"])
+    # what the teeth stand for needs not be known
+    open_ = load_preset(TINY, ["tolerances.F_i2=unknown", "operation.M_g=4", "acceptance.F_ior=100000"])
+    assert accept(open_, wheels=WheelFiles(str(folder / "b.csv"), mark_b=0.0).read(open_)).verdict == "PASS"
+    # an uncertainty beside them is said to be left out
+    loose = load_preset(TINY, ["phases.phi_hb=0 ± 20", "operation.M_g=4", "acceptance.F_ior=100000"])
+    (note,) = accept(loose, wheels=wheels).notes
+    assert (note.code, note.text) == ("UNCERTAIN", "± of phases.phi_hb is in no predicted value")
+    assert [len(limit.predicted(accept(loose, wheels=wheels).predictions)) for limit in limits_of(loose)] == [1]
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (("--mark-b", "3"), "--mark-b is the mark of a measured wheel"),
+        (("--pitch-sense", "cw"), "say how to read --pitch-b and --pitch-g"),
+        ((*FILES, "--measured-only"), "--measured-only predicts nothing, and measured teeth are for predictions"),
+        (("--pitch-b", "-", "--measured", "4:-"), "standard input can be read once only"),
+        (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file 20"),
+        ((TINY, *FILES), "what was measured belongs to one drive"),
+    ],
+)
+def test_what_cannot_be_meant(folder, args, said):
+    done = run("accept", TINY, *LIMITS, *args, cwd=folder)
+    assert done.returncode in (2, 4)
+    assert said in done.stderr
+    assert done.stdout == ""
+
+
+def test_rows_have_wheels_of_their_own(folder):
+    (folder / "lot.csv").write_text(
+        "serial,pitch_b,mark_b,pitch_g,mark_g\nboth,b.csv,30,g.csv,\nnone,,,,\nturned,b.csv,120,,\n"
+    )
+    done = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--csv", "a.csv", cwd=folder)
+    assert done.returncode == 0
+    told = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    alone = [
+        json.loads(run("accept", TINY, *LIMITS, *args, "--json", cwd=folder).stdout)
+        for args in (FILES, (), ("--pitch-b", "b.csv", "--mark-b", "120"))
+    ]
+    assert [checks(answer) for answer in told] == [checks(answer) for answer in alone]
+    assert len({answer["checks"][0]["value"] for answer in told}) == 3
+    assert [[each["file"] for each in answer["pitch"]] for answer in told] == [["b.csv", "g.csv"], [], ["b.csv"]]
+    again = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--resume", cwd=folder)
+    assert "a.jsonl: 3 of 3 rows are known" in again.stderr
+    (folder / "b.csv").write_text(wheel(22, 2))
+    again = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--resume", cwd=folder)
+    assert "a.jsonl: 1 of 3 rows are known" in again.stderr
+    unused = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--measured-only", cwd=folder)
+    assert "measured teeth are not used: --measured-only predicts nothing" in unused.stderr
+
+
+def test_files_of_a_folder_have_wheels_beside_them(folder):
+    lot = folder / "lot"
+    lot.mkdir()
+    text = Path(TINY).read_text() + "acceptance: {F_ior: {4: 100000}, margin: 0}\n"
+    (lot / "one.yaml").write_text(text)
+    (lot / "two.yaml").write_text(text)
+    (lot / "two.pitch-b.csv").write_text((folder / "b.csv").read_text())
+    done = run("accept", "lot", "--jsonl", "-", cwd=folder)
+    first, second = (json.loads(line) for line in done.stdout.splitlines())
+    assert "2 presets, 0 of them with traces" in done.stderr
+    assert "1 of them with measured teeth" in done.stderr
+    assert (first["pitch"], [each["file"] for each in second["pitch"]]) == ([], ["lot/two.pitch-b.csv"])
+    assert checks(first) != checks(second)
+
+
+LOT = "serial;F_ior@4;limit F_ior@4;preset;pitch_b\n1;28±1;30;;\n2;31±0,1;30;;\n3;28±1;30;-;\n4;;30;;-\n"
+
+
+def test_a_lot_from_standard_input(folder):
+    asked = ("accept", "-", "--preset", TINY, "--measured-only")
+    done = run(*asked, "--jsonl", "a.jsonl", "--junit", "a.xml", stdin=LOT, cwd=folder)
+    assert done.returncode == 4
+    assert "<stdin>: 4 drives" in done.stderr
+    assert [line.split()[:2] for line in done.stdout.splitlines()[:4]] == [
+        ["1", "PASS"], ["2", "FAIL"], ["3", "BROKEN"], ["4", "BROKEN"],
+    ]  # fmt: skip
+    for place in ("<stdin>:4:11: preset", "<stdin>:5:8: pitch_b"):
+        assert f"{place}: a row cannot read standard input (got -; name a file)" in done.stderr
+    told = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    (folder / "lot.csv").write_text(LOT)
+    for mine, theirs in zip(
+        told,
+        run("accept", "lot.csv", *asked[2:], "--jsonl", "-", cwd=folder).stdout.splitlines(),
+        strict=True,
+    ):
+        same = {"time", "place", "error"}
+        assert {k: v for k, v in mine.items() if k not in same} == {
+            k: v for k, v in json.loads(theirs).items() if k not in same
+        }
+    assert '<testsuites name="&lt;stdin&gt;"' in (folder / "a.xml").read_text()
+    again = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
+    assert "a.jsonl: 2 of 4 rows are known" in again.stderr
+    replayed = run("accept", "--replay", "a.jsonl", "-q", cwd=folder)
+    assert (replayed.returncode, replayed.stdout) == (0, "2 agrees, 2 left out\n")
+    with held(str(folder / "a.jsonl")):
+        locked = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
+    assert (locked.returncode, "being written by another run" in locked.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("args", "stdin", "code", "said"),
+    [
+        (("-", "--preset", "-"), LOT, 2, "rows of a lot cannot read standard input"),
+        (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot: one lot at a time"),
+        (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "what was measured belongs to one drive"),
+        (("-", "--preset", TINY), "", 4, "<stdin>:1:1: the file is empty"),
+        (("-", "--preset", TINY), "serial,nothing\n1,2\n", 4, "<stdin>:1:8: nothing: no such column"),
+        (("-",), LOT, 4, "<stdin>:1:1: a preset must be a table of keys"),
+    ],
+)
+def test_what_a_lot_from_standard_input_cannot_be(args, stdin, code, said):
+    done = run("accept", *args, stdin=stdin)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert said in done.stderr

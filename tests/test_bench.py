@@ -1,0 +1,41 @@
+"""docs/bench.md: its commands run; its drawings are what the script makes, and count as the assembly card does."""
+
+import re
+from math import atan2, degrees
+
+import pytest
+
+from benchmarks.bench_pictures import DRAWINGS, FIGURES, HOLES, drawn
+from hdassist.mounting.card_svg import CENTRE, RING, at
+from tests.tutorial import DOCS, require_told, told_by
+
+
+def direction(x: float, y: float) -> float:
+    """Counter-clockwise from the right [deg], y downwards."""
+    return degrees(atan2(-y, x)) % 360
+
+
+@pytest.mark.slow
+def test_the_page_runs(tmp_path):
+    require_told("bench.md", told_by("bench.md", tmp_path))
+    card = " ".join((tmp_path / "card.txt").read_text(encoding="utf-8").split())
+    assert "Turn the rigid wheel by 2 holes (60 deg) clockwise" in card
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_a_drawing_is_as_it_is_made_and_shown(name: str):
+    assert (FIGURES / f"{name}.svg").read_text(encoding="utf-8") == drawn(name), "python -m benchmarks.bench_pictures"
+    assert f"](figures/{name}.svg)" in (DOCS / "bench.md").read_text(encoding="utf-8")
+
+
+def test_holes_count_as_on_the_card():
+    svg, size = drawn("bench-holes"), 16
+    texts = re.findall(rf'<text x="(.*?)" y="(.*?)" [^>]*font-size="{size}">(\d+)<', svg)
+    assert len(texts) == 2 * HOLES
+    for half, (left, top) in ((texts[:HOLES], (180, 205)), (texts[HOLES:], (540, 205))):
+        for x, y, number in half:
+            drawn_at = direction(float(x) - left, float(y) - 0.36 * size - top)
+            u, v = at(360 * int(number) / HOLES, RING)
+            assert abs((drawn_at - direction(u - CENTRE[0], v - CENTRE[1]) + 180) % 360 - 180) < 0.5
+    (sweep,) = re.findall(r'class="go" d="M\S+ \S+A74 74 0 0 (\d) ', svg)
+    assert sweep == "0"  # from hole 0 to hole 4 counter-clockwise

@@ -1,0 +1,69 @@
+"""The pages are held together: what a link names is there, and the site's sidebar is the README's last section."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+LINK = r"\]\(([^)\s]+)\)|(?:src|srcset)=\"([^\"]+)\""
+
+
+def prose(page: Path) -> str:
+    """A page without its code."""
+    return re.sub(r"^( *)```.*?^\1```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+
+
+def anchors(page: Path) -> set[str]:
+    """What a link into a page may name, as code-hosting sites make it of headings."""
+    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_have_targets(page: Path):
+    for link in ("".join(pair) for pair in re.findall(LINK, prose(page))):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.is_relative_to(ROOT), link
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_the_sidebar_has_the_groups_of_the_readme():
+    index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    sidebar = {
+        title: re.findall(r"<([\w/]+)>$", entries, flags=re.MULTILINE)
+        for title, entries in re.findall(r"```{toctree}\n:caption: (\w+)\n(.*?)```", index, flags=re.DOTALL)
+    }
+    more = (ROOT / "README.md").read_text(encoding="utf-8").partition("## More")[2]
+    groups = {
+        title: [re.sub(r"^docs/|\.md$", "", link) for link in re.findall(r"\]\((.*?)\)", entries)]
+        for title, entries in re.findall(r"^- (\w+): (.*(?:\n  .*)*)", more, flags=re.MULTILINE)
+    }
+    assert len(groups) == 3
+    assert sidebar == {
+        title: [{"CONTRIBUTING": "site/contributing", "CHANGELOG": "site/changelog"}.get(n, n) for n in names]
+        for title, names in groups.items()
+    }
+
+
+def rows_of(page: str, first: str) -> list[list[str]]:
+    """Cells of a page's table rows whose first cell matches."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|")
+    return [row for row in rows if re.fullmatch(first, row[0])]
+
+
+def test_the_comparison_has_the_numbers_of_the_pages_that_it_names():
+    good, sine = 2, 3  # columns
+    studied = rows_of("trials.md", "[ABDE]\\d?")
+    pairs = [cell for row in studied for cell in (row[sine], row[good])]
+    hidden = "as the preset has it|stiffness.*|an error twice.*|twice the noise.*|the rigid wheel oval.*"
+    assert [cell for row in rows_of("alternatives.md", hidden) for cell in row[1:]] == pairs
+    for drive in ("`vzp160`, 80 N·m", "`synthetic-160-162`, 10 N·m"):
+        (there,), (here,) = rows_of("tolerance.md", drive), rows_of("alternatives.md", drive)
+        assert here[1:] == [cell.split(" / ")[1] for cell in there[1:]]
