@@ -138,6 +138,9 @@ def test_a_run_out_moves_the_wheel_as_its_translation_does(reference):
     beta = 0.0  # the same direction, from the major axis
     moved = f.side * 0.02 * np.sin(beta - f.theta + f.side * f.alpha)
     assert change[: system.n_flanks] == pytest.approx(moved, abs=1e-15)
+    # and so does a shift along the minor axis, against the system's y
+    along_x1 = system.gaps(np.array([[0.0, 0.0, 0.0, 0.0, 0.02, 0.0]]))[0] - system.delta_p
+    assert along_x1 == pytest.approx(-0.02 * system.G[:, 1], abs=1e-15)
 
 
 def test_marks_of_run_out_are_offsets_of_both_wheels(reference):
