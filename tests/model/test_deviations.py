@@ -122,6 +122,20 @@ def test_one_bad_tooth_is_felt_when_it_meshes(reference):
     assert np.abs(error.rotation_arcsec[in_mesh] - still[0]).max() > 0.05
 
 
+def test_one_bad_space_of_the_rigid_wheel_opens_the_flank_before_it(reference):
+    drive = changed(reference, **QUIET)
+    system, states = contact_system(drive), pitch_locked_states(Kinematics.of(drive), np.arange(202))
+    bad = np.zeros(202)
+    bad[50] = 20.0  # um, along +theta
+    change = gaps(drive, system, states, ToothDeviations(b=bad)) - system.delta_p
+    f = system.flanks
+    met = np.abs(change[:, : system.n_flanks]) > 1e-12
+    assert met.any(axis=1).sum() == 2 * 33  # positions in mesh
+    assert (met.sum(axis=1) <= 2).all()  # both flanks of one tooth
+    opened = np.broadcast_to(f.side * np.cos(f.alpha) * 0.02, met.shape)
+    assert change[:, : system.n_flanks][met] == pytest.approx(opened[met])
+
+
 def test_wrong_number_of_teeth(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(2))
     with pytest.raises(UsageError, match="200 deviations, not 199"):
