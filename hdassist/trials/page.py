@@ -146,6 +146,7 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
         yield "learnt", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in LEARNT)
     else:
         yield "rests on", stays_line(advice.drive, advice.rests_on)
+    yield "limit", "" if advice.outcome else "; ".join(_held(advice))
     yield "unknown", names(unknowns(advice.drive))
     if len(advice.trials) >= MANY and not advice.repeats and not advice.outcome:
         first = advice.where(advice.trials[0].rotation_deg)
@@ -156,6 +157,15 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
     yield "next", "" if advice.outcome or (carded and advice.settled) else f"the same command with {more}"
     yield "proof", proof(advice.cloud.certificate)
     yield "more", "" if details else "--details"
+
+
+def _held(advice: TrialAdvice) -> Iterator[str]:
+    """How sure the best position keeps the preset's limits, at each torque that decides."""
+    drive, best = advice.drive, advice.losses.best
+    for M_g, drawn in zip(drive.operation.M_g, advice.losses.at(best), strict=True):
+        if (limit := drive.limit(M_g)) is not None:
+            where = f"{advice.where(advice.losses.rotations_deg[best])} at {M_g:g} N·m"
+            yield f"{np.mean(drawn <= limit):.0%} sure that {where} stays below {limit:g} arcsec, self error aside"
 
 
 def _positions(advice: TrialAdvice, style: Style, most: int) -> Table:
