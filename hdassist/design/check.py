@@ -47,6 +47,17 @@ class OperatingPoint:
         return self.error.F_ior_arcsec + self.self_error.range_arcsec
 
     @property
+    def held_arcsec(self) -> tuple[float, float] | None:
+        """What is held against the limit [arcsec]: F'_ior with the self error that 5 and 95 % of what it may be have.
+
+        Both the same where all is known; None where what is not known cannot be drawn.
+        """
+        own = self.self_error.range_arcsec
+        if self.over:
+            return self.over.low + own, self.over.high + own
+        return None if self.open_ else (self.F_ior_upper_arcsec, self.F_ior_upper_arcsec)
+
+    @property
     def certificates(self) -> tuple[Certificate, ...]:
         """Certificates of all states that stand behind the point."""
         parts = (self.error, self.self_error, self.sensitivity, self.over)
@@ -61,12 +72,12 @@ class OperatingPoint:
         """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
-        if not self.open_:
-            return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
-        room = self.limit_arcsec - self.self_error.range_arcsec
-        if self.over and self.over.high <= room:
+        if not self.held_arcsec:
+            return Verdict.INCONCLUSIVE
+        low, high = self.held_arcsec
+        if high <= self.limit_arcsec:
             return Verdict.PASS
-        return Verdict.FAIL if self.over and self.over.low > room else Verdict.INCONCLUSIVE
+        return Verdict.FAIL if low > self.limit_arcsec else Verdict.INCONCLUSIVE
 
 
 @dataclass(frozen=True)

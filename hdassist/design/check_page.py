@@ -131,7 +131,7 @@ def render(check: DesignCheck, style: Style, *, plots: bool = True, details: boo
     parts: list[RenderableType] = [_heading(check, style)]
     parts += [_geometry(check, style), *_points(check, style)] if details else _columns(check, style, "", _brief(check))
     if plots:
-        parts += [Text(_plot(point, style)) for point in check.points]
+        parts += [Text(_plot(point, style, ", unknown as 0" if check.unknown else "")) for point in check.points]
     parts.append(facts(style, _lines(check, details)))
     if details:
         parts.append(_certificate(check, style))
@@ -148,7 +148,8 @@ def _brief(check: DesignCheck) -> list[Quantity[OperatingPoint]]:
 def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the numbers, a label and a text each."""
     yield "lever", _lever(check)
-    yield "rests on", basis_line(check.rests_on, [point.M_g for point in check.points])
+    basis = basis_line(check.rests_on, [point.M_g for point in check.points])
+    yield "rests on", basis + "; the unknown as 0" * bool(basis and check.unknown)
     zero = "" if any(point.over for point in check.points) else "taken as 0: "
     yield "unknown", zero + names(check.unknown) if check.unknown else ""
     yield "uncertain", ", ".join(check.uncertain)
@@ -176,7 +177,7 @@ def to_json(check: DesignCheck, seed: int) -> Json:
     """The check as a JSON object."""
     k = check.kinematics
     return {
-        **envelope("check", check.drive, check.verdict.exit_code, check.warnings),
+        **envelope("check", check.drive, check.verdict.exit_code, (*check.warnings, *_at_zero(check))),
         "kinematics": {
             "fixed": k.fixed,
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
@@ -184,13 +185,21 @@ def to_json(check: DesignCheck, seed: int) -> Json:
             "cycle_cam_revolutions": k.cycle_cam_revolutions,
         },
         "pitch": pitch_object(check.measured),
-        "operating_points": [as_object((*POINT, *UNKNOWN, *SLOPES), point) for point in check.points],
+        "operating_points": [
+            {**as_object((*POINT, *UNKNOWN, *SLOPES), p), "held_arcsec": p.held_arcsec} for p in check.points
+        ],
         "unknown": unknown_objects(check.unknown),
         "rests_on": basis_objects(check.rests_on, [point.M_g for point in check.points]),
         "certificate": certificate_object(check.certificate, check.cross_checks),
         "seed": seed,
         "verdict": str(check.verdict),
     }
+
+
+def _at_zero(check: DesignCheck) -> list[str]:
+    """What a script should know of the value beside a range; a page shows the range alone."""
+    words = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of held_arcsec"
+    return [words] if check.unknown and any(point.over for point in check.points) else []
 
 
 def figures(check: DesignCheck) -> Figures:
@@ -272,14 +281,14 @@ def _columns(
         yield grid
 
 
-def _plot(point: OperatingPoint, style: Style) -> str:
+def _plot(point: OperatingPoint, style: Style, taken: str) -> str:
     turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
     return curve(
         style,
         turns,
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
-        y_label=f"error at {point.M_g:g} N·m, arcsec: least and greatest around each cam turn",
+        y_label=f"error at {point.M_g:g} N·m{taken}, arcsec: least and greatest around each cam turn",
         height=PLOTTED,
         over=1.0,
     )

@@ -150,15 +150,29 @@ QUANTITIES = (
         "F'_ior",
         "наибольшая кинематическая погрешность",
         "The greatest minus the least kinematic error over the full cycle, at constant torque, turning one way.",
-        ("F_ior_arcsec", "angular transmission accuracy", "range_arcsec"),
+        ("F_ior_arcsec", "angular transmission accuracy", "no-load accuracy", "accuracy", "range_arcsec"),
         "arcsec",
     ),
     Term(
         "F'_ior + self error",
         "",
-        "What a limit is held against: F'_ior with the self error on top.",
+        "F'_ior with the self error on top: what a limit is held against where all is known of the drive.",
         ("F_ior_upper_arcsec", "upper value"),
         "arcsec",
+    ),
+    Term(
+        "held",
+        "",
+        "What is held against a limit: F'_ior with the self error that 5 and 95 % of what the drive may be stay below; "
+        "both the same where all is known.",
+        ("held_arcsec",),
+        "arcsec",
+    ),
+    Term(
+        "loss",
+        "потеря",
+        "By how much F'_ior of a position lies above that of the best one, as a share of that.",
+        ("expected_loss", "good"),
     ),
     Term(
         "full cycle",

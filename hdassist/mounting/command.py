@@ -114,9 +114,8 @@ def command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
     facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: card_facts(advice, say)
-    raise typer.Exit(
-        give_with_card("mount", answer(advice, seed=seed, plots=plot, details=details), card_file, facts, options, out)
-    )
+    told = answer(advice, seed=seed, plots=plot, details=details, carded=card_file is not None)
+    raise typer.Exit(give_with_card("mount", told, card_file, facts, options, out))
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

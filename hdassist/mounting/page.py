@@ -58,14 +58,15 @@ def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def answer(advice: Advice, *, seed: int, plots: bool, details: bool = False) -> Answer:
+def answer(advice: Advice, *, seed: int, plots: bool, details: bool = False, carded: bool = False) -> Answer:
     """What there is to say of an advice.
 
-    Arguments: seed, of its samples; plots, whether seat and curves are drawn; details, whether all tables are shown.
+    Arguments: seed, of its samples; plots, whether seat and curves are drawn; details, whether all tables are shown;
+    carded, whether a card is written.
     """
     return Answer(
         to_json=lambda: to_json(advice, seed),
-        page=lambda style: render(advice, style, plots=plots, details=details),
+        page=lambda style: render(advice, style, plots=plots, details=details, carded=carded),
         summary_line=lambda: summary_line(advice),
         figures=lambda: figures(advice),
         warnings=warnings(advice),
@@ -104,7 +105,9 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
     return f"{why} {measure}"
 
 
-def render(advice: Advice, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+def render(
+    advice: Advice, style: Style, *, plots: bool = True, details: bool = False, carded: bool = False
+) -> RenderableType:
     """The instruction, the seat, the positions, and what to know of them; with details a plot per torque and tables."""
     drive, result = advice.drive, advice.curve
     words = f"{drive.name}: turning the fixed {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
@@ -117,7 +120,7 @@ def render(advice: Advice, style: Style, *, plots: bool = True, details: bool = 
     if details:
         parts += _tables(advice, style)
     turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
-    parts += [Text(style.text(turns)), Text(_proof(result)) if details else facts(style, _lines(advice))]
+    parts += [Text(style.text(turns)), Text(_proof(result)) if details else facts(style, _lines(advice, carded))]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
@@ -132,7 +135,7 @@ def _tables(advice: Advice, style: Style) -> Iterator[Table]:
         yield stays_table(advice.drive, advice.rests_on, style)
 
 
-def _lines(advice: Advice) -> Iterator[tuple[str, str]]:
+def _lines(advice: Advice, carded: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the positions, a label and a text each."""
     sampled = advice.robust
     sure = f"gains with {sampled.probability_gain:.0%} over {len(sampled.merits)} samples" if sampled else ""
@@ -140,7 +143,7 @@ def _lines(advice: Advice) -> Iterator[tuple[str, str]]:
     yield "lever", _lever(advice)
     yield "rests on", stays_line(advice.drive, advice.rests_on)
     yield "unknown", names(advice.unknown)
-    if advice.order != "none":  # else the sentence above names it
+    if advice.order != "none" and not carded:  # else the sentence above names it
         card = again("mount", advice.drive, "--card", "card.html")
         yield "next", card + (" with the same pitch files" if advice.measured else "")
     yield "proof", proof(advice.curve.certificate, advice.curve.cross_checks)

@@ -19,7 +19,7 @@ _DEGREE = PI / 180
 
 # Dimension: unit (as `_normal` writes it) -> its size, in the same measure throughout the dimension.
 _TABLE: dict[str, dict[str, Decimal | int | str]] = {
-    "a length": {"mm": 1, "um": "1e-3", "nm": "1e-6", "cm": 10},
+    "a length": {"mm": 1, "um": "1e-3", "nm": "1e-6", "cm": 10, "inch": "25.4", "in": "25.4"},
     "an angle": {
         "deg": 1, "°": 1, "arcmin": Decimal(1) / 60, "'": Decimal(1) / 60, "arcsec": Decimal(1) / 3600,
         '"': Decimal(1) / 3600, "rad": 1 / _DEGREE,

@@ -74,7 +74,7 @@ def thousands(count: int) -> str:
 def on_what(drive: Drive) -> str:
     """What is assumed of a drive, where nobody has weighed it."""
     assumed = len(assumptions(drive))
-    return f"{assumed} assumed values; hdassist check tells which weigh" if assumed else ""
+    return f"{assumed} values assumed within a range; hdassist check tells which weigh" if assumed else ""
 
 
 def not_known(drive: Drive) -> str:

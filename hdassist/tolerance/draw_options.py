@@ -63,7 +63,8 @@ def require_limits(drive: Drive) -> list[float]:
     limits = [drive.limit(M_g) for M_g in drive.operation.M_g]
     open_ = [M_g for M_g, limit in zip(drive.operation.M_g, limits, strict=True) if limit is None]
     if open_:
-        raise UsageError(f"no limit of F'_ior at {open_[0]:g} N*m", f"--limit 30, or --limit {open_[0]:g}:30")
+        hint = f"--limit 30, --limit {open_[0]:g}:30, or --torque for those that have one"
+        raise UsageError(f"no limit of F'_ior at {open_[0]:g} N*m", hint)
     return [limit for limit in limits if limit is not None]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from shlex import quote
 from typing import Literal
 
 from rich.console import Group, RenderableType
@@ -16,6 +15,7 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import unit_of
 from hdassist.solve.answers import Certificate
 from hdassist.terminal.answers import Json, certificate_object, envelope
+from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.tolerance.indices import TIGHTER, Design, Indices, Tightened
@@ -97,7 +97,6 @@ def proof(found: Sensitivities) -> str:
 
 def render(found: Sensitivities, style: Style) -> RenderableType:
     """What to tighten first, a tornado a torque, slopes."""
-    name = quote(found.drive.origin.file or found.drive.name)
     parts: list[RenderableType] = [
         Text(style.text(f"{found.drive.name}: what F'_ior hangs on"), style="bold"),
         Text(style.text(summary_line(found))),
@@ -105,7 +104,7 @@ def render(found: Sensitivities, style: Style) -> RenderableType:
     for M_g, index, ways in zip(found.torques, found.indices, found.tightened, strict=True):
         parts.append(_tornado(found, M_g, index, ways, style))
     parts.append(_slopes(found, style))
-    parts.append(Text(style.text(f"{proof(found)}\nnext: hdassist allocate {name} --limit 20 --yield 0.95")))
+    parts.append(Text(style.text(f"{proof(found)}\nnext: {again('allocate', found.drive)} --limit ARCSEC")))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
-from shlex import quote
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -14,6 +13,7 @@ from rich.text import Text
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import unit_of
 from hdassist.terminal.answers import Json, envelope
+from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
@@ -67,7 +67,7 @@ def render(drive: Drive, draws: Draws, summary: Summary, style: Style, *, plots:
     parts.append(Text(style.text("\n".join(_verdict_lines(summary)))))
     parts.append(_table(summary, style))
     parts += [Text(_histogram(point, summary, style)) for point in summary.points] if plots else []
-    below = [proof(summary), f"next: hdassist sensitivity {quote(drive.origin.file or drive.name)}"]
+    below = [proof(summary), f"next: {again('sensitivity', drive)}"]
     parts.append(Text(style.text("\n".join(below))))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
@@ -123,11 +123,11 @@ def figures(drive: Drive, summary: Summary) -> Figures:
 
 def _verdict_lines(summary: Summary) -> Iterable[str]:
     if summary.has_limit:
-        told = f"yield as built {_percent(summary.yield_as_built)}"
+        told, how = f"yield as built {_percent(summary.yield_as_built)}", ""
         if summary.positions > 1:
+            how = ", each wheel in its best position"
             told += f"; with the wheel in its best position {_percent(summary.yield_best)}"
-        wanted = "" if summary.wanted is None else f"; {summary.wanted:.0%} wanted: {summary.verdict}"
-        yield told + wanted
+        yield told + ("" if summary.wanted is None else f"; {summary.wanted:.0%} wanted{how}: {summary.verdict}")
     if summary.positions > 1:
         off = [
             f"{p.gain(0.5):.0%} at {p.M_g:g} N·m (5 to 95 % of drives: {p.gain(0.05):.0%} to {p.gain(0.95):.0%})"

@@ -85,4 +85,5 @@ def command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None
-    raise typer.Exit(give_with_card("trials", answer(advice, details=details), card_file, facts, options, out))
+    told = answer(advice, details=details, carded=card_file is not None)
+    raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))

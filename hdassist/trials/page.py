@@ -52,11 +52,11 @@ LEARNT: tuple[Quantity[TrialAdvice], ...] = (
 )
 
 
-def answer(advice: TrialAdvice, *, details: bool = False) -> Answer:
-    """What there is to say of an advice; details, whether all tables are shown."""
+def answer(advice: TrialAdvice, *, details: bool = False, carded: bool = False) -> Answer:
+    """What there is to say of an advice; details, whether all tables are shown; carded, whether a card is asked for."""
     return Answer(
         to_json=lambda: to_json(advice),
-        page=lambda style: render(advice, style, details=details),
+        page=lambda style: render(advice, style, details=details, carded=carded),
         summary_line=lambda: summary_line(advice),
         figures=lambda: figures(advice),
         warnings=tuple(warnings(advice, texts())),
@@ -97,7 +97,10 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
 
 def _chance(advice: TrialAdvice) -> str:
     here, good = advice.stay
-    return f"{advice.where(here)} is good (loses below {GOOD:.0%}) with {good:.0%}, and {advice.needed:.0%} are wanted"
+    sure, needed = f"{good:.0%}", f"{advice.needed:.0%}"
+    if sure == needed and not advice.settled:
+        sure = f"{np.floor(1000 * good) / 10:.1f}%"
+    return f"{advice.where(here)} is good (loses below {GOOD:.0%}) with {sure}, and {needed} are wanted"
 
 
 def _outcome(advice: TrialAdvice, of: Prediction) -> str:
@@ -120,7 +123,7 @@ def instruction(advice: TrialAdvice) -> str:
     )
 
 
-def render(advice: TrialAdvice, style: Style, *, details: bool = False) -> RenderableType:
+def render(advice: TrialAdvice, style: Style, *, details: bool = False, carded: bool = False) -> RenderableType:
     """The instruction, the best positions, and what to know of them; with details more positions and tables."""
     trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)} at {advice.cloud.rig.M_g:g} N·m"
     parts: list[RenderableType] = [
@@ -128,12 +131,12 @@ def render(advice: TrialAdvice, style: Style, *, details: bool = False) -> Rende
         Text(style.text(instruction(advice))),
         _positions(advice, style, SHOWN[details]),
         *([stays_table(advice.drive, advice.rests_on, style, trials=True)] if details and advice.rests_on else []),
-        facts(style, _lines(advice, details=details)),
+        facts(style, _lines(advice, details=details, carded=carded)),
     ]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _lines(advice: TrialAdvice, *, details: bool) -> Iterator[tuple[str, str]]:
+def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the positions, a label and a text each."""
     rig = advice.cloud.rig
     if details:
@@ -143,21 +146,31 @@ def _lines(advice: TrialAdvice, *, details: bool) -> Iterator[tuple[str, str]]:
         yield "learnt", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in LEARNT)
     else:
         yield "rests on", stays_line(advice.drive, advice.rests_on)
+    yield "limit", "" if advice.outcome else "; ".join(_held(advice))
     yield "unknown", names(unknowns(advice.drive))
-    if len(advice.trials) >= MANY and not advice.repeats:
+    if len(advice.trials) >= MANY and not advice.repeats and not advice.outcome:
         first = advice.where(advice.trials[0].rotation_deg)
         yield "repeat", f"{first}, the wheel taken out and put back, to learn the noise: none was measured twice"
         turn = f"turn the {wheel(advice.drive)} by a hole as you counted: its mark must go"
         yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior tells how holes were counted"
     more = "--card card.html" if advice.settled else f"the value of {advice.where(advice.next[0])} as one more trial"
-    yield "next", "" if advice.outcome else f"the same command with {more}"
+    yield "next", "" if advice.outcome or (carded and advice.settled) else f"the same command with {more}"
     yield "proof", proof(advice.cloud.certificate)
     yield "more", "" if details else "--details"
 
 
+def _held(advice: TrialAdvice) -> Iterator[str]:
+    """How sure the best position keeps the preset's limits, at each torque that decides."""
+    drive, best = advice.drive, advice.losses.best
+    for M_g, drawn in zip(drive.operation.M_g, advice.losses.at(best), strict=True):
+        if (limit := drive.limit(M_g)) is not None:
+            where = f"{advice.where(advice.losses.rotations_deg[best])} at {M_g:g} N·m"
+            yield f"{np.mean(drawn <= limit):.0%} sure that {where} stays below {limit:g} arcsec, self error aside"
+
+
 def _positions(advice: TrialAdvice, style: Style, most: int) -> Table:
-    turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side, best first"
-    title = f"positions, {turns}\nF'_ior in arcsec at {_beside(advice.drive.operation.M_g, 'g')} N·m"
+    turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
+    title = f"positions, least loss first, {turns}\nF'_ior in arcsec at {_beside(advice.drive.operation.M_g, 'g')} N·m"
     rows = grid(style, title, "position", "good, %", "expected", "5 %", "95 %", "loss, %")
     for at in (_position(advice, place) for place in advice.losses.ranked[:most]):
         good, loss = f"{100 * at['probability_good']:.0f}", f"{100 * at['expected_loss']:.1f}"

@@ -1,5 +1,6 @@
 """Trials: a hidden cam offset found again from F'_ior measured in a few positions, and how sure that is."""
 
+import re
 from dataclasses import replace
 from functools import cache, partial
 
@@ -508,17 +509,35 @@ def test_values_that_are_unlike_the_drive_or_each_other_are_remarked(advice: Tri
     assert "differ by more" not in said(replace(twice, cloud=replace(twice.cloud, rig=Rig(M_G, 3.0))))
 
 
+def page(of: TrialAdvice) -> str:
+    from rich.console import Console
+
+    from hdassist.terminal.console import Style
+
+    console = Console(width=1000)
+    with console.capture() as seen:
+        console.print(render(of, Style(ascii=False, codes=False, width=1000)))
+    return " ".join(seen.get().split())
+
+
+def test_how_sure_the_best_position_keeps_a_limit(advice: TrialAdvice) -> None:
+    drawn = advice.losses.at(advice.losses.best)[0]
+    limit = float(np.quantile(drawn, 0.7))
+    drive = load_preset(SMALL, ["operation.M_g=4", ASSUMED, f"acceptance.F_ior={limit}"])
+    held = replace(advice, cloud=replace(advice.cloud, drive=drive))
+    assert "limit 70% sure that hole" in page(held)
+    assert " sure that " not in page(advice)
+
+
+def test_a_probability_below_the_one_wanted_is_not_rounded_up_to_it(advice: TrialAdvice) -> None:
+    good = advice.stay[1]
+    short = replace(advice, needed=good + 0.001)
+    assert not short.settled
+    sure, wanted = re.findall(r"([\d.]+)%", instruction(short))[1:3]
+    assert float(sure) < float(wanted)
+
+
 def test_four_trials_without_a_repeat_ask_for_one_and_for_the_sense(advice: TrialAdvice) -> None:
-    def page(of: TrialAdvice) -> str:
-        from rich.console import Console
-
-        from hdassist.terminal.console import Style
-
-        console = Console(width=1000)
-        with console.capture() as seen:
-            console.print(render(of, Style(ascii=False, codes=False, width=1000)))
-        return " ".join(seen.get().split())
-
     asked = "repeat hole 0 (0 deg)"
     assert asked in page(advice)
     assert "counter-clockwise, seen from the cam side" in page(advice)
