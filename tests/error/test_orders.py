@@ -85,3 +85,15 @@ def test_orders_of_the_other_mounting(reference):
 def test_a_trace_is_one_turn_to_a_cycle(reference, revolutions):
     with pytest.raises(UsageError, match="1 to 100"):
         trace(reference, 80, revolutions=revolutions)
+
+
+@pytest.mark.parametrize("count", [200, 201])
+def test_the_highest_order_of_an_even_and_of_an_odd_number_of_states(reference, count):
+    # with an even number it stands alone at the end of the spectrum, with an odd one it has a mirror image
+    error = 1.5 * np.cos(100 * 2 * np.pi * np.arange(count) / count)
+    assert {o.per_cam_rev: o.amplitude_arcsec for o in orders(reference, error, 1)}[100] == pytest.approx(1.5)
+
+
+def test_a_trace_starts_at_an_angle(reference):
+    with pytest.raises(UsageError, match="start angle must be a number, not nan"):
+        trace(reference, 80, start_deg=np.nan)

@@ -46,7 +46,8 @@ def test_what_the_preset_calls_assumed_or_leaves_to_a_default_is(drive):
 
 
 def test_the_effects_are_those_of_the_drive_at_the_ends(drive):
-    first, *others = rests_on(drive, (4.0,), most=4)
+    told: list[int] = []
+    first, *others = rests_on(drive, (4.0,), most=4, progress=told.append)
     assert first.assumption.path == "cam.W_0"
     assert first.ends == (0.55, 0.6)
     for end, value in zip(first.ends, first.F_ior_arcsec[0], strict=True):
@@ -55,6 +56,8 @@ def test_the_effects_are_those_of_the_drive_at_the_ends(drive):
     assert first.at[0] == pytest.approx(kinematic_error(drive, 4.0, cross_check=None).F_ior_arcsec, abs=0.01)
     assert all(a.share >= b.share for a, b in zip([first, *others], others, strict=False))
     assert len(others) == 3
+    _, *searched = told
+    assert sum(searched) == sum(effect.certificate.states for effect in (first, *others))
 
 
 def test_an_end_that_cannot_be_computed_is_approached(drive):

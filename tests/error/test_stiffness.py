@@ -1,10 +1,12 @@
 """Torsional stiffness: the curve, its segments, lost motion and play."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hdassist import load_preset, stiffness
-from hdassist.error.stiffness import catalogue_torques
+from hdassist.error.stiffness import Segment, Twist, catalogue_torques
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.geometry import Geometry
@@ -165,4 +167,14 @@ def test_beyond_the_model_there_is_no_number(reference):
 
 
 def test_small_drives_too():
-    assert of(load_preset(SMALL)).positive[1].stiffness > 1e3
+    small = load_preset(SMALL)
+    curve = of(small)
+    assert curve.positive[1].stiffness > 1e3
+    low, high = curve.torque[3], curve.torque[-5]
+    assert Twist(small).between(low, high) == pytest.approx(curve.twist_at(high) - curve.twist_at(low), abs=1e-7)
+
+
+def test_the_weaker_side_counts(plain):
+    sides = {"positive": (1e6, 2e6), "negative": (3e6, 1e6)}
+    curve = replace(plain, **{side: tuple(Segment(0.0, 1.0, K) for K in values) for side, values in sides.items()})
+    assert [curve.weaker(segment) for segment in (1, 2)] == [1e6, 1e6]

@@ -7,7 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.search import CycleSearch
-from hdassist.error.table import KNOWN, ErrorTable, error_tables, turns
+from hdassist.error.table import KNOWN, ErrorTable, Mesh, Reach, error_tables, turns
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
@@ -15,6 +15,7 @@ from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.robust import interpolates, robust
 from hdassist.preset.fields import Drive
+from hdassist.solve.answers import EMPTY
 from tests.process import SMALL
 from tests.support import rotation
 
@@ -103,10 +104,34 @@ def test_all_deviations_reversed_are_half_a_turn(table: ErrorTable) -> None:
 
 def test_the_same_digits_from_any_number_of_workers(small: Drive, table: ErrorTable) -> None:
     outermost = small.with_values({"tolerances.e_hb": 60.0, "tolerances.e_hh": 10.0})
+    told: list[int] = []
     with ThreadPoolExecutor(2) as executor:
-        again = error_tables([(small, [*drawn(small, KNOWN - 1, 1), outermost])], (4.0,), executor=executor)[0][0]
+        span = [*drawn(small, KNOWN - 1, 1), outermost]
+        again = error_tables([(small, span)], (4.0,), executor=executor, progress=told.append)[0][0]
     assert np.array_equal(again.error, table.error, equal_nan=True)
     assert again.standard_error == table.standard_error
+    assert sum(told) == again.certificate.states
+
+
+def test_a_state_that_cannot_be_trusted_is_named_by_its_deviations(small: Drive) -> None:
+    far = small.with_values({"tolerances.F_i2": 100.0, "tolerances.e_hb": 50.0})
+    coarse = Mesh((3, 3, 3, 3), compared=0)
+    with pytest.raises(
+        UntrustedError, match=r"at tooth vector \(-?\d+, -?\d+\) um, cam vector .* um, M_g = 1e\+06 N\*m"
+    ):
+        error_tables([(small, [far])], (1e6,), mesh=coarse)
+
+
+def test_between_its_points_it_is_straight_and_others_count_by_their_slopes() -> None:
+    sizes, weights = np.array([0.04, 0.04, 0.06, 0.06]), np.array([100.0, -200.0, 300.0, 400.0])
+    grid = np.stack(np.meshgrid(*(np.linspace(-size, size, 3) for size in sizes), indexing="ij"), axis=-1)
+    reach = Reach((0, 1, 2, 3), sizes, (4, 5), np.array([0.01, 0.01]))
+    slopes = np.stack([np.full((3, 3, 3, 3), slope) for slope in (50.0, -70.0)])
+    made = ErrorTable(4.0, grid @ weights, slopes, reach, EMPTY)
+    at = np.array([[0.01, -0.03, 0.02, 0.05], [0.0, 0.04, 0.0, -0.06]])
+    off = np.array([[0.0, 0.002], [0.003, 0.001]])
+    assert made.rotation(at) == pytest.approx(at @ weights)
+    assert made.rotation(np.hstack([at, off])) == pytest.approx(at @ weights + off @ [50.0, -70.0])
 
 
 def test_outside_its_reach_it_knows_nothing(small: Drive, table: ErrorTable) -> None:

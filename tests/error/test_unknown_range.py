@@ -42,9 +42,11 @@ def test_what_is_known_has_no_range_and_rolling_balls_have_none():
 
 
 def test_the_same_digits_from_any_number_of_workers(over):
+    told: list[int] = []
     with ThreadPoolExecutor(2) as executor:
-        again = unknown_ranges(load_preset(SMALL, ONE), (4.0,), draws=80, executor=executor)[0]
+        again = unknown_ranges(load_preset(SMALL, ONE), (4.0,), draws=80, executor=executor, progress=told.append)[0]
     assert np.array_equal(again.F_ior_arcsec, over.F_ior_arcsec)
+    assert sum(told) == again.certificate.states
 
 
 def test_a_check_passes_or_fails_only_where_nearly_all_of_it_does():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.model.contacts import FREEDOMS, ROTATION, contact_system
+from hdassist.model.contacts import FREEDOMS, ROTATION, ContactSystems, contact_system
 from hdassist.model.geometry import Flanks, Geometry
 from hdassist.solve.answers import ARCSEC
 from tests.support import changed, solve_state
@@ -108,3 +108,17 @@ def test_system_is_positive_definite_and_reciprocal(reference):
         H = system.D + (system.G[:, held] / system.C[held]) @ system.G[:, held].T
         assert np.array_equal(system.D, system.D.T)
         assert np.linalg.eigvalsh(H)[0] > 0
+
+
+def test_teeth_and_balls_stand_at_their_phases(reference):
+    systems = ContactSystems(reference)
+    for tau, beta in ((0.3, 0.7), (0.3, 0.2), (0.0, 0.2)):  # parts of a phase met before are made once
+        system = systems.at(tau, beta)
+        assert system.flanks.theta == pytest.approx(2 * np.pi * (system.flanks.tooth + tau) / 200)
+        assert system.ball_theta == pytest.approx(2 * np.pi * (np.arange(24) + beta) / 24)
+        assert system.bore_theta == pytest.approx(2 * np.pi * np.arange(100) / 100)
+        assert system.deviation_map.shape == (len(system.delta_p), 12)
+        alone = contact_system(reference, tau, beta)
+        for part in ("D", "G", "delta_p", "deviation_map"):
+            assert np.array_equal(getattr(system, part), getattr(alone, part))
+    assert contact_system(changed(reference, bearing__beta=0.4)).ball_theta[0] == pytest.approx(2 * np.pi * 0.4 / 24)

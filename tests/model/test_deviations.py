@@ -5,8 +5,15 @@ import pytest
 
 from hdassist import ToothDeviations, kinematic_error
 from hdassist.errors import UsageError
-from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import deviation_scalars, gaps, tooth_phases
+from hdassist.model.contacts import CAM, contact_system
+from hdassist.model.deviations import (
+    carried,
+    deviation_scalars,
+    displaced,
+    gaps,
+    standing_offset,
+    tooth_phases,
+)
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from tests.support import changed, first_harmonic
 
@@ -57,10 +64,16 @@ def test_a_centre_shift_is_a_first_harmonic_half_a_turn_on(reference):
 
 
 def test_a_pitch_mark_is_where_the_teeth_lead_most(reference):
-    drive = changed(reference, phases__xi_b=70.0, mounting__mark_kind="pitch")
-    xi = tooth_phases(drive)[1]
+    drive = changed(reference, phases__xi_g=50.0, phases__xi_b=70.0, mounting__mark_kind="pitch")
     theta = np.radians(np.arange(0, 360, 1.0))
-    assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(70.0)
+    for xi, mark in zip(tooth_phases(drive), (50.0, 70.0), strict=True):
+        assert np.degrees(theta[np.argmax(np.sin(theta - xi))]) == pytest.approx(mark)
+
+
+def test_a_pitch_mark_stands_a_quarter_turn_on_from_the_phase(reference):
+    marked = changed(reference, phases__xi_g=50.0, phases__xi_b=70.0, mounting__mark_kind="pitch")
+    phases = changed(reference, phases__xi_g=-40.0, phases__xi_b=-20.0)
+    assert scalars(marked, 33, 7) == pytest.approx(scalars(phases, 33, 7), abs=1e-15)
 
 
 @pytest.mark.parametrize("j", [0, 1, 77, 5000])
@@ -109,6 +122,20 @@ def test_one_bad_tooth_is_felt_when_it_meshes(reference):
     assert np.abs(error.rotation_arcsec[in_mesh] - still[0]).max() > 0.05
 
 
+def test_one_bad_space_of_the_rigid_wheel_opens_the_flank_before_it(reference):
+    drive = changed(reference, **QUIET)
+    system, states = contact_system(drive), pitch_locked_states(Kinematics.of(drive), np.arange(202))
+    bad = np.zeros(202)
+    bad[50] = 20.0  # um, along +theta
+    change = gaps(drive, system, states, ToothDeviations(b=bad)) - system.delta_p
+    f = system.flanks
+    met = np.abs(change[:, : system.n_flanks]) > 1e-12
+    assert met.any(axis=1).sum() == 2 * 33  # positions in mesh
+    assert (met.sum(axis=1) <= 2).all()  # both flanks of one tooth
+    opened = np.broadcast_to(f.side * np.cos(f.alpha) * 0.02, met.shape)
+    assert change[:, : system.n_flanks][met] == pytest.approx(opened[met])
+
+
 def test_wrong_number_of_teeth(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(2))
     with pytest.raises(UsageError, match="200 deviations, not 199"):
@@ -125,6 +152,9 @@ def test_a_run_out_moves_the_wheel_as_its_translation_does(reference):
     beta = 0.0  # the same direction, from the major axis
     moved = f.side * 0.02 * np.sin(beta - f.theta + f.side * f.alpha)
     assert change[: system.n_flanks] == pytest.approx(moved, abs=1e-15)
+    # and so does a shift along the minor axis, against the system's y
+    along_x1 = system.gaps(np.array([[0.0, 0.0, 0.0, 0.0, 0.02, 0.0]]))[0] - system.delta_p
+    assert along_x1 == pytest.approx(-0.02 * system.G[:, 1], abs=1e-15)
 
 
 def test_marks_of_run_out_are_offsets_of_both_wheels(reference):
@@ -162,3 +192,42 @@ def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(re
     even, odd = (kinematic_error(each, 80, states=states, cross_check=None).range_arcsec for each in (oval, first))
     assert even == pytest.approx(4.95, abs=0.05)  # expected per um of amplitude
     assert 0.1 < odd < 0.3  # 0.14 to 0.23 expected
+
+
+def test_a_wheel_moved_further_has_the_run_out_of_both(reference):
+    alpha = np.linspace(0, -6, 7)
+    off = 0.015 * np.exp(1j * np.radians(90))  # mm, to where the drive with a run-out has it
+    for there in (0.0, 20.0):
+        drive = changed(reference, tolerances__e_b=there, phases__phi_eb=90.0)
+        both = changed(drive, tolerances__e_b=there + 15.0)
+        moved = displaced(deviation_scalars(drive, 0 * alpha, alpha), off, alpha)
+        assert moved == pytest.approx(deviation_scalars(both, 0 * alpha, alpha), abs=1e-15)
+        of_two = np.stack([deviation_scalars(drive, 0 * alpha, alpha)] * 2)
+        assert displaced(of_two, off, alpha) == pytest.approx(np.stack([moved, moved]))
+    oval = deviation_scalars(changed(reference, harmonics__a_b2=3.0), 0 * alpha, alpha)
+    change = displaced(oval, off, alpha) - oval
+    assert change.shape == (7, 12)
+    assert np.flatnonzero(change.any(axis=0)).tolist() == [4, 5]
+
+
+def test_what_turns_with_the_fixed_wheel_and_what_stands_with_its_seat(reference):
+    assert carried(reference) == (
+        "phases.xi_b", "phases.phi_eb", "harmonics.xi_b2", "harmonics.xi_b3", "harmonics.xi_b4",
+    )  # fmt: skip
+    assert standing_offset(reference) == ("tolerances.e_hb", "phases.phi_hb")
+    other = changed(reference, mounting__fixed="flexspline")
+    assert carried(other) == ("phases.xi_g", "harmonics.xi_g2", "harmonics.xi_g3", "harmonics.xi_g4")
+    assert standing_offset(other) == ("tolerances.e_hg", "phases.phi_hg")
+
+
+@pytest.mark.parametrize("direction", [0.0, 90.0, 200.0])
+def test_the_cam_closes_the_balls_that_it_moves_towards(reference, direction):
+    # at phi_h = 0 the major axis, where theta is 0, lies 90 deg from x
+    drive = changed(reference, **{**QUIET, "tolerances__e_hb": 80.0}, phases__phi_hb=direction)
+    system = contact_system(drive)
+    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    towards = np.cos(system.ball_theta - np.radians(direction - 90))
+    assert change[system.balls] == pytest.approx(-0.08 * towards, abs=1e-15)
+    assert not change[: system.balls.start].any()
+    along = np.array([np.sin(np.radians(direction)), -np.cos(np.radians(direction))])
+    assert change == pytest.approx(0.08 * system.G[:, CAM] @ along)

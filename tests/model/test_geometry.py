@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hdassist.errors import UntrustedError
-from hdassist.model.geometry import Geometry, Wheel, flank_candidates
+from hdassist.errors import Fault, UntrustedError
+from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_point
 from tests.support import changed
 
 
@@ -87,8 +87,9 @@ def test_teeth_that_do_not_overlap_are_no_candidates(reference):
 
 
 def test_no_tooth_in_reach_is_an_error(reference):
-    with pytest.raises(UntrustedError, match="reaches"):
+    with pytest.raises(UntrustedError, match="no tooth of the flexspline reaches the rigid wheel") as error:
         flank_candidates(Geometry.of(changed(reference, cam__W_0=0.0, gears__h_a=0.3)), np.radians(30))
+    assert (error.value.hint, error.value.fault) == ("raise cam.W_0 or gears.h_a", Fault.NO_MESH)
 
 
 def test_zones_and_sides_are_mirror_images(reference):
@@ -106,3 +107,38 @@ def test_least_gap_is_found_on_a_denser_sampling_too(reference):
     coarse = flank_candidates(Geometry.of(reference), np.radians(30)).gap
     dense = flank_candidates(Geometry.of(reference), np.radians(30), samples=4001).gap
     assert np.abs(dense - coarse).max() < 1e-9
+
+
+@pytest.mark.parametrize("curve", ["linear", "inextensible"])
+def test_contacts_lie_between_the_tips_of_both_wheels(reference, curve):
+    geometry = Geometry.of(changed(reference, numerics__nominal_curve=curve))
+    flanks = flank_candidates(geometry, np.radians(30))
+    r_y = geometry.r_m + flanks.h_c
+    rho, _ = flank_point(geometry, r_y, flanks.theta, flanks.side)
+    assert r_y.max() <= geometry.r_ag + 1e-9
+    assert r_y.min() >= geometry.r_f + 0.2 * 0.8 - 1e-9
+    assert rho.min() == pytest.approx(geometry.r_ab, abs=1e-9)
+    assert np.count_nonzero(np.abs(rho - geometry.r_ab) < 1e-9) > 10
+
+
+@pytest.mark.parametrize("curve", ["linear", "inextensible"])
+def test_a_tooth_is_moved_as_a_rigid_body(reference, curve):
+    geometry = Geometry.of(changed(reference, numerics__nominal_curve=curve))
+    r_y = np.array([geometry.r_f + 0.3, geometry.r_ag])
+    psi = geometry.flexspline.half_angle(r_y)
+    for theta in np.radians([-25.0, 0.0, 12.0, 170.0]):
+        points = []
+        for side in (1.0, -1.0):
+            rho, phi = flank_point(geometry, r_y, np.full(2, theta), np.full(2, side))
+            points += list(zip(rho * np.exp(1j * phi), r_y * np.exp(1j * side * psi), strict=True))
+        for moved, drawn in points:
+            for other, there in points:
+                assert abs(moved - other) == pytest.approx(abs(drawn - there), abs=1e-12)
+
+
+def test_radii_of_the_reference_by_hand(reference):
+    g = Geometry.of(reference)
+    assert (g.r_f, g.r_m, g.r_ag, g.r_ab) == pytest.approx((81.4, 80.7, 82.96, 82.96))
+    assert (g.r_ring, g.r_raceway) == pytest.approx((78.0, 76.0))
+    assert (g.W_0, g.j_n) == pytest.approx((0.96, 0.007))
+    assert (g.flexspline, g.rigid) == (Wheel(200, 0.8, np.radians(20), 3.1), Wheel(202, 0.8, np.radians(20), 3.3))

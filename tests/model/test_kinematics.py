@@ -63,7 +63,7 @@ def test_cage_of_rolling_balls(reference):
     assert 0.53 < -seen_from_cam < 0.56
     phi_h = np.array([0.0, 0.1, 0.2])
     expected = np.mod(0.25 + seen_from_cam * phi_h * 24 / (2 * np.pi), 1)
-    assert ball_phase(drive, phi_h) == pytest.approx(expected, abs=2e-3)
+    assert ball_phase(drive, phi_h) == pytest.approx(expected, abs=1e-9)
 
 
 def test_locked_balls_keep_their_phase(reference):

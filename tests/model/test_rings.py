@@ -5,7 +5,7 @@ import pytest
 
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
-from hdassist.model.rings import flexspline_ring, plain_ring, shell_twist_stiffness
+from hdassist.model.rings import flexspline_ring, outer_ring, plain_ring, shell_twist_stiffness
 from tests.support import changed
 
 E, I, R = 2.06e5, 128.0, 76.0
@@ -81,3 +81,17 @@ def test_compliance_is_reciprocal_and_positive(reference):
         D = contact_system(drive).D
         assert np.array_equal(D, D.T)
         assert np.linalg.eigvalsh(D)[0] >= 0.999 * min(drive.contact.c_bore, drive.contact.c_t, drive.contact.c_ball)
+
+
+def test_sections_of_both_rings_by_hand(reference):
+    geometry, f, b, E_ = Geometry.of(reference), reference.flexspline, reference.bearing, reference.material.E
+    outer, rim = outer_ring(reference, geometry), flexspline_ring(reference, geometry)
+    r = geometry.r_m - f.h_1 / 2 - b.ring_h / 2
+    assert outer.radius == pytest.approx(r)
+    assert outer.stiffness[0] == pytest.approx(2 * np.pi * E_ * b.ring_b * b.ring_h / r)
+    assert outer.stiffness[2] == pytest.approx(np.pi * E_ * b.ring_b * b.ring_h**3 / 12 * 64 / r**3)
+    edge_zone = f.h_3 * np.sqrt(geometry.r_m * f.h_3) / (2 * 1.285)
+    assert rim.stiffness[0] == pytest.approx(2 * np.pi * E_ * (f.b_w * f.h_1 + edge_zone) / geometry.r_m)
+    for ring in (outer, rim):
+        assert ring.order.tolist() == [0, *range(2, 41)]
+        assert len(ring.stiffness) == 40

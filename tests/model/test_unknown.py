@@ -5,7 +5,17 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.model.deviations import deviations_of
-from hdassist.model.unknown import draw, told, unknown_turn, unknowns, with_zeros
+from hdassist.model.unknown import (
+    Unknown,
+    draw,
+    names,
+    pitch_deviation,
+    told,
+    uncertain_values,
+    unknown_turn,
+    unknowns,
+    with_zeros,
+)
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import may_be_unknown
 from tests.process import SMALL
@@ -42,6 +52,22 @@ def test_sizes_go_as_far_as_their_part_may_and_directions_around():
     assert found["harmonics.a_b2"].high == pytest.approx(3)
     assert (found["harmonics.xi_b2"].high, found["harmonics.xi_b3"].high) == (180, 120)
     assert all(u.low == 0 for u in found.values())
+    assert found["tolerances.F_i1"].reason == "F_p of class 9, ISO 1328-1:2013"
+    assert found["harmonics.xi_b2"].reason == "any direction"
+
+
+def test_offsets_go_with_the_diameter_those_that_stand_further_than_those_that_turn():
+    # of 30 mm, in um
+    names = ("e_hh", "e_hg", "e_hb", "e_b")
+    for fixed, most in (("rigid", (6, 6, 15, 1.8)), ("flexspline", (6, 15, 6, 1.8))):
+        drive = load_preset(SMALL, [f"mounting.fixed={fixed}", *(f"tolerances.{name}=unknown" for name in names)])
+        assert [u.high for u in unknowns(drive) if u.path.startswith("tolerances.")] == pytest.approx(most)
+
+
+def test_classes_of_teeth_are_steps_of_the_root_of_two():
+    drive = load_preset("vzp160")
+    steps = [pitch_deviation(drive, grade) / pitch_deviation(drive, 5) for grade in (4, 5, 6, 7, 9)]
+    assert steps == pytest.approx([0.5**0.5, 1, 2**0.5, 2, 4])
 
 
 def test_draws_fill_what_is_open_and_touch_nothing_else():
@@ -69,6 +95,7 @@ def test_draws_fill_what_is_open_and_touch_nothing_else():
         (["phases.xi_g=unknown", "phases.phi_hh=unknown"], False),
         (["phases.phi_hb=unknown", "harmonics.a_s2=2", "harmonics.xi_s2=10"], False),  # the seat's ovality is known
         (["phases.xi_b=unknown", "harmonics.a_b2=2", "harmonics.xi_b2=10"], False),
+        (["tolerances.F_i2=0.5", "harmonics.a_b2=2", "harmonics.xi_b2=unknown"], False),  # little is not nothing
         (["mounting.fixed=flexspline", "tolerances.e_hg=20", "phases.phi_hg=unknown"], True),
         (["mounting.fixed=flexspline", "tolerances.e_hg=20", "phases.phi_hb=unknown"], False),
         ([], False),
@@ -85,4 +112,45 @@ def test_zeros_in_place_of_the_unknown_are_said():
     assert known.phases.phi_hb == known.harmonics.a_g3 == 0
     assert (unknowns(known), told(known)) == ((), ())
     assert known.origin.warnings[-1].startswith("assumed to be 0, not known: phases.phi_hb, harmonics.a_g3")
+    assert known.origin.zeros == ("phases.phi_hb", "harmonics.a_g3", "harmonics.xi_g3")
     assert with_zeros(known) is known
+
+
+def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
+    class_9 = pitch_deviation(load_preset(SMALL), 9)
+    found = {u.path: u.high for u in unknowns(load_preset(SMALL, ["harmonics.a_g2=unknown", "harmonics.a_b3=unknown"]))}
+    assert (found["harmonics.a_g2"], found["harmonics.a_b3"]) == pytest.approx((0.08 * 20, 0.04 * 20))
+    loose = load_preset(SMALL, ["tolerances.F_i1=unknown", "harmonics.a_g2=unknown"])
+    assert {u.path: u.high for u in unknowns(loose)}["harmonics.a_g2"] == pytest.approx(0.08 * class_9 / 2)
+    # a wheel without deviations has none of them
+    none = ("tolerances.F_i1=0", "harmonics.a_g2=unknown", "harmonics.xi_g2=unknown")
+    assert open_fields(*none) == set()
+    assert open_fields(*none, "harmonics.a_b3=unknown") == {"harmonics.a_b3", "harmonics.xi_b3"}
+
+
+def test_both_sides_may_be_open_that_of_the_wheel_first():
+    drive = load_preset(SMALL, ["phases.phi_hb=unknown", "phases.xi_b=unknown"])
+    assert unknown_turn(drive) == ("phases.xi_b", "phases.phi_hb")
+    assert open_fields("tolerances.e_hb=0.5", "phases.phi_hb=unknown") == {"phases.phi_hb"}
+
+
+def test_draws_of_several_fields_do_not_hang_together():
+    drive = load_preset(SMALL, [
+        "tolerances.e_hb=unknown", "phases.phi_hb=unknown", "uncertainty.phases.xi_b=10", "uncertainty.gears.j_n=1",
+    ])  # fmt: skip
+    paths = ("tolerances.e_hb", "phases.phi_hb", "phases.xi_b", "gears.j_n")
+    columns = np.array([[d.number(path) for path in paths] for d in draw(drive, 400)])
+    assert np.abs(np.corrcoef(columns.T) - np.eye(4)).max() < 0.2
+    assert draw(drive, 3) == draw(drive, 3, seed=0)
+
+
+def test_an_uncertain_value_is_spread_as_far_as_its_field_goes():
+    drive = load_preset(SMALL, ["uncertainty.phases.xi_b=10", "tolerances.e_hh=2", "uncertainty.tolerances.e_hh=4"])
+    shares = np.array([0.022750131948, 0.5, 0.977249868052])  # of a normal distribution below -2, 0 and 2
+    assert uncertain_values(drive, "phases.xi_b", shares) == pytest.approx([80, 90, 100])
+    assert uncertain_values(drive, "tolerances.e_hh", shares) == pytest.approx([0, 2, 6])  # not -2
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "p0"), (4, "p0, p1, p2, p3"), (6, "p0, p1, p2, p3 and 2 more")])
+def test_a_few_names_and_how_many_more(count, said):
+    assert names([Unknown(f"p{k}", 0, 1, "") for k in range(count)]) == said

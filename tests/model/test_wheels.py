@@ -99,6 +99,15 @@ def test_a_wheel_turned_by_whole_teeth_sees_the_same_pattern_further_on():
     assert found[0][1].g == pytest.approx(found[1][1].g)
 
 
+def test_a_measured_wheel_has_no_harmonics_besides():
+    drive = load_preset(SMALL, ["harmonics.a_g2=3", "harmonics.a_b4=2"])
+    there = MeasuredTeeth(g=wheel(np.zeros(60))).without_harmonics(drive)
+    assert (there.tolerances.F_i1, there.harmonics.a_g2) == (0, 0)
+    assert (there.tolerances.F_i2, there.harmonics.a_b4) == (40, 2)
+    both = MeasuredTeeth(g=wheel(np.zeros(60)), b=wheel(np.zeros(62))).without_harmonics(drive)
+    assert (both.tolerances.F_i2, both.harmonics.a_b4, both.tolerances.e_hb) == (0, 0, 30)
+
+
 def test_only_the_fixed_wheel_turns():
     drive = load_preset(SMALL)
     both = MeasuredTeeth(g=wheel(np.zeros(60), 10.0), b=wheel(np.zeros(62), 20.0)).rotated(drive, 30.0)

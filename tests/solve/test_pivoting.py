@@ -14,6 +14,7 @@ from hdassist.solve import pivoting
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, N_MM, solve_states
 from hdassist.solve.certificate import TOLERANCE, residuals
+from hdassist.solve.compiled import Compiled
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.pivoting import Reference, exchanged
@@ -145,6 +146,16 @@ def test_the_same_states_give_the_same_digits(formulation, delta_p):
     assert np.array_equal(free, freed)
 
 
+def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, delta_p):
+    for many in (False, True):
+        engine = Engine(formulation, 4e3, many=many)
+        engine.solve(delta_p[: MANY - 1])
+        assert (engine._pivoting is not None) is many
+    alone = Engine(formulation, 4e3)
+    alone.solve(delta_p[:MANY])
+    assert alone._pivoting is not None
+
+
 def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, delta_p):
     fresh = Engine(formulation, 4e3)
     alone = Engine(formulation, 4e3).solve(delta_p)
@@ -178,6 +189,19 @@ def test_states_given_up_are_counted_and_solved_one_by_one(formulation, delta_p,
     monkeypatch.setattr(pivoting, name, value)
     found = Engine(formulation, 4e3).solve(delta_p)
     assert found[2] == len(delta_p) if all_of_them else 0 < found[2] <= len(delta_p)
+    assert same(formulation, 4e3, delta_p, found)
+
+
+def test_a_walk_that_rounding_spoiled_is_given_up(formulation, delta_p, monkeypatch):
+    walk = pivoting.Pivoting._walk
+
+    def spoiled(self, start):
+        solved, changed = walk(self, start)
+        return solved * (1 + 1e-3 * changed), changed
+
+    monkeypatch.setattr(pivoting.Pivoting, "_walk", spoiled)
+    found = Engine(formulation, 4e3).solve(delta_p)
+    assert found[2] > 0
     assert same(formulation, 4e3, delta_p, found)
 
 
@@ -243,3 +267,12 @@ def test_exchanged_twice_is_what_it_was():
     assert exchanged(matrix, change) @ np.where(change, values, others) == pytest.approx(
         np.where(change, others, values)
     )
+
+
+def test_candidates_that_are_one_and_the_same_are_no_reference():
+    # two springs side by side in the same place: which of them carries is not determined, so there is no pivot
+    one = np.ones((2, 2))
+    data = Compiled(P=one, q_0=np.zeros(2), Q=np.eye(2), A=one[:1], b_0=np.zeros(1), b_1=np.ones(1), lower=np.zeros(2))
+    assert Reference.at(data, np.array([True, False])) is None
+    apart = replace(data, P=one + np.eye(2))
+    assert Reference.at(apart, np.array([True, True])) is not None

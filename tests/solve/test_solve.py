@@ -1,25 +1,28 @@
 """One statement of the programme, one proof of the answer."""
 
+import re
 from dataclasses import replace
 
 import cvxpy as cp
 import numpy as np
 import pytest
 
-from hdassist import kinematic_error
+from hdassist import kinematic_error, load_preset
 from hdassist.error.self_error import self_error
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.errors import Fault, UntrustedError, UsageError
+from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.deviations import gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import activeset, throughcvxpy
+from hdassist.solve import activeset, engine, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
-from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_through_cvxpy
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_again, solve_through_cvxpy
+from tests.process import SMALL
 from tests.support import changed
 
 
@@ -31,6 +34,12 @@ def system(reference):
 @pytest.fixture
 def formulation(system):
     return formulate(system)
+
+
+def test_units_make_the_numbers_of_order_one(reference, formulation, system):
+    units = formulation.units
+    assert (units.gap, units.force) == pytest.approx((1e-3, 1e-3 / reference.contact.c_t))  # a um, and what closes it
+    assert units.load == pytest.approx([system.geometry.r_m, 1, 1])
 
 
 def test_the_programme_is_dpp(formulation):
@@ -120,8 +129,37 @@ def test_every_state_can_go_through_cvxpy(reference, solver):
 
 
 def test_an_unknown_solver_is_an_error(formulation, system):
-    with pytest.raises(UsageError, match="nosuch"):
+    with pytest.raises(UsageError, match="nosuch") as error:
         ThroughCvxpy(formulation, 80e3, "nosuch").solve(system.delta_p[None])
+    assert error.value.hint.startswith("there are: clarabel, ")
+    assert "daqp" in error.value.hint
+
+
+def test_a_solver_that_breaks_down_is_told_by_its_first_line(formulation, system, monkeypatch):
+    def breaks(*_, **__):
+        raise cp.SolverError("no luck\nat all")
+
+    monkeypatch.setattr(formulation.statement.problem, "solve", breaks)
+    with pytest.raises(UntrustedError) as error:
+        solve_through_cvxpy(formulation, system.delta_p, 80e3, "clarabel")
+    assert str(error.value) == "CLARABEL could not solve a state: no luck"
+    assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
+
+
+def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(formulation, system):
+    torques = np.array([80.0, -300.0, 800.0])
+    delta_p = np.repeat(system.delta_p[None], 3, axis=0)
+    rotation = np.array([Engine(formulation, M_g * 1e3).solve(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
+    # to the name of a solver that runs at its own settings, too
+    found = solve_again(formulation, torques, delta_p, rotation + np.array([0.001, -0.004, 0.002]), "daqp", str)
+    assert (found.solver, found.states) == ("DAQP", 3)
+    assert found.max_difference_arcsec == pytest.approx(0.004, abs=1e-6)
+    with pytest.raises(UntrustedError, match=r"disagree at state 1: 0.02 arcsec between the engine and daqp") as error:
+        solve_again(
+            formulation, torques, delta_p, rotation + np.array([0.001, -0.02, 0.03]), "daqp", lambda k: f"state {k}"
+        )
+    assert error.value.fault is Fault.SOLVERS_DISAGREE
+    assert "--cross-check" in error.value.hint
 
 
 @pytest.mark.parametrize(
@@ -172,7 +210,8 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
     with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
         solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, delta_p, lambda k: f"number {k}")
     assert error.value.exit_code == 5
-    assert error.value.hint
+    assert error.value.fault is Fault.UNTRUSTED_STATE
+    assert "--solver clarabel" in error.value.hint
 
 
 def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
@@ -267,8 +306,12 @@ def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference,
 
 def test_too_great_a_torque_is_outside_the_model(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
-    with pytest.raises(UntrustedError, match="quarter of a tooth pitch"):
-        kinematic_error(reference, 1e6, states=states)
+    for torque in (1e6, -1e6):
+        with pytest.raises(UntrustedError, match=r"wind-up of (\d+) arcsec, .* pitch \(1620 arcsec\)") as error:
+            kinematic_error(reference, torque, states=states)
+        assert error.value.fault is Fault.BEYOND_MODEL
+        assert error.value.hint == "the torque is too great for this drive"
+        assert int(re.search(r"wind-up of (\d+)", str(error.value))[1]) > 1620
     with pytest.raises(UntrustedError, match="outermost tooth"):
         kinematic_error(reference, 5000, states=states)
 
@@ -298,3 +341,30 @@ def test_the_sample_of_the_cross_check_is_seeded(reference):
     assert one == same
     assert 8 <= one.states <= 10
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec
+
+
+def test_a_torque_that_no_contact_can_hold_has_no_answer(system):
+    # flanks that only push the flexspline one way
+    G = system.G.copy()
+    G[:, ROTATION] = -np.abs(G[:, ROTATION])
+    one_way = formulate(replace(system, G=G))
+    solve_through_cvxpy(one_way, system.delta_p, 80e3, "CLARABEL")
+    with pytest.raises(UntrustedError, match="CLARABEL could not solve a state: infeasible") as error:
+        solve_through_cvxpy(one_way, system.delta_p, -80e3, "CLARABEL")
+    assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
+
+
+def test_a_neighbour_is_not_compiled_again(monkeypatch):
+    drive = load_preset(SMALL)
+    near = LoadCase.of(drive, 4.0)
+    softer = drive.with_values({"contact.c_t": 6.6e-5})
+    alone = LoadCase.of(softer, 1.0)
+    expected = alone.solve(alone.system.delta_p[None], str)
+
+    def refuse(*_):
+        raise AssertionError("compiled again")
+
+    monkeypatch.setattr(engine, "compile_programme", refuse)
+    case = LoadCase.of(softer, 1.0, like=near)
+    found = case.solve(case.system.delta_p[None], str)
+    assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=1e-7)

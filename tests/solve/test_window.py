@@ -9,7 +9,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
-from hdassist.solve.window import FIELD, WIDEST, EdgeOfWindowError, in_wide_enough_window
+from hdassist.solve.window import FIELD, WIDEST, EdgeOfWindowError, in_wide_enough_window, with_window
 from tests.process import SMALL, run
 
 NARROW, WIDE = "12", "18"
@@ -41,12 +41,17 @@ def test_the_window_grows_until_it_holds_the_load_or_is_the_widest():
     assert windows_until(0) == [40]
     assert windows_until(41) == [40, 60]
     assert windows_until(85, "gears.j_n=3") == [40, 60, 85]
-    assert windows_until(10, f"{FIELD}=7") == [7, 10.5]
+    assert windows_until(16, f"{FIELD}=7") == [7, 10.5, 15.8, 23.7]  # to a tenth of a degree
     with pytest.raises(EdgeOfWindowError, match="edge"):
         windows_until(86)
     drive = load_preset(SMALL)
     assert drive.allows(FIELD, WIDEST)
     assert not drive.allows(FIELD, WIDEST + 0.1)
+
+
+def test_a_drives_own_window_is_no_other_one():
+    drive = load_preset(SMALL)
+    assert with_window(drive, drive.numerics.window) is drive
 
 
 def test_other_errors_are_not_met_with_a_wider_window():

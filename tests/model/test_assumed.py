@@ -1,0 +1,52 @@
+"""What of a drive is assumed: what its preset says so of, and what it leaves to a default."""
+
+from pathlib import Path
+
+import pytest
+
+from hdassist.model.assumed import assumptions
+from hdassist.preset.fields import Source
+from hdassist.preset.load import load_text
+from tests.process import SMALL
+
+LEFT_OUT = ", h_a: 0.6", ", h_f: 1.35", ", k_t: 1.4", ", g_b: 0", ", j_n: 6", "c_t: 6.0e-5, ", "c_ball: 7.0e-5, "
+D = 30 / 160  # pitch diameter of the drive, of those that the ranges are stated for
+
+
+def loose(*overrides: str):
+    """The small drive with what has a default left to it."""
+    text = Path(SMALL).read_text(encoding="utf-8")
+    for given in LEFT_OUT:
+        assert text.count(given) == 1
+        text = text.replace(given, "")
+    return load_text(text, "loose.yaml", overrides)
+
+
+def test_what_is_left_to_a_default_has_the_range_of_its_size():
+    found = {a.path: (a.low, a.high) for a in assumptions(loose())}
+    assert set(found) == {
+        "gears.h_a", "gears.h_f", "gears.j_n", "flexspline.k_t", "bearing.g_b", "contact.c_t", "contact.c_ball",
+    }  # fmt: skip
+    assert (found["gears.h_a"], found["flexspline.k_t"]) == ((0.5, 0.7), (1.0, 1.8))
+    # clearances as the diameter, compliances as one over it; a value outside of its range is in it all the same
+    assert found["bearing.g_b"] == pytest.approx((0, 20 * D))
+    assert found["gears.j_n"] == pytest.approx((0, max(20 * D, loose().gears.j_n)))
+    assert found["contact.c_t"] == pytest.approx((0.3e-5 / D, 6e-5 / D))
+    assert found["contact.c_ball"] == pytest.approx((min(1 / 80_000 / D, 2.5e-5), 1 / 35_000 / D))
+    reasons = {a.path: a.reason for a in assumptions(loose())}
+    assert reasons["contact.c_t"] == "the face width works near one edge only"
+    assert reasons["gears.h_f"] == "usual basic racks"
+
+
+def test_what_was_asked_for_is_not_assumed():
+    said = "source.cam.W_0={kind: assumed, range: [0.55, 0.6], ref: judged}"
+    (wave,) = (a for a in assumptions(loose(said)) if a.path == "cam.W_0")
+    assert (wave.low, wave.high, wave.reason) == (0.55, 0.6, "judged")
+    assert "cam.W_0" not in {a.path for a in assumptions(loose(said, "cam.W_0=0.57"))}
+
+
+@pytest.mark.parametrize("ends", [(0.58, 0.58), (-0.1, 0.6), (0.55, 1e6), (0.6, 0.55)])
+def test_a_range_that_is_none_or_that_no_drive_may_have_is_left_out(ends):
+    drive = loose()
+    drive = drive.model_copy(update={"source": {"cam.W_0": Source(kind="assumed", range=ends)}})
+    assert "cam.W_0" not in {a.path for a in assumptions(drive)}

@@ -1,0 +1,123 @@
+"""What is kept of states, and what their proof is made of, against the system written out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist.errors import Fault, UntrustedError
+from hdassist.model.contacts import ROTATION, contact_system
+from hdassist.solve import answers
+from hdassist.solve.answers import ARCSEC, Certificate, solve_states
+from hdassist.solve.certificate import residuals
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+from tests.support import changed
+
+
+@pytest.fixture(scope="module")
+def system(reference):
+    return contact_system(reference)
+
+
+@pytest.fixture(scope="module")
+def formulation(system):
+    return formulate(system)
+
+
+def test_residuals_are_those_of_the_system_written_out(system):
+    rng = np.random.default_rng(1)
+    forces, free, torque = rng.uniform(-1, 9, len(system.delta_p)), rng.normal(0, 1e-3, 3), -70e3
+    forces[rng.random(len(forces)) < 0.5] = 0
+    found = residuals(system, system.delta_p[None], torque, forces[None], free[None])
+    a, at = np.zeros(9), list(free)
+    for k, stiffness in enumerate(system.C):
+        a[k] = system.G[:, k] @ forces / stiffness if stiffness else at.pop(0)
+    gap = system.delta_p + system.D @ forces + system.G @ a
+    most, widest = np.abs(forces).max(), np.abs(system.delta_p).max()
+    assert found.negative_force[0] == pytest.approx(-forces.min() / most)
+    assert found.negative_gap[0] == pytest.approx(-gap.min() / widest)
+    assert found.complementarity[0] == pytest.approx(np.abs(gap * forces).max() / (most * widest))
+    shares = [
+        abs(system.G[:, k] @ forces - system.C[k] * a[k] + torque * (k == ROTATION))
+        / (np.abs(system.G[:, k]) @ np.abs(forces) + abs(torque) * (k == ROTATION))
+        for k in range(9)
+    ]
+    assert found.equilibrium[0] == pytest.approx(max(shares))
+    # each state has its own
+    pushing = np.maximum(forces, 0)
+    alone = residuals(system, system.delta_p[None] + 0.2, torque, pushing[None], 2 * free[None])
+    both = [np.stack(pair) for pair in ((system.delta_p, system.delta_p + 0.2), (forces, pushing), (free, 2 * free))]
+    together = residuals(system, both[0], torque, *both[1:])
+    for name in ("negative_force", "negative_gap", "complementarity", "equilibrium"):
+        expected = [getattr(found, name)[0], getattr(alone, name)[0]]
+        assert getattr(together, name) == pytest.approx(np.array(expected))
+    assert together.worst == pytest.approx(np.array([found.worst[0], alone.worst[0]]))
+    # nothing that pushes: the torque is not held at all
+    idle = residuals(system, system.delta_p[None], torque, 0 * forces[None], 0 * free[None])
+    assert (idle.negative_force[0], idle.complementarity[0], idle.equilibrium[0]) == (0, 0, 1)
+    assert idle.negative_gap[0] == pytest.approx(-system.delta_p.min() / widest)
+
+
+def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
+    torque, n = -300e3, system.n_flanks
+    delta_p = system.gaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02]]))
+    forces, free, _ = Engine(formulation, torque).solve(delta_p)
+    kept = solve_states(system, Engine(formulation, torque), torque, delta_p, str)
+    assert kept.rotation_arcsec == pytest.approx(free[:, 0] * 180 / np.pi * 3600, abs=1e-8)
+    moments = -forces[:, :n] * system.G[:n, ROTATION]  # that the flanks take off the flexspline
+    for zone in (0, 1):
+        assert kept.zone_share[:, zone] == pytest.approx(moments[:, system.flanks.zone == zone].sum(axis=1) / torque)
+    assert kept.zone_share.sum(axis=1) == pytest.approx([1, 1])
+    assert kept.tooth_force_N == pytest.approx(forces[:, :n].max(axis=1))
+    assert kept.pull_N == pytest.approx(forces @ system.deviation_map)
+
+
+def test_a_tooth_at_the_edge_carries_load_from_a_share_of_the_torque_on(reference, monkeypatch):
+    torque, system = 800e3, contact_system(changed(reference, numerics__window=12.0))
+    formulation = formulate(system)
+    delta_p = system.gaps(np.array([[0.0] * 4, [0.01, 0.0, 0.02, 0.0]]))
+    forces, _, _ = Engine(formulation, torque).solve(delta_p)
+    at_edge = forces[:, : system.n_flanks][:, system.flanks.edge].max(axis=1)
+    assert at_edge[1] > at_edge[0] > 0
+    share = at_edge[1] / (torque / system.geometry.r_m)
+    monkeypatch.setattr(answers, "EDGE_SHARE", 1.0001 * share)
+    solve_states(system, Engine(formulation, torque), torque, delta_p, str)
+    monkeypatch.setattr(answers, "EDGE_SHARE", 0.9999 * share)
+    with pytest.raises(UntrustedError, match=f"at state 1: {at_edge[1]:.3g} N on the outermost tooth") as error:
+        solve_states(system, Engine(formulation, torque), torque, delta_p, lambda k: f"state {k}")
+    assert error.value.fault is Fault.EDGE_OF_WINDOW
+
+
+def test_certificates_add_up_to_the_worst_of_both():
+    one, other = Certificate(3, 1e-12, 2e-12, 3e-12, 4e-12, 1), Certificate(5, 2e-12, 1e-12, 4e-12, 3e-12, 2)
+    both = one + other
+    assert both == Certificate(8, 2e-12, 2e-12, 4e-12, 4e-12, 3)
+    assert [replace(both, **{name: 1e-9}).max_residual for name in ("negative_force", "equilibrium")] == [1e-9] * 2
+    assert str(both) == (
+        "8 states, worst residuals: negative force 2.0e-12, negative gap 2.0e-12, complementarity 4.0e-12, "
+        "equilibrium 4.0e-12; 3 fallbacks"
+    )
+
+
+def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formulation):
+    torque, delta_p = 80e3, system.gaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02], [0.0] * 4]))
+    rotation = Engine(formulation, torque).solve(delta_p)[1][:, 0]
+    limit = (rotation[0] + rotation[1]) / 2  # a quarter of a pitch of a wheel with very many teeth
+    wheel = replace(system.geometry.flexspline, z=np.pi / 2 / limit)
+    fine = replace(system, geometry=replace(system.geometry, flexspline=wheel))
+    worst = int(np.argmax(rotation))
+    assert worst == 1
+    with pytest.raises(UntrustedError, match=f"at state {worst}: wind-up of {rotation[worst] * ARCSEC:.0f} arcsec"):
+        solve_states(fine, Engine(formulation, torque), torque, delta_p, lambda k: f"state {k}")
+
+
+def test_a_state_without_an_answer_has_no_residual(system, formulation):
+    class Hopeless:
+        def solve(self, delta_p):
+            forces, free, fallbacks = Engine(formulation, 80e3).solve(delta_p)
+            forces[1:], free[1:] = np.nan, np.nan
+            return forces, free, fallbacks
+
+    with pytest.raises(UntrustedError, match="state not solved at state 1: no method ends"):
+        solve_states(system, Hopeless(), 80e3, np.repeat(system.delta_p[None], 3, axis=0), lambda k: f"state {k}")
