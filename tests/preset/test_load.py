@@ -196,7 +196,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([("W_0: 0.96", "W_0: 1.2 m")], "", ["my.yaml:6:12: cam.W_0: the unit m could be mistaken "
          "(got 1.2 m; metre or module? write mm or um)"]),
         ([("j_n: 7", "j_n: 7 deg")], "", ["my.yaml:3:62: gears.j_n: deg is the unit of an angle, a length is "
-         "wanted (got 7 deg; a bare number is in um; units: mm, um, nm, cm)"]),
+         "wanted (got 7 deg; a bare number is in um; units: mm, um, nm, cm, inch, in)"]),
         ([("x_g: 3.1", "x_g: 3.1 mm")], "",
          ["my.yaml:3:42: gears.x_g: takes a pure number, without a unit (got 3.1 mm)"]),
         # tables by name

@@ -216,7 +216,7 @@ def test_a_flank_is_chosen_among_columns() -> None:
         ("tooth;dev [arcsec]\n" + FOUR, "1:1: unit: an angle, not a length "
          "(got dev [arcsec]; multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um)"),
         ("# unit: furlong\n" + FOUR, "1:9: unit: unknown unit furlong "
-         "(got furlong; a bare number is in um; units: mm, um, nm, cm)"),
+         "(got furlong; a bare number is in um; units: mm, um, nm, cm, inch, in)"),
         ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice, and not the same "
          "(got dev [um]; line 1 says mm; keep one of them)"),
         ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel (got unit um; is it mm?)"),
