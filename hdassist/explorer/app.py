@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import signal
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 from math import isfinite, nan
 from typing import Any, ClassVar
@@ -30,6 +33,7 @@ from hdassist.explorer.views import Opened, Started, TraceView, TurnView
 from hdassist.explorer.widgets import CurvePlot, Levers, Seat, Turned
 from hdassist.explorer.writing import Writing
 from hdassist.preset.fields import field_table
+from hdassist.terminal.workers import STOPS
 from hdassist.visible import visible
 
 NARROW, LOW = 100, 28  # columns and rows below which panes fold
@@ -118,6 +122,7 @@ class Explorer(Writing):
 
     def on_mount(self) -> None:
         """Ask the first questions."""
+        self._end_when_told()
         self.seat.border_title, self.side.border_title, self.trials.border_title = (
             "SEAT, cam side",
             "LEVERS",
@@ -127,6 +132,14 @@ class Explorer(Writing):
         self.ask_of_drive()
         self.ask_of_trials()
         self.draw()
+
+    def _end_when_told(self) -> None:
+        """End in order at a stop from outside: raised in the middle of the loop, it would be lost in some task."""
+        loop = asyncio.get_running_loop()
+        for number in STOPS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                with suppress(NotImplementedError, RuntimeError, ValueError):  # not here, or not in this thread
+                    loop.add_signal_handler(number, self.exit, None, 128 + number)
 
     def on_resize(self, event: Resize) -> None:
         """Fold panes where there is little room; say so where there is too little."""

@@ -20,6 +20,7 @@ TRIED = [
 GIVES_LITTLE = {one.name: one for one in SURROUNDINGS}
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_leaves_nothing_half_and_the_next_goes_on():
     tally = kills(3, 0, ("new", "lot"))
     assert tally.runs == 3

@@ -211,6 +211,7 @@ def test_two_processes_one_of_which_is_killed_write_the_same_file_as_one(tmp_pat
     assert (tmp_path / "rows.jsonl").read_bytes() == whole
 
 
+@pytest.mark.slow
 @needs_proc
 def test_a_sweep_that_is_killed_goes_on_to_the_same_file_on_a_cluster_whose_worker_is_killed(tmp_path, whole):
     file = tmp_path / "rows.jsonl"
