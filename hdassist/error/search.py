@@ -65,16 +65,15 @@ def worth_searching(drive: Drive, least: int = WORTH) -> bool:
 class CycleSearch:
     """The full cycle of a drive at a torque M_g [N*m], searched for its extremes.
 
-    Arguments: like, the search of a drive that differs a little, whose compiled programme this one takes over. Raises
-    UsageError for a drive that is not searchable.
+    Raises UsageError for a drive that is not searchable.
     """
 
-    def __init__(self, drive: Drive, M_g: float, like: CycleSearch | None = None) -> None:
+    def __init__(self, drive: Drive, M_g: float) -> None:
         if not searchable(drive):
             raise UsageError("with rolling balls every state has to be solved")
         self._M_g = M_g
         # never solves a state: every search starts from it alike and so gives the same digits
-        self._fresh: LoadCase = LoadCase.of(drive, M_g, like=like._fresh if like else None)
+        self._fresh: LoadCase = LoadCase.of(drive, M_g)
         self._kinematics = Kinematics.of(drive)
         self._states = pitch_locked_states(self._kinematics)
 

@@ -126,8 +126,10 @@ def read_trace(
     step, in_time = _step(readings), False
     if not step and column.other_is == "second":
         step = _step_between(readings)
-        # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such
-        in_time = float(np.std(np.diff(cam))) / abs(ratio or 1) * ARCSEC < step * column.other_size
+        # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such; ways of
+        # either sign, but for the few at the ends of a sweep
+        uneven = float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) / abs(ratio or 1) * ARCSEC
+        in_time = uneven < step * column.other_size
         step = step if in_time else 0.0
     step *= column.other_size
     if column.other_is == "second":
@@ -195,7 +197,7 @@ def _step(readings: Array) -> float:
 
 def _step_between(readings: Array) -> float:
     """Resolution of angles that go on: they seldom repeat themselves, the ways between them do; 0: no step is seen."""
-    ways = np.sort(np.diff(readings))
+    ways = np.sort(np.abs(np.diff(readings)))
     apart = np.diff(ways)
     apart = apart[apart > ROUNDED * apart.max(initial=0.0)]  # printed digits differ by less
     if 2 * len(apart) > len(ways) or not len(apart):

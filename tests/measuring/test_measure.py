@@ -237,6 +237,15 @@ def test_steps_that_come_round_with_the_turns_are_in_the_interval(step: float):
     assert low < 30 < high
 
 
+@pytest.mark.parametrize(("uneven", "in_time"), [(encoders.CAM, True), (encoders.CLOCK, False)])
+def test_steps_are_seen_in_a_record_of_both_directions(uneven: float, in_time: bool):
+    head, *rows = encoders.recorded(14 * np.cos(np.arange(6000) * np.pi / 50), 30, 1.0, 0.01, 0.0, uneven).splitlines()
+    found = read_trace(b"\n".join([head, *rows, *rows[-2::-1]]), TraceForm(second="output_deg"), ratio=30)
+    assert len(found.sweeps) == 2
+    assert found.in_time is in_time
+    assert found.step_arcsec == pytest.approx(1.0 if in_time else 0.0, rel=1e-3)
+
+
 def test_steps_that_may_be_the_error_are_refused():
     with pytest.raises(UntrustedError, match="steps of 20 arcsec at even angles"):
         by_two_encoders(20.0, encoders.CAM)
