@@ -40,9 +40,9 @@ class LoadCase:
         )
 
     @classmethod
-    def of(cls, drive: Drive, M_g: float, *, like: LoadCase | None = None) -> LoadCase:
+    def of(cls, drive: Drive, M_g: float) -> LoadCase:
         """Load case of a drive at a torque M_g [N*m], at tooth phase 0 and the preset's ball phase."""
-        return cls(formulate(contact_system(drive)), M_g, like=like)
+        return cls(formulate(contact_system(drive)), M_g)
 
     def load(self, M_g: float) -> None:
         """Go on with another torque [N*m]; what was factored stays."""

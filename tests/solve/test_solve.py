@@ -366,6 +366,6 @@ def test_a_neighbour_is_not_compiled_again(monkeypatch):
         raise AssertionError("compiled again")
 
     monkeypatch.setattr(engine, "compile_programme", refuse)
-    case = LoadCase.of(softer, 1.0, like=near)
+    case = LoadCase(formulate(contact_system(softer)), 1.0, like=near)
     found = case.solve(case.system.delta_p[None], str)
     assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=1e-7)
