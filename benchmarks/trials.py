@@ -11,7 +11,7 @@ import argparse
 import json
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -141,9 +141,9 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
 
     from hdassist.errors import UntrustedError
     from hdassist.mounting.positions import usable_positions
-    from hdassist.trials.advice import NEEDED, TrialAdvice, verification
+    from hdassist.mounting.trial import Trial
+    from hdassist.trials.advice import NEEDED, TrialAdvice
     from hdassist.trials.posterior import learnt, next_trial, prediction
-    from hdassist.trials.trial import Trial
 
     seed, true = task
     rng, positions = np.random.default_rng([20, seed]), usable_positions(HOLES, "all")
@@ -167,13 +167,13 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
             continue
         low, high = np.quantile(draws.F_ior_arcsec[:, :HOLES], (0.05, 0.95), axis=0)
         outcome = measured(losses.best)
-        others = [t for t in {t.rotation_deg: t for t in trials}.values() if t.rotation_deg != outcome.rotation_deg]
         try:
-            _, after = learnt(cloud, [*trials, outcome], positions)
+            taken, (_, after) = [*trials, outcome], learnt(cloud, [*trials, outcome], positions)
         except UntrustedError:
-            after = None
-        verified = verification(after, prediction(cloud, trials, outcome), others, positions, 1.0)
+            taken, after = trials, losses
         told = TrialAdvice(cloud, tuple(trials), draws, losses, (0.0, 0.0), (None, None, *predictions))
+        seen = (*told.predictions, prediction(cloud, trials, outcome))
+        verified = replace(told, trials=tuple(taken), losses=after, predictions=seen, verifies=True)
         rows.append(
             {
                 **row,
@@ -181,7 +181,7 @@ def simulate(cloud, case: Case, task: tuple[int, list[float]]) -> list[dict[str,
                 "loss": loss[losses.best],
                 "settled": float(losses.probability_good[losses.best] >= NEEDED),
                 "inside": float(np.mean((true >= low) & (true <= high))),
-                "flagged": float(verified.back_to is not None or (verified.probability_good or 0) < NEEDED),
+                "flagged": float(verified.back_to is not None or not verified.settled),
                 "unlike": float(bool(predictions) and told.unlike_told),
             }
         )
@@ -294,12 +294,11 @@ def main() -> None:
     costs = [] if options.no_costs else [measured(Process(a, 3, 0.0), 3) for a in (check, three)]
 
     from hdassist import load_preset
-    from hdassist.trials.cloud import cloud_of
-    from hdassist.trials.trial import Rig
+    from hdassist.trials.prior import Rig, prior_of
 
     true = truths(options.n, options.file)
     with ProcessPoolExecutor(os.cpu_count()) as executor:
-        cloud = cloud_of(load_preset("vzp160"), (), Rig(M_G), executor=executor)
+        cloud = prior_of(load_preset("vzp160"), (), Rig(M_G), executor=executor)
         found, seeds = {}, range(FIRST_SEED, FIRST_SEED + options.n)
         for case in CASES:
             tasks = [(seed, true[case.of, seed]) for seed in seeds]

@@ -12,15 +12,15 @@ from hdassist import load_preset
 from hdassist.model.assumed import Assumption
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.card import Card, Tried, card_of
+from hdassist.mounting.card import Card, card_of
 from hdassist.mounting.curve import Alternative
+from hdassist.mounting.losses import Criterion, Losses
 from hdassist.mounting.page import card_facts
 from hdassist.mounting.positions import MountingCurve
-from hdassist.mounting.robust import Criterion, Robust
 from hdassist.mounting.stays import End, Stays
+from hdassist.mounting.trial import Trial, Tried
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
-from hdassist.trials.trial import Trial
 from tests.process import SMALL
 
 MADE = date(2026, 3, 9)
@@ -48,12 +48,10 @@ def advice_of(*values: list[float], rotations: list[float] | None = None, overri
 def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
     """The advice with 50 samples of its curve."""
     curve = advice.curve
-    places = tuple(int(p) for p in np.flatnonzero(curve.usable))
-    noise = 1 + spread * np.random.default_rng(seed).standard_normal((50, len(places)))
-    merits = curve.relative[list(places)] * noise
-    values = np.repeat(merits[:, None, :], len(curve.torques), axis=1)
-    robust = Robust(Criterion.of("expected"), places, values, merits, np.ones(50), seed, EMPTY)
-    return replace(advice, robust=robust)
+    noise = 1 + spread * np.random.default_rng(seed).standard_normal((1, 50, int(curve.usable.sum())))
+    values, now = curve.F_ior_arcsec[:, None, curve.usable] * noise, np.repeat(curve.F_ior_arcsec[:, :1], 50, axis=1)
+    rotations = tuple(curve.rotation_deg[curve.usable].tolist())
+    return replace(advice, robust=Losses(rotations, values, now, Criterion.of("expected"), curve.weights, True))
 
 
 def disagreeing(advice: Advice) -> Advice:
@@ -116,5 +114,5 @@ def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequenc
     say = texts(language)
     facts = card_facts(advice, say)
     if trials:
-        facts = replace(facts, tried=Tried(1.0, tuple((t.rotation_deg, t.F_ior_arcsec) for t in trials)))
+        facts = replace(facts, tried=Tried(1.0, tuple(trials)))
     return card_of(facts, say, serial=serial, made=MADE)

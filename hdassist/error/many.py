@@ -7,14 +7,14 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from hdassist.error.table import TURNS, ErrorTable, turns
+from hdassist.error.table import ErrorTable, turns
 from hdassist.model.deviations import displaced, scalars_of
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 CHUNK = 256  # drives that a task looks at
 
-_Task = tuple[Drive, ErrorTable, dict[str, Array], int, complex]
+_Task = tuple[Drive, ErrorTable, dict[str, Array], complex]
 
 
 def F_ior_of_many(
@@ -22,25 +22,24 @@ def F_ior_of_many(
     table: ErrorTable,
     values: Mapping[str, Array],
     *,
-    count: int = TURNS,
     off_um: complex = 0,
     executor: Executor | None = None,
 ) -> Array:
     """F'_ior [arcsec], shape (drives,), from a table.
 
-    Arguments: drive, what they have in common; table; values of the other fields by path, shape (drives,); count,
-    positions of each wheel that stand for the cycle; off_um, what the fixed wheel lies off its centre, along x + i y;
-    executor, to spread the work over. Raises UntrustedError for deviations that the table does not span.
+    Arguments: drive, what they have in common; table; values of the other fields by path, shape (drives,); off_um, what
+    the fixed wheel lies off its centre, along x + i y; executor, to spread the work over. Raises UntrustedError for
+    deviations that the table does not span.
     """
     length = len(next(iter(values.values())))
     parts = [slice(k, k + CHUNK) for k in range(0, length, CHUNK)]
-    tasks = [(drive, table, {path: v[part, None] for path, v in values.items()}, count, off_um) for part in parts]
+    tasks = [(drive, table, {path: v[part, None] for path, v in values.items()}, off_um) for part in parts]
     return np.concatenate(list((executor.map if executor else map)(_part, tasks)))
 
 
 def _part(task: _Task) -> Array:
-    drive, table, values, count, off_um = task
-    alpha_g, alpha_b = turns(count)
+    drive, table, values, off_um = task
+    alpha_g, alpha_b = turns(table.turns)
     found = []
     for k in range(0, len(next(iter(values.values()))), 16):  # so that arrays stay in the cache
         here = {path: column[k : k + 16] for path, column in values.items()}

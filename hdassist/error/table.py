@@ -26,7 +26,6 @@ from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
 from hdassist.solve.loadcase import LoadCase
 
 SLABS = 8  # tasks that a table is solved in
-TURNS = 40  # positions of each wheel that stand for the cycle
 KNOWN = 40  # drives that a table is compared on
 STEP = 0.02  # of the torque, to both sides, over which slopes are taken: contacts that just change are smoothed
 
@@ -37,11 +36,13 @@ DEVIATIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset th
 class Mesh:
     """How fine a table is, and how many drives it is compared on, none where its mean error does not matter.
 
-    shape: points over a, b, e_x, e_y; a, about along the motion, weighs most.
+    shape: points over a, b, e_x, e_y; a, about along the motion, weighs most; turns: positions of each wheel that stand
+    for the cycle where F'_ior is read.
     """
 
     shape: tuple[int, int, int, int] = (25, 9, 25, 25)
     compared: int = KNOWN
+    turns: int = 40
 
     @property
     def states(self) -> int:
@@ -51,6 +52,7 @@ class Mesh:
 
 FINE = Mesh()
 STATES = FINE.states
+TURNS = FINE.turns
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ class ErrorTable:
     """Error of a drive at a torque over its deviations, interpolated linearly.
 
     error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it by the other scalars [arcsec/mm], shape
-    (others, *shape); offset [arcsec], what is added to each F'_ior; standard_error [arcsec] of an F'_ior.
+    (others, *shape); turns, positions of each wheel that stand for the cycle; offset [arcsec], what is added to each
+    F'_ior; standard_error [arcsec] of an F'_ior.
     """
 
     M_g: float
@@ -103,6 +106,7 @@ class ErrorTable:
     slopes: Array
     reach: Reach
     certificate: Certificate
+    turns: int = TURNS
     offset: float = 0.0
     standard_error: float = 0.0
 
@@ -149,16 +153,14 @@ def error_tables(
     torques: Sequence[float],
     *,
     mesh: Mesh = FINE,
-    count: int = TURNS,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[list[ErrorTable]]:
     """Tables of several drives, for each of them one a torque, compared with searches on drives that they span.
 
     Arguments: spans, each drive with others that differ from it at most in deviations and their phases; torques M_g
-    [N*m]; mesh; count, positions of each wheel over which F'_ior will be asked for; executor, to spread the
-    work over (any concurrent.futures executor; the numbers do not depend on it); progress, told how many states were
-    solved.
+    [N*m]; mesh; executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it);
+    progress, told how many states were solved.
     Raises UntrustedError where an answer cannot be trusted, UsageError for a drive that is not searchable.
     """
     cases = [(drive, M_g, Reach.of(span), tuple(span[: mesh.compared])) for drive, span in spans for M_g in torques]
@@ -180,8 +182,8 @@ def error_tables(
         solved.append((values.reshape(-1, *mesh.shape), proof))
     found = []
     for (_, M_g, reach, span), (error, proof), (exact, part) in zip(cases, solved, known, strict=True):
-        table = ErrorTable(M_g, error[0], error[1:], reach, proof + part)
-        scalars = [deviation_scalars(d, *turns(count)) for d in span]
+        table = ErrorTable(M_g, error[0], error[1:], reach, proof + part, mesh.turns)
+        scalars = [deviation_scalars(d, *turns(mesh.turns)) for d in span]
         found.append(_compared(table, scalars, np.array(exact)) if exact else table)
         if progress:
             progress(part.states)

@@ -286,8 +286,8 @@ def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
     """The curve of an advice: where every state is solved it is proven, elsewhere searched."""
     bands: dict[int, Array] = {}
     if advice.robust:
-        spread = np.quantile(advice.robust.F_ior_arcsec, (LOW, HIGH), axis=0)  # ends, torques, places
-        bands = {place: spread[:, :, k] for k, place in enumerate(advice.robust.places)}
+        spread = np.quantile(advice.robust.F_ior_arcsec, (LOW, HIGH), axis=1)  # ends, torques, places
+        bands = {int(place): spread[:, :, k] for k, place in enumerate(np.flatnonzero(curve.usable))}
     places = []
     for k in np.argsort(curve.rotation_deg):
         every, band = curve.every_state[:, k], bands.get(int(k))
@@ -308,15 +308,13 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
     spread = np.quantile(losses.F_ior_arcsec, (LOW, HIGH), axis=1)  # ends, torques, places
     places = []
     for place in np.argsort(losses.rotations_deg):
-        at = advice.at(int(place))
         values = tuple(
             Value(value, Sure.FITTED, (float(spread[0, t, place]), float(spread[1, t, place])))
-            for t, value in enumerate(at.F_ior_arcsec)
+            for t, value in enumerate(losses.at(int(place)).mean(axis=1).tolist())
         )
-        places.append(_place(drive, at.rotation_deg, values))
-    best, good = losses.rotations_deg[losses.best], losses.probability_good[losses.best]
-    facing, off = advice.direction
-    size = np.abs(advice.offset_um)
+        places.append(_place(drive, losses.rotations_deg[place], values))
+    best, good = advice.best
+    size, about, facing, off = advice.offset
     toward = "direction open" if off >= 40 else f"at {facing:.0f}±{off:.0f} deg"
     return Advised(
         command="trials",
@@ -326,7 +324,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         best_deg=best,
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
-            f"cam offset {size.mean():.0f}±{size.std():.0f} um {toward}",
+            f"cam offset {size:.0f}±{about:.0f} um {toward}",
             *_rests_on(advice.rests_on),
         ),
         warnings=tuple(trials_page.warnings(advice, texts())),

@@ -17,7 +17,7 @@ class Effort:
     """
 
     turns: int = 8
-    samples: int = 200
+    samples: int = 256
     trial_samples: int | None = None
     jobs: int = 0
 

@@ -8,9 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hdassist.mounting.positions import hole_of
+from hdassist.mounting.trial import Trial, read_trial
 from hdassist.preset.fields import Drive
 from hdassist.terminal.options import TrialOptions
-from hdassist.trials.trial import Rig, Trial, read_trial
+from hdassist.trials.prior import Rig
 
 if TYPE_CHECKING:
     from hdassist.solve.answers import Progress
@@ -36,9 +37,7 @@ def read(texts: Sequence[str], drive: Drive) -> list[Trial]:
 
 def rig_of(drive: Drive, asked: TrialOptions) -> Rig:
     """The rig of a drive's trials. Raises UsageError for what none can be."""
-    rig = Rig(asked.torque_of(drive.operation.M_g), asked.noise, asked.reseat)
-    rig.require_sound()
-    return rig
+    return Rig(asked.torque_of(drive.operation.M_g), asked.noise, asked.reseat)
 
 
 def advice(
@@ -51,18 +50,16 @@ def advice(
     progress: Progress | None = None,
 ) -> TrialAdvice:
     """What trials teach, as `hdassist trials` computes it; samples: those of the command without."""
-    from dataclasses import replace
-
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.trials.advice import advise_from_trials
-    from hdassist.trials.cloud import FULL
+    from hdassist.trials.prior import SAMPLES
 
     analysis = partial(
         advise_from_trials,
         trials=read(trials, drive),
         rig=rig_of(drive, asked),
         needed=asked.sure,
-        effort=FULL if samples is None else replace(FULL, samples=samples),
+        samples=samples or SAMPLES,
         executor=executor,
         progress=progress,
     )

@@ -17,8 +17,9 @@ from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
+from hdassist.mounting.losses import Criterion, Losses
 from hdassist.mounting.positions import Choice, MountingCurve, Position, rotated
-from hdassist.mounting.robust import LEAST_PROBABILITY, Criterion, Robust, is_open, robust, sample_states
+from hdassist.mounting.robust import LEAST_PROBABILITY, is_open, robust, sample_states
 from hdassist.mounting.stays import Stays, stays_best
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
@@ -42,7 +43,7 @@ class Advice:
 
     drive: Drive
     curve: MountingCurve
-    robust: Robust | None
+    robust: Losses | None
     others: tuple[Alternative, ...]
     now: tuple[Sensitivity, ...]
     best: tuple[Sensitivity, ...]
@@ -54,7 +55,9 @@ class Advice:
     @property
     def chosen(self) -> Position:
         """The position to choose."""
-        return self.curve.at(self.robust.recommended) if self.robust else self.curve.recommended
+        if not self.robust:
+            return self.curve.recommended
+        return self.curve.at(int(np.flatnonzero(self.curve.usable)[self.robust.best]))
 
     @property
     def second(self) -> Position | None:
@@ -150,7 +153,7 @@ def advise(
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     weights: Sequence[float] | None = None,
-    samples: int = 200,
+    samples: int = 256,
     criterion: str = "expected",
     needed: float = LEAST_PROBABILITY,
     cross_check: str | None = "CLARABEL",

@@ -12,6 +12,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import FREE_STEP, Chances, Choice, Position
 from hdassist.mounting.seat_page import Seat, SeatMark, instruction, place_at, seat_of, turn, wheel
 from hdassist.mounting.stays import Stays
+from hdassist.mounting.trial import Tried
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import short
 from hdassist.preset.schema import counted
@@ -27,14 +28,6 @@ TORQUES = 12  # that a card has room for
 FIELDS = 6  # that are not known, which are named
 TRIALS = 8  # that a card has room for
 BESIDE = 4  # torques whose values stand side by side
-
-
-@dataclass(frozen=True)
-class Tried:
-    """Trials that an advice rests on: their torque [N*m], and turn [deg] and measured F'_ior [arcsec] of each."""
-
-    M_g: float
-    measured: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -329,8 +322,12 @@ def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
     drive = facts.choice.drive
     if facts.tried:
         trials = [
-            say("foot.trial", where=place_at(rotation, drive.mounting.holes, say), value=say.number(F_ior))
-            for rotation, F_ior in facts.tried.measured[:TRIALS]
+            say(
+                "foot.trial",
+                where=place_at(t.rotation_deg, drive.mounting.holes, say),
+                value=say.number(t.F_ior_arcsec),
+            )
+            for t in facts.tried.trials[:TRIALS]
         ]
         yield say("foot.trials", torque=say.torque(facts.tried.M_g), trials="; ".join(trials))
     yield say("foot.source")

@@ -25,7 +25,9 @@ def command(
         typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360; without it the holes alone."),
     ] = None,
     choosing: ChoiceOptions,
-    samples: Annotated[int, typer.Option(min=0, help="Samples of what is uncertain or not known (0: none).")] = 200,
+    samples: Annotated[
+        int, typer.Option(min=0, help="Samples of what is uncertain or not known, about (0: none).")
+    ] = 256,
     probability: Annotated[
         float, typer.Option(min=0, max=1, help="Probability of a gain for which a turn is ordered.")
     ] = 0.95,

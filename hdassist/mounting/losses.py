@@ -7,13 +7,43 @@ from functools import cached_property
 
 import numpy as np
 
+from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.mounting.positions import Chances, Choice, Position, hole_of, phase_deg, rotated
-from hdassist.mounting.robust import Criterion, share_best
+from hdassist.mounting.positions import Chances, Choice, Position, hole_of, merit, phase_deg, rotated
 from hdassist.preset.fields import Drive
+from hdassist.solve.answers import EMPTY, Certificate
 
 GOOD = 0.05  # loss against the best position below which a position is as good
+TIE = 0.999  # of the merit: positions this near to the best of a draw share it
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What decides over draws: the mean of the losses, the worst, or a quantile."""
+
+    name: str
+    quantile: float | None = None
+
+    @classmethod
+    def of(cls, text: str) -> Criterion:
+        """Read expected, worst or quantile:0.9. Raises UsageError for anything else."""
+        if text in ("expected", "worst"):
+            return cls(text)
+        name, _, number = text.partition(":")
+        try:
+            quantile = float(number)
+        except ValueError:
+            quantile = -1.0
+        if name != "quantile" or not 0 < quantile < 1:
+            raise UsageError(f"no criterion {text!r}", "expected, worst, or quantile:0.9")
+        return cls(text, quantile)
+
+    def over(self, losses: Array) -> Array:
+        """One number a position from losses, shape (draws, positions)."""
+        if self.quantile is not None:
+            return np.asarray(np.quantile(losses, self.quantile, axis=0))
+        return np.asarray(losses.mean(axis=0) if self.name == "expected" else losses.max(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +51,10 @@ class Losses:
     """Positions that may be chosen, over draws that are all alike likely.
 
     rotations_deg; F_ior_arcsec at the torques that decide, shape (torques, draws, positions), and now_arcsec, at
-    rotation 0, shape (torques, draws); criterion over the losses; weights of the torques.
+    rotation 0, shape (torques, draws); criterion over the losses; weights of the torques; against_now: F'_ior counts
+    against the mean of now_arcsec at its torque, as on a curve, else against the least of its draw, as where the wheel
+    stands by chance; standard_error_arcsec of F'_ior that was interpolated, at each torque, empty where it was
+    searched; certificate of what was solved for them.
     """
 
     rotations_deg: tuple[float, ...]
@@ -29,6 +62,13 @@ class Losses:
     now_arcsec: Array
     criterion: Criterion
     weights: tuple[float, ...] | None = None
+    against_now: bool = False
+    standard_error_arcsec: tuple[float, ...] = ()
+    certificate: Certificate = EMPTY
+
+    def place(self, rotation_deg: float) -> int | None:
+        """Which of the positions a rotation is, None where it is none."""
+        return self.rotations_deg.index(rotation_deg) if rotation_deg in self.rotations_deg else None
 
     def at(self, place: int | None) -> Array:
         """F'_ior [arcsec] in one of the positions, None: at rotation 0, shape (torques, draws)."""
@@ -50,16 +90,13 @@ class Losses:
 
     @cached_property
     def merits(self) -> Array:
-        """Greatest over the torques of F'_ior against the least over the positions, by weights.
+        """F'_ior over what it counts against, for the torque served worst, by weights, shape (draws, positions)."""
+        return self._merits(self.F_ior_arcsec)
 
-        Shape (draws, positions). Where the wheel stands now plays no part.
-        """
-        return self._merit(self.F_ior_arcsec)
-
-    def _merit(self, F_ior: Array) -> Array:
-        share = np.ones(len(F_ior)) if self.weights is None else np.array(self.weights) / max(self.weights)
+    def _merits(self, F_ior: Array) -> Array:
         least = self.F_ior_arcsec.min(axis=2, keepdims=True)
-        return np.asarray(np.max(F_ior / least * share[:, None, None], axis=0))
+        against = self.now_arcsec.mean(axis=1)[:, None, None] if self.against_now else least
+        return merit(F_ior / against, np.ones(len(F_ior)), self.weights)
 
     @cached_property
     def losses(self) -> Array:
@@ -78,8 +115,9 @@ class Losses:
 
     @cached_property
     def probability_best(self) -> Array:
-        """Probability of each position to be the best one, shape (positions,)."""
-        return share_best(self.merits)
+        """Probability of each position to be the best one, ties shared, shape (positions,)."""
+        first = self.losses <= 1 / TIE - 1
+        return np.asarray((first / first.sum(axis=1, keepdims=True)).mean(axis=0))
 
     @cached_property
     def ranked(self) -> list[int]:
@@ -92,9 +130,23 @@ class Losses:
         return self.ranked[0]
 
     @property
+    def probability_gain(self) -> float:
+        """Probability that the choice is better than rotation 0."""
+        return float(np.mean(self.merits[:, self.best] < self._merits(self.now_arcsec[..., None])[:, 0]))
+
+    @property
+    def gain(self) -> float:
+        """What the choice takes off the expected error at rotation 0, as a share, for the torque served worst."""
+        return float(1 - np.max(self.at(self.best).mean(axis=1) / self.now_arcsec.mean(axis=1)))
+
+    @property
+    def ratios(self) -> Array:
+        """F'_ior of the worst position over that of the best one, shape (torques, draws)."""
+        return np.asarray(self.F_ior_arcsec.max(axis=2) / self.F_ior_arcsec.min(axis=2))
+
+    @property
     def chances(self) -> Chances:
         """How sure the choice is."""
-        best = self.probability_best
-        current = float(best[self.rotations_deg.index(0.0)]) if 0.0 in self.rotations_deg else None
-        gain = float(np.mean(self.merits[:, self.best] < self._merit(self.now_arcsec[..., None])[:, 0]))
-        return Chances(len(self.merits), float(best[self.best]), current, gain)
+        best, now = self.probability_best, self.place(0.0)
+        current = None if now is None else float(best[now])
+        return Chances(len(self.merits), float(best[self.best]), current, self.probability_gain)

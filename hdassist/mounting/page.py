@@ -16,8 +16,9 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import names
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import CardFacts, warnings_of
-from hdassist.mounting.positions import Chances, MountingCurve, Position
-from hdassist.mounting.robust import Robust
+from hdassist.mounting.losses import Losses
+from hdassist.mounting.losses_page import beside, kept_line, losses_object, losses_table
+from hdassist.mounting.positions import MountingCurve, Position, bare
 from hdassist.mounting.seat_page import TRADE, instruction, place, seat_text, wheel
 from hdassist.mounting.stays_page import stays_line, stays_objects, stays_table
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
@@ -140,6 +141,7 @@ def _lines(advice: Advice, carded: bool) -> Iterator[tuple[str, str]]:
     sampled = advice.robust
     sure = f"gains with {sampled.probability_gain:.0%} over {len(sampled.merits)} samples" if sampled else ""
     yield "sure", sure if advice.order != "none" else ""
+    yield "limit", kept_line(sampled, advice.drive) if sampled and advice.worth_turning else ""
     yield "lever", _lever(advice)
     yield "rests on", stays_line(advice.drive, advice.rests_on)
     yield "unknown", names(advice.unknown)
@@ -219,25 +221,27 @@ def _torques(advice: Advice, style: Style) -> Table:
     return rows
 
 
-def _uncertain(advice: Advice, sampled: Robust, style: Style) -> Table:
+def _uncertain(advice: Advice, sampled: Losses, style: Style) -> Table:
     title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
-    if any(sampled.standard_error_arcsec):
-        errors = " / ".join(f"{error:.2f}" for error in sampled.standard_error_arcsec)
-        title += f"; interpolated, standard error {errors} arcsec"
+    if errors := sampled.standard_error_arcsec:
+        title += f"; interpolated, standard error {beside(errors)} arcsec"
     if advice.unknown:
         title += f"\nnot known: {names(advice.unknown)}"
-    for M_g, ratios in zip(advice.curve.torques, sampled.ratios.T, strict=True):
-        low, high = np.quantile(ratios, (0.05, 0.95))
+    for M_g, (low, high) in zip(advice.curve.torques, _spread(sampled), strict=True):
         title += f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
-    title += f"\nthe advised one lies up to {np.quantile(sampled.losses, 0.95):.0%} above the best (95 %)"
-    heads = ("hole", "turn, deg", "best in, %", "error against now: expected", "5 %", "95 %")
-    rows = grid(style, title, *heads, words=0)
-    low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
-    for k in np.argsort(sampled.value, kind="stable")[:SHOWN]:
-        share = f"{sampled.probability_best[k]:.0%}".rstrip("%")
-        numbers = (f"{sampled.merits[:, k].mean():.2f}", f"{low[k]:.2f}", f"{high[k]:.2f}")
-        rows.add_row(*_where(advice.curve.at(sampled.places[k])), share, *numbers)
-    return rows
+    title += f"\nthe advised one lies up to {_most_lost(sampled):.0%} above the best (95 %)"
+    return losses_table(sampled, advice.drive, style, title, SHOWN)
+
+
+def _spread(sampled: Losses) -> list[list[float]]:
+    """Worst over best position at each torque: what 5 and 95 % of the samples have less than."""
+    found: list[list[float]] = np.quantile(sampled.ratios, (0.05, 0.95), axis=1).T.tolist()
+    return found
+
+
+def _most_lost(sampled: Losses) -> float:
+    """What the choice loses less than in 95 % of the samples."""
+    return float(np.quantile(sampled.losses[:, sampled.best], 0.95))
 
 
 def _slopes(advice: Advice, style: Style) -> Table:
@@ -295,29 +299,14 @@ def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> Json:
     return {**asdict(position), "sensitivity": told}
 
 
-def _robust(advice: Advice, sampled: Robust) -> Json:
-    low, high = np.quantile(sampled.merits, (0.05, 0.95), axis=0)
+def _robust(advice: Advice, sampled: Losses) -> Json:
     return {
         "samples": len(sampled.merits),
-        "criterion": sampled.criterion.name,
-        "standard_error_arcsec": list(sampled.standard_error_arcsec),
         "fields": dict(advice.drive.uncertainty),
-        "worst_over_best": np.quantile(sampled.ratios, (0.05, 0.5, 0.95), axis=0).T.tolist(),
-        "loss_95_percent": float(np.quantile(sampled.losses, 0.95)),
-        "probability_gain": sampled.probability_gain,
-        "positions": [
-            {
-                "rotation_deg": advice.curve.at(place).rotation_deg,
-                "hole": advice.curve.at(place).hole,
-                "probability_best": float(sampled.probability_best[k]),
-                "expected_relative": float(sampled.merits[:, k].mean()),
-                "relative_5_percent": float(low[k]),
-                "relative_95_percent": float(high[k]),
-                "expected_loss": sampled.loss(place),
-                "F_ior_expected_arcsec": sampled.F_ior_arcsec[:, :, k].mean(axis=0).tolist(),
-            }
-            for k, place in enumerate(sampled.places)
-        ],
+        "worst_over_best": _spread(sampled),
+        "loss_95_percent": _most_lost(sampled),
+        "certificate": certificate_object(sampled.certificate),
+        **losses_object(sampled, advice.drive, advice.drive.number(standing_offset(advice.drive)[1])),
     }
 
 
@@ -334,25 +323,20 @@ def figures(advice: Advice) -> Figures:
 
 def summary_line(advice: Advice) -> str:
     """The answer alone: the hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
-    target = advice.choice.target
     if advice.order == "none":
         return "unknown"
-    return f"{target.rotation_deg:g}" if target.hole is None else f"{target.hole}"
+    return bare(advice.choice.target.rotation_deg, advice.curve.holes)
 
 
 def card_facts(advice: Advice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
-    drive, sampled = advice.drive, advice.robust
+    drive = advice.drive
     offset, cam = standing_offset(drive)
-    chances = None
-    if sampled:
-        best = dict(zip(sampled.places, map(float, sampled.probability_best), strict=True))
-        chances = Chances(len(sampled.merits), best[sampled.recommended], best.get(0), sampled.probability_gain)
     return CardFacts(
         choice=advice.choice,
         cam_deg=drive.number(cam) if drive.number(offset) else None,
         measured=advice.measured,
-        chances=chances,
+        chances=advice.robust.chances if advice.robust else None,
         weights=advice.curve.weights,
         warnings=warnings(advice, say),
         rests_on=advice.rests_on if advice.choice.target == advice.chosen else (),

@@ -192,6 +192,12 @@ def hole_words(rotation_deg: float, holes: int) -> str:
     return f"{rotation_deg:g} deg" if hole is None else f"hole {hole} ({rotation_deg:g} deg)"
 
 
+def bare(rotation_deg: float, holes: int) -> str:
+    """A position as a bare number: the hole, or the angle [deg] where it is none."""
+    hole = hole_of(rotation_deg, holes)
+    return f"{rotation_deg:g}" if hole is None else f"{hole}"
+
+
 def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = FREE_STEP) -> list[float]:
     """Turns of the fixed wheel [deg] that may be chosen: the usable holes, or steps [deg] where the angle is free."""
     if not holes:

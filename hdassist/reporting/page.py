@@ -230,8 +230,8 @@ def _whiskers(sheet: DriveSheet, torque: int, per: float) -> list[tuple[float, f
     sampled, curve_ = sheet.advice.robust, sheet.advice.curve
     if sampled is None:
         return []
-    low, high = np.quantile(sampled.F_ior_arcsec[:, torque], (0.05, 0.95), axis=0).tolist()
-    return list(zip((curve_.rotation_deg[list(sampled.places)] / per).tolist(), low, high, strict=True))
+    low, high = np.quantile(sampled.F_ior_arcsec[torque], (0.05, 0.95), axis=0).tolist()
+    return list(zip((curve_.rotation_deg[curve_.usable] / per).tolist(), low, high, strict=True))
 
 
 def _dots(sheet: DriveSheet, torque: int, per: float) -> Iterator[Dot]:

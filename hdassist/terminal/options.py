@@ -231,11 +231,15 @@ class TrialOptions(OptionGroup):
     trial_torque: Annotated[
         float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
     ] = None
-    noise: Annotated[float, typer.Option(metavar="ARCSEC", help="Standard deviation of a trial; repeats tell it.")] = (
-        1.0
-    )
-    reseat: Annotated[float, typer.Option(metavar="UM", help="Standard deviation of where the wheel sits.")] = 0.0
-    sure: Annotated[float, typer.Option(metavar="SHARE", help="Probability of a good choice that settles it.")] = 0.9
+    noise: Annotated[
+        float, typer.Option(metavar="ARCSEC", min=1e-6, max=1e6, help="Standard deviation of a trial; repeats tell it.")
+    ] = 1.0
+    reseat: Annotated[
+        float, typer.Option(metavar="UM", min=0, max=1000, help="Standard deviation of where the wheel sits.")
+    ] = 0.0
+    sure: Annotated[
+        float, typer.Option(metavar="SHARE", min=0, max=0.999, help="Probability of a good choice that settles it.")
+    ] = 0.9
 
     def torque_of(self, torques: Sequence[float]) -> float:
         """Torque of the trials [N*m], of a drive with such torques."""

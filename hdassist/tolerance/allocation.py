@@ -24,7 +24,6 @@ from hdassist.tolerance.tally import Share
 
 LOOSER = 2.0  # times the preset's tolerance, at most
 TIGHTER = 0.1  # times it at least, where the preset does not say what can be made
-READ = 16  # positions of each wheel that are read off the table: enough for how the error grows with a size
 MODEL_DRIVES = 256  # drives that the search for tolerances looks at
 DRIVES = 200  # proven ones that say how far off it is, and as many that say what comes of it
 RADII = (0.7, 0.5, 0.25, 0.12)  # of the logarithms of tolerances, in which the model is taken as linear
@@ -176,8 +175,7 @@ class Allocator:
         for path in carried(production.drive):
             columns[path] = columns.get(path, production.drive.number(path)) + np.tile(turns, MODEL_DRIVES)
         F_ior = [
-            F_ior_of_many(production.drive, table, columns, count=READ, executor=self._executor)
-            for table in production.tables
+            F_ior_of_many(production.drive, table, columns, executor=self._executor) for table in production.tables
         ]
         worst = np.max(np.array(F_ior) / self._rooms[:, None], axis=0).reshape(MODEL_DRIVES, -1)
         return float(np.quantile(worst.min(axis=1), self._wanted))

@@ -32,7 +32,7 @@ FREE_STEP = 30.0  # deg between positions where the seat has no holes
 FIRST = 2  # positions besides the present one that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses of F'_ior that a position may be better
 SPREAD = 0.01  # of F'_ior: what it is taken to miss at least
-READ_MESH = Mesh(compared=0)
+READ_MESH = Mesh(compared=0, turns=16)  # the turns are enough for how the error grows with a size
 
 Record = dict[str, Any]
 

@@ -10,77 +10,91 @@ from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, circmean, circstd
 
 from hdassist.error.rests_on import LEAST, weighed
 from hdassist.error.table import Mesh
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.mounting.losses import Losses
-from hdassist.mounting.positions import Choice, Position, hole_words, require_weights, usable_positions
-from hdassist.mounting.robust import Criterion
+from hdassist.errors import UntrustedError
+from hdassist.mounting.cloud import MESH
+from hdassist.mounting.losses import Criterion, Losses
+from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
 from hdassist.mounting.stays import Stays, Told, over_ranges
+from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
-from hdassist.trials.cloud import FULL, QUICK, Cloud, Effort, cloud_of
 from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, prediction, require_reachable
-from hdassist.trials.trial import Rig, Trial
+from hdassist.trials.prior import SAMPLES, Prior, Rig, prior_of
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
-SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
-COARSE, COUNT = Mesh((9, 5, 9, 9), 0), 12  # of tables that tell what an end of a range changes
+QUICK, FEWER = Mesh((9, 5, 9, 9), compared=0, turns=16), 1536  # samples: what can be reached at all, in a second
+COARSE = Mesh((9, 5, 9, 9), compared=0, turns=12)  # of tables that tell what an end of a range changes
 
-Teach = Callable[[Cloud], tuple[Draws, Losses]]
-
-
-@dataclass(frozen=True)
-class Verification:
-    """A measured outcome against its prediction.
-
-    back_to: the position tried before to go back to, None where the outcome's is to be kept; probability_good of the
-    position to be in, and the best one [deg] with that probability, both None where nothing explains the outcome.
-    """
-
-    predicted: Prediction
-    back_to: Trial | None
-    probability_good: float | None = None
-    best: tuple[float, float] | None = None
+Teach = Callable[[Prior], tuple[Draws, Losses]]
 
 
 @dataclass(frozen=True)
 class TrialAdvice:
-    """What trials teach: the choice, the next trial, what was predicted of each but the first, and an outcome.
+    """What trials teach: the choice, the next trial, and what was predicted of each but the first.
 
-    next: its position [deg], and the probability of a good choice that is expected after it; needed: that from which on
-    it is settled; rests_on: assumptions that it hinges on most.
+    next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
+    trial is the outcome of an advice, and the wheel stands there; needed: probability from which on it is settled;
+    rests_on: assumptions that it hinges on most.
     """
 
-    cloud: Cloud
+    prior: Prior
     trials: tuple[Trial, ...]
     draws: Draws
     losses: Losses
     next: tuple[float, float]
     predictions: tuple[Prediction, ...]
-    outcome: Verification | None = None
+    verifies: bool = False
     needed: float = NEEDED
     rests_on: tuple[Stays, ...] = ()
 
     @property
     def drive(self) -> Drive:
         """The drive as told."""
-        return self.cloud.drive
+        return self.prior.drive
+
+    @property
+    def outcome(self) -> Prediction | None:
+        """The outcome of an advice, against what the trials before it predicted."""
+        return self.predictions[-1] if self.verifies else None
+
+    @property
+    def explained(self) -> bool:
+        """Whether anything explains the outcome; else nothing is learnt of it, and it is none of the trials."""
+        return len(self.trials) > len(self.predictions)
+
+    @property
+    def back_to(self) -> Trial | None:
+        """The trial to whose position to go back after an outcome: that which is expected to lose least, if less."""
+        least = min((self.outcome or self.trials[-1], *reversed(self.trials)), key=self._cost)
+        return least if self.outcome and self._cost(least) * (1 + WORTH) < self._cost(self.outcome) else None
+
+    def _cost(self, trial: Trial) -> float:
+        """What the position of a trial is expected to lose, over the best; by its value where nothing explains that."""
+        if not self.explained:
+            return trial.F_ior_arcsec
+        place = self.losses.place(trial.rotation_deg)
+        return np.inf if place is None else 1 + float(self.losses.expected_loss[place])
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The best position [deg], and the probability that it is good."""
+        return self.losses.rotations_deg[self.losses.best], float(self.losses.probability_good[self.losses.best])
 
     @property
     def stay(self) -> tuple[float, float]:
-        """The position to be in [deg], and the probability that it is good: 0 where nothing explains an outcome."""
-        if not (outcome := self.outcome):
-            best = self.losses.best
-            return self.losses.rotations_deg[best], float(self.losses.probability_good[best])
-        return (outcome.back_to or outcome.predicted).rotation_deg, outcome.probability_good or 0.0
+        """The position to be in [deg], and the probability that it is good: after an outcome one that was tried."""
+        if not (tried := self.back_to or self.outcome):
+            return self.best
+        place = self.losses.place(tried.rotation_deg) if self.explained else None
+        return tried.rotation_deg, 0.0 if place is None else float(self.losses.probability_good[place])
 
     @property
     def settled(self) -> bool:
@@ -101,41 +115,28 @@ class TrialAdvice:
     @property
     def noise_arcsec(self) -> float:
         """Noise of a value by the trials."""
-        return float(self.cloud.rig.noise_arcsec * self.draws.noise.mean())
-
-    @property
-    def standard_errors(self) -> list[float]:
-        """Of F'_ior interpolated [arcsec], at each torque that decides."""
-        return [self.cloud.tables[M_g].standard_error for M_g in self.drive.operation.M_g]
+        return float(self.prior.rig.noise_arcsec * self.draws.noise.mean())
 
     @cached_property
-    def offset_um(self) -> NDArray[np.complex128]:
-        """Offset that stands with the fixed wheel, as x + i y, shape (draws,)."""
-        return self.cloud.offset_um[self.draws.places]
-
-    @cached_property
-    def direction(self) -> tuple[float, float]:
-        """Its direction, and the standard deviation of that [deg]."""
-        angles = np.angle(self.offset_um, deg=True)
-        return float(circmean(angles, high=360)), float(circstd(angles, high=360))
+    def offset(self) -> tuple[float, float, float, float]:
+        """Offset that stands with the fixed wheel: size [um] and direction [deg], each with its standard deviation."""
+        size, direction = self.prior.offset(self.draws.places)
+        angles = float(circmean(direction, high=360)), float(circstd(direction, high=360))
+        return float(size.mean()), float(size.std()), *angles
 
     @property
     def facing(self) -> tuple[float, float] | tuple[None, None]:
-        """The same, None where it is open."""
-        return self.direction if self.direction[1] < OPEN else (None, None)
+        """Its direction, and the standard deviation of that [deg]; None where it is open."""
+        return self.offset[2:] if self.offset[3] < OPEN else (None, None)
 
     def where(self, rotation_deg: float) -> str:
         """A position in words."""
         return hole_words(rotation_deg, self.drive.mounting.holes)
 
-    def at(self, place: int | None) -> Position:
-        """One of the positions, with the F'_ior expected there; None: where the wheel stood before the first trial."""
-        return self.losses.position(self.drive, self.direction[0], place)
-
     @property
     def choice(self) -> Choice:
         """The chosen position beside the others."""
-        return self.losses.choice(self.drive, self.direction[0])
+        return self.losses.choice(self.drive, self.offset[2])
 
 
 def advise_from_trials(
@@ -147,66 +148,42 @@ def advise_from_trials(
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
     needed: float = NEEDED,
-    effort: Effort = FULL,
+    samples: int = SAMPLES,
+    mesh: Mesh = MESH,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> TrialAdvice:
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
-    Arguments: trials, measured on the rig; outcome, measured in one more position, to be compared with its prediction;
-    criterion and weights as in learnt; needed, probability that settles; effort, seed, executor and progress as in
-    cloud_of. Raises what those do, UsageError for what is out of range.
+    Arguments: trials, measured on the rig; outcome, a last one, that of an advice by the others; criterion and weights
+    as in learnt; needed, probability that settles; samples, mesh, seed, executor and progress as in prior_of. Raises
+    what those do, UsageError for what is out of range.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
     Criterion.of(criterion)  # wrong before anything is computed
-    rig.require_sound()
     require_weights(weights, len(torques))
-    if not 0 < needed < 1:
-        raise UsageError(f"the probability that settles must lie between 0 and 1, not {needed:g}", "--sure 0.9")
-    require_reachable(cloud_of(drive, (), rig, effort=QUICK), trials)
-    cloud = cloud_of(drive, torques, rig, seed=seed, effort=effort, executor=executor, progress=progress)
-    teach = partial(learnt, cloud, torques=torques, criterion=criterion, weights=weights, executor=executor)
-    draws, losses = teach(trials, positions)
-    predictions = tuple(prediction(cloud, trials[:k], trials[k]) for k in range(1, len(trials)))
-    verified = None
-    if outcome:
-        others = {trial.rotation_deg: trial for trial in trials if trial.rotation_deg != outcome.rotation_deg}
-        everywhere = list(dict.fromkeys([outcome.rotation_deg, *others, *positions]))
-        after, predicted = None, prediction(cloud, trials, outcome)
-        with suppress(UntrustedError):  # its value alone is compared then
-            _, after = teach([*trials, outcome], everywhere)
-        verified = verification(after, predicted, list(others.values()), positions, rig.noise_arcsec)
-    again = partial(learnt, trials=trials, rotations_deg=positions, criterion=criterion)
-    held = stays_good(cloud, losses.best, effort.samples, again, executor)
+    every = (*trials, outcome) if outcome else tuple(trials)
+    if not drive.mounting.holes:
+        positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
+    require_reachable(prior_of(drive, (), rig, samples=FEWER, mesh=QUICK), trials)
+    prior = prior_of(drive, torques, rig, samples=samples, mesh=mesh, seed=seed, executor=executor, progress=progress)
+    teach = partial(learnt, rotations_deg=positions, criterion=criterion)
+    here = partial(teach, prior, torques=torques, weights=weights, executor=executor)
+    predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
+    try:
+        draws, losses = here(every)
+    except UntrustedError:
+        if not outcome:
+            raise
+        draws, losses = here(every := tuple(trials))
+    held = stays_good(prior, losses.best, samples, partial(teach, trials=every), executor)
     best = next_trial(draws, losses, seed)
-    return TrialAdvice(cloud, tuple(trials), draws, losses, best, predictions, verified, needed, held)
-
-
-def verification(
-    after: Losses | None, predicted: Prediction, others: Sequence[Trial], positions: Sequence[float], noise: float
-) -> Verification:
-    """Whether to keep the position of an outcome, or to go back to one of others tried before.
-
-    Argument: after, what is known with the outcome as one more trial, in all these positions. The position is kept
-    unless one tried before is expected to lose less, over all torques that decide. Where nothing explains the outcome
-    (None), its value alone is compared with the least measured one, by the noise [arcsec] of a value.
-    """
-    here: Trial = predicted
-    cost, worth = {t.rotation_deg: t.F_ior_arcsec for t in (*others, here)}, SURE * np.sqrt(2) * noise
-    if after:
-        cost, worth = dict(zip(after.rotations_deg, after.expected_loss.tolist(), strict=True)), WORTH
-    least = min(others, key=lambda t: cost[t.rotation_deg], default=here)
-    back = least if cost[least.rotation_deg] + worth < cost[here.rotation_deg] else None
-    if after is None:
-        return Verification(predicted, back)
-    good = dict(zip(after.rotations_deg, after.probability_good.tolist(), strict=True))
-    best = min(positions, key=lambda rotation: cost[rotation])
-    return Verification(predicted, back, good[(back or here).rotation_deg], (best, good[best]))
+    return TrialAdvice(prior, every, draws, losses, best, predictions, outcome is not None, needed, held)
 
 
 def stays_good(
-    cloud: Cloud, best: int, samples: int, teach: Teach, executor: Executor | None = None
+    prior: Prior, best: int, samples: int, teach: Teach, executor: Executor | None = None
 ) -> tuple[Stays, ...]:
     """What becomes of a choice, by its place, over the ranges of the assumptions that move F'_ior most.
 
@@ -214,21 +191,21 @@ def stays_good(
     their F'_ior changes, and the trials teach of that: at their own torque alone. Raises UntrustedError where an answer
     cannot be trusted.
     """
-    if not (known := weighed(cloud.drive, (cloud.rig.M_g,), executor=executor)):
+    if not (known := weighed(prior.drive, (prior.M_g,), executor=executor)):
         return ()
-    coarse = partial(cloud_of, torques=(), rig=cloud.rig, seed=cloud.seed, effort=Effort(samples, COARSE, COUNT))
-    look = partial(_told, cloud, coarse(cloud.drive, executor=executor), best, coarse, teach)
-    now = float(teach(cloud)[1].probability_good[best])
+    coarse = partial(prior_of, torques=(), rig=prior.rig, seed=prior.seed, samples=samples, mesh=COARSE)
+    look = partial(_told, prior, coarse(prior.drive, executor=executor), best, coarse, teach)
+    now = float(teach(prior)[1].probability_good[best])
     assumed = [known.assumed[k] for k in known.heaviest()]
-    return over_ranges(cloud.drive, assumed, look, lambda end: abs((end.good or 0.0) - now), executor=executor)
+    return over_ranges(prior.drive, assumed, look, lambda end: abs((end.good or 0.0) - now), executor=executor)
 
 
-def _told(cloud: Cloud, here: Cloud, best: int, make: Callable[[Drive], Cloud], teach: Teach, drive: Drive) -> Told:
-    """What becomes of a choice in another drive; here: cloud by coarse tables."""
+def _told(prior: Prior, here: Prior, best: int, make: Callable[[Drive], Prior], teach: Teach, drive: Drive) -> Told:
+    """What becomes of a choice in another drive; here: prior by coarse tables."""
     there = make(drive)
     if there.values.keys() == here.values.keys():  # else nothing is open of what was, and they are other samples
         change = there.F_ior_arcsec / np.maximum(here.F_ior_arcsec, LEAST)
-        there = replace(there, tables=cloud.tables, F_ior_arcsec=cloud.F_ior_arcsec * change)
+        there = replace(there, tables=prior.tables, F_ior_arcsec=prior.F_ior_arcsec * change)
     with suppress(UntrustedError):
         _, losses = teach(there)
         good = float(losses.probability_good[best])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
@@ -54,13 +53,14 @@ def command(
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
+    from hdassist.mounting.cloud import MESH
+    from hdassist.mounting.trial import read_trial
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.workers import workers
     from hdassist.trials.advice import advise_from_trials
-    from hdassist.trials.cloud import FULL
     from hdassist.trials.page import answer, card_facts
-    from hdassist.trials.trial import Rig, read_trial
+    from hdassist.trials.prior import Rig
 
     out = options.open()
     card_file = CardFile.open(card, options, out)
@@ -77,13 +77,13 @@ def command(
         criterion=choosing.criterion,
         weights=weights,
         needed=measuring.sure,
-        effort=replace(FULL, samples=samples),
+        samples=samples,
         seed=seed,
     )
-    with out.progress(drive.name, len({*torques, rig.M_g}) * FULL.mesh.states) as progress, workers(jobs) as executor:
+    with out.progress(drive.name, len({*torques, rig.M_g}) * MESH.states) as progress, workers(jobs) as executor:
         advice = in_wide_enough_window(drive, partial(analysis, executor=executor, progress=progress))
     if options.verbose:
-        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.cloud.certificate}")
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None
     told = answer(advice, details=details, carded=card_file is not None)
     raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))

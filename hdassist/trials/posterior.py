@@ -16,17 +16,16 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import softmax
 from scipy.stats import chi2, norm
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.mounting.losses import GOOD, Losses
+from hdassist.mounting.cloud import Places
+from hdassist.mounting.losses import GOOD, Criterion, Losses
 from hdassist.mounting.positions import hole_words
-from hdassist.mounting.robust import Criterion
-from hdassist.trials.cloud import Cloud, Places
-from hdassist.trials.trial import Trial
+from hdassist.mounting.trial import Trial
+from hdassist.trials.prior import Prior
 
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
 LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
@@ -43,7 +42,7 @@ OUTCOMES = 64  # of a next trial that are looked at
 class Draws:
     """Draws, all alike likely, of what is not known after trials.
 
-    places among samples and directions of the cloud; misfit, noise, over the told one, and scale, shape (draws,);
+    places among samples and directions of the prior; misfit, noise, over the told one, and scale, shape (draws,);
     F_ior_arcsec at the torque of the trials and the noise of a value there, shape (draws, rotations); effective samples
     that they stand for.
     """
@@ -55,10 +54,6 @@ class Draws:
     F_ior_arcsec: Array
     noise_arcsec: Array
     effective: float
-
-    def chance(self, value: float) -> float:
-        """Probability that a value measured in the first position is less than so much [arcsec]."""
-        return float(norm.cdf(value, self.F_ior_arcsec[:, 0], self.noise_arcsec[:, 0]).mean())
 
 
 @dataclass(frozen=True)
@@ -80,7 +75,7 @@ class Prediction(Trial):
 
 
 def learnt(
-    cloud: Cloud,
+    prior: Prior,
     trials: Sequence[Trial],
     rotations_deg: Sequence[float],
     *,
@@ -95,25 +90,26 @@ def learnt(
     At another torque the scale is that of the trials; the misfit is as large, but another. Raises UsageError for an
     unknown criterion, UntrustedError where no sample, or too few, explain the trials.
     """
-    require_reachable(cloud, trials)
-    everywhere, rng = [*rotations_deg, 0.0], np.random.default_rng([cloud.seed, 1])
-    draws = drawn(cloud, trials, everywhere)
+    require_reachable(prior, trials)
+    everywhere, rng = [*rotations_deg, 0.0], np.random.default_rng([prior.seed, 1])
+    draws = drawn(prior, trials, everywhere)
     if draws.effective < TRUSTED:
         raise UntrustedError(
-            f"too few of {cloud.weight.size} samples explain the trials: {draws.effective:.1f} effective ones",
+            f"too few of {prior.weight.size} samples explain the trials: {draws.effective:.1f} effective ones",
             f"{TRUSTED:g} are needed: a larger --noise, or more samples: --samples 100000",
         )
 
     def at(M_g: float) -> Array:
-        if M_g == cloud.rig.M_g:
+        if M_g == prior.M_g:
             return draws.F_ior_arcsec
-        f = cloud.at(everywhere, draws.places, M_g, executor)
-        spread = np.hypot(draws.misfit * f.mean(axis=1), cloud.tables[M_g].standard_error)[:, None]
+        f = prior.at(everywhere, draws.places, M_g, executor)
+        spread = np.hypot(draws.misfit * f.mean(axis=1), prior.tables[M_g].standard_error)[:, None]
         return np.asarray(np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f))
 
-    every = np.array([at(M_g) for M_g in torques or [cloud.rig.M_g]])
-    shares = None if weights is None else tuple(weights)
-    return draws, Losses(tuple(rotations_deg), every[..., :-1], every[..., -1], Criterion.of(criterion), shares)
+    decide, shares = torques or [prior.M_g], None if weights is None else tuple(weights)
+    every, errors = np.array([at(M_g) for M_g in decide]), tuple(prior.tables[M_g].standard_error for M_g in decide)
+    rotations, how = tuple(rotations_deg), Criterion.of(criterion)
+    return draws, Losses(rotations, every[..., :-1], every[..., -1], how, shares, standard_error_arcsec=errors)
 
 
 def next_trial(draws: Draws, losses: Losses, seed: int = 0) -> tuple[float, float]:
@@ -128,20 +124,20 @@ def next_trial(draws: Draws, losses: Losses, seed: int = 0) -> tuple[float, floa
     return max(after, key=lambda each: each[1])
 
 
-def prediction(cloud: Cloud, before: Sequence[Trial], trial: Trial) -> Prediction:
+def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
     """What trials predict of another one, and how far that came out."""
-    draws = drawn(cloud, before, [trial.rotation_deg])
-    told = drawn(cloud, before, [trial.rotation_deg], misfits=(0.0,), noises=(1.0,))
-    F_ior, noise = draws.F_ior_arcsec[:, 0], draws.noise_arcsec[:, 0]
-    ends = float((F_ior - 9 * noise).min()), float((F_ior + 9 * noise).max())
-    low, high = (float(brentq(lambda v, q=q: draws.chance(v) - q, *ends, xtol=1e-6)) for q in (0.025, 0.975))
+    draws = drawn(prior, before, [trial.rotation_deg])
+    told = drawn(prior, before, [trial.rotation_deg], misfits=(0.0,), noises=(1.0,))
+    values = draws.F_ior_arcsec + draws.noise_arcsec * np.random.default_rng(prior.seed).standard_normal((DRAWS, 1))
+    expected, (low, high) = float(draws.F_ior_arcsec.mean()), np.quantile(values, (0.025, 0.975)).tolist()
     # how far out in the tail where draws have run out cannot be told
-    surprise = float(norm.ppf(np.clip(told.chance(trial.F_ior_arcsec), 1e-6, 1 - 1e-6)))
-    return Prediction(trial.rotation_deg, trial.F_ior_arcsec, float(F_ior.mean()), low, high, surprise)
+    below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, told.noise_arcsec).mean()
+    surprise = float(norm.ppf(np.clip(below, 1e-6, 1 - 1e-6)))
+    return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 
 def drawn(
-    cloud: Cloud,
+    prior: Prior,
     trials: Sequence[Trial],
     rotations_deg: Sequence[float],
     *,
@@ -149,21 +145,21 @@ def drawn(
     noises: Sequence[float] = NOISES,
 ) -> Draws:
     """Draw F'_ior in positions [deg] after trials, of which there may be none, for misfits and noises to be weighed."""
-    rng = np.random.default_rng(cloud.seed)
+    rng = np.random.default_rng(prior.seed)
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
-    told, kinds = cloud.noise(y), np.array(list(product(misfits, noises)))
+    told, kinds = prior.noise(y), np.array(list(product(misfits, noises)))
     with np.errstate(divide="ignore"):
-        log = np.log(cloud.weight.ravel()) - 0.5 * np.square(np.log(kinds[:, 1:]) / NOISE_SPREAD)
+        log = np.log(prior.weight.ravel()) - 0.5 * np.square(np.log(kinds[:, 1:]) / NOISE_SPREAD)
     if trials:
-        f = cloud.at(tried)
-        log += [_likelihood(f, y, told, _variance(cloud, s), tried, factor)[1] for s, factor in kinds]
+        f = prior.at(tried)
+        log += [_likelihood(f, y, told, _variance(prior, s), tried, factor)[1] for s, factor in kinds]
     weight = softmax(log)
     at = np.searchsorted(np.cumsum(weight), (np.arange(DRAWS) + 0.5) / DRAWS)
     kind, places = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
     misfit, noise = kinds[kind].T
     # drawn without the values, then moved by what these differ from their own draw (Matheron's rule)
     count, everywhere, spread = len(rotations_deg), [*rotations_deg, *tried], noise[:, None] * told
-    f, variance = cloud.at(everywhere, places), _variance(cloud, misfit, places)
+    f, variance = prior.at(everywhere, places), _variance(prior, misfit, places)
     scale = 1 + SCALE * rng.standard_normal(len(places))
     F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * _smooth(everywhere, len(places), rng)
     there, seen = f[:, count:], F_ior[:, count:] + spread * rng.standard_normal((len(places), len(tried)))
@@ -174,13 +170,13 @@ def drawn(
     # a normal distribution has no end, an error has
     F_ior = np.maximum((F_ior + (both @ moved)[..., 0])[:, :count], 0.1 * f[:, :count])
     effective = float(1 / np.square(weight.sum(axis=0)).sum())
-    return Draws(places, misfit, noise, scale, F_ior, noise[:, None] * cloud.noise(F_ior), effective)
+    return Draws(places, misfit, noise, scale, F_ior, noise[:, None] * prior.noise(F_ior), effective)
 
 
-def _variance(cloud: Cloud, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
+def _variance(prior: Prior, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
     """Variance of the misfit [arcsec^2] of samples: the drive's and the table's."""
-    mean = np.repeat(cloud.F_ior_arcsec.mean(axis=1), cloud.weight.shape[1])[places]
-    return np.asarray(np.square(misfit * mean) + cloud.tables[cloud.rig.M_g].standard_error ** 2)
+    mean = np.repeat(prior.F_ior_arcsec.mean(axis=1), prior.weight.shape[1])[places]
+    return np.asarray(np.square(misfit * mean) + prior.tables[prior.M_g].standard_error ** 2)
 
 
 def _likelihood(
@@ -212,21 +208,20 @@ def _smooth(rotations_deg: Sequence[float], draws: int, rng: np.random.Generator
     return np.asarray(rng.standard_normal((draws, len(own))) @ (np.sqrt(np.maximum(own, 0))[:, None] * basis.T))
 
 
-def require_reachable(cloud: Cloud, trials: Sequence[Trial]) -> None:
+def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     """Raise UntrustedError where no sample comes to the measured values, saying what would have to change.
 
     Values of one position count by their mean: that they differ is the noise's.
     """
     tried = sorted({trial.rotation_deg for trial in trials})
     y = np.array([np.mean([t.F_ior_arcsec for t in trials if t.rotation_deg == rotation]) for rotation in tried])
-    possible = np.flatnonzero(cloud.weight)
-    f = cloud.at(tried, possible)
-    squares, _ = _likelihood(f, y, cloud.noise(y), _variance(cloud, MISFITS[-1], possible), tried)
+    f = prior.at(tried, prior.possible)
+    squares, _ = _likelihood(f, y, prior.noise(y), _variance(prior, MISFITS[-1], prior.possible), tried)
     nearest = int(np.argmin(squares))
     if chi2.sf(squares[nearest], len(tried)) >= UNLIKELY:
         return
     told = ", ".join(
-        f"{hole_words(rotation, cloud.drive.mounting.holes)}: measured {value:g}, at best {best:.1f}"
+        f"{hole_words(rotation, prior.drive.mounting.holes)}: measured {value:g}, at best {best:.1f}"
         for rotation, value, best in zip(tried, y, f[nearest], strict=True)
     )
     low, high, most = float(f.min()), float(f.max()), float(y.max())
@@ -234,6 +229,6 @@ def require_reachable(cloud: Cloud, trials: Sequence[Trial]) -> None:
     if not low <= most <= high:
         change = f"deviations or offsets had to be {most / (high if most > high else low):.2g} times as large"
     raise UntrustedError(
-        f"no cam offset up to {np.abs(cloud.offset_um).max():.0f} um explains the trials ({told} arcsec)",
-        f"this drive shows {low:.1f} to {high:.1f} arcsec at {cloud.rig.M_g:g} N*m: check values and torque; {change}",
+        f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
+        f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )

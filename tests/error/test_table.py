@@ -11,9 +11,6 @@ from hdassist.error.table import KNOWN, ErrorTable, Mesh, Reach, error_tables, t
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
-from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.positions import MountingCurve
-from hdassist.mounting.robust import interpolates, robust
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY
 from tests.process import SMALL
@@ -138,26 +135,3 @@ def test_outside_its_reach_it_knows_nothing(small: Drive, table: ErrorTable) -> 
     far = small.with_values({"tolerances.e_hb": 120.0})
     with pytest.raises(UntrustedError, match="beyond"):
         table.F_ior(deviation_scalars(far, *turns()))
-
-
-@pytest.fixture(scope="module")
-def uncertain(small: Drive) -> tuple[Drive, MountingCurve]:
-    drive = small.with_values({"mounting.holes": 6})
-    drive = drive.model_copy(update={"uncertainty": {"phases.xi_b": 30.0, "tolerances.e_hb": 8.0}})
-    return drive, mounting_curve(drive, (4.0,), [60.0 * k for k in range(6)])
-
-
-def test_samples_by_table_agree_with_samples_by_search(uncertain: tuple[Drive, MountingCurve]) -> None:
-    drive, curve = uncertain
-    assert interpolates(drive, 60, 7)
-    assert not interpolates(drive, 10, 7)
-    many, few = robust(drive, curve, samples=60), robust(drive, curve, samples=10)
-    assert many.standard_error_arcsec[0] > 0 == few.standard_error_arcsec[0]
-    missed = many.F_ior_arcsec[:10] - few.F_ior_arcsec  # the same seed, so the same drives come first
-    assert np.sqrt(np.mean(missed**2)) < 2 * many.standard_error_arcsec[0]
-    assert many.recommended == few.recommended
-
-
-def test_fields_other_than_deviations_are_searched(uncertain: tuple[Drive, MountingCurve]) -> None:
-    drive = uncertain[0].model_copy(update={"uncertainty": {"phases.xi_b": 30.0, "gears.j_n": 1.0}})
-    assert not interpolates(drive, 1000, 13)

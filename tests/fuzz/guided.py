@@ -29,10 +29,10 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.measuring.measure import measure
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.uncertainty import parse_stated
+    from hdassist.mounting.trial import read_trial
     from hdassist.preset.load import load_text
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace
-    from hdassist.trials.trial import read_trial
 
 from tests.fuzz import mutate
 from tests.fuzz.inputs import MOST_MEMORY, MOST_SECONDS

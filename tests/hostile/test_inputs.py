@@ -234,17 +234,15 @@ def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
 @pytest.mark.parametrize("torque", ["1e308", "-1e308", "1.1e7", "0", "nan", "inf"])
 def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque):
     done = run("trials", TINY, "h0:17.3", "--trial-torque", torque)
-    require_refused(done, "the torque of a trial must not be")
+    require_refused(done, f"no trials are at {float(torque):g} N*m")
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize(
-    ("option", "said"), [("--noise", "the noise of a trial must"), ("--reseat", "the error of the seat must not be")]
-)
+@pytest.mark.parametrize("option", ["--noise", "--reseat"])
 @pytest.mark.parametrize("value", ["1e308", "1.1e6", "-1", "nan", "inf"])
-def test_noise_and_reseat_beyond_what_can_be_measured_are_none(alarm, option, said, value):
+def test_noise_and_reseat_beyond_what_can_be_measured_are_none(alarm, option, value):
     done = run("trials", TINY, "h0:17.3", option, value)
-    require_refused(done, said)
+    require_refused(done, f"Invalid value for '{option}'")
     assert done.returncode == 2
 
 

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.search import CycleSearch
 from hdassist.model.deviations import deviation_scalars
-from hdassist.model.unknown import draw
 from hdassist.mounting.advice import advise
 from hdassist.mounting.page import summary_line, to_json, what_to_do
 from hdassist.mounting.positions import rotated, seat_positions
@@ -41,16 +39,6 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
 
 
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
-    drive = oval.drive
-    drawn = draw(drive, 60)
-    search = CycleSearch(drive, 4.0)
-    found = np.array([
-        [search.extremes(rotated(drawn[k], r)).F_ior_arcsec for r in seat_positions(drive)] for k in range(0, 60, 5)
-    ])  # fmt: skip
-    missed = oval.robust.F_ior_arcsec[::5, 0] - found
-    # most by less than the standard error; one of twenty is several times as far off, where an extreme is a narrow one
-    assert np.median(np.abs(missed)) < oval.robust.standard_error_arcsec[0] < 0.02 * found.mean()
-    assert np.quantile(np.abs(missed), 0.9) < 3 * oval.robust.standard_error_arcsec[0]
     shares = oval.robust.probability_best
     assert shares.max() < 0.95  # such an ovality decides as much as all the rest
 
@@ -99,8 +87,7 @@ def test_a_few_micrometres_take_most_of_what_turning_brings(reference, amplitude
     drive = changed(reference, harmonics__a_b2=amplitude, harmonics__xi_b2=None)
     plain = advise(changed(reference, harmonics__a_b2=0.0), (80.0,), seat_positions(reference), cross_check=None)
     sampled = advise(drive, (80.0,), seat_positions(drive), cross_check=None).robust
-    ratios = sampled.ratios[:, 0]
+    ratios = sampled.ratios[0]
     assert ratio is None or np.quantile(ratios, (0.02, 0.98)) == pytest.approx(ratio, abs=0.08)
-    place = sampled.places.index(int(np.argmin(plain.curve.relative)))
-    lost = sampled.merits[:, place] / sampled.merits.min(axis=1) - 1
+    lost = sampled.losses[:, sampled.rotations_deg.index(plain.chosen.rotation_deg)]
     assert lost.max() == pytest.approx(loss, abs=0.02)

@@ -21,26 +21,11 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Rig:
-    """How trials are measured: at a torque [N*m], with noise of a value [arcsec] and an error of the seat [um].
-
-    Both are standard deviations; reseat_um is that of the wheel's centre along any direction.
-    """
+class Tried:
+    """Trials that an advice rests on, and their torque [N*m]."""
 
     M_g: float
-    noise_arcsec: float = 1.0
-    reseat_um: float = 0.0
-
-    def require_sound(self) -> None:
-        """Raise UsageError unless the torque turns something and the standard deviations are such."""
-        torque, noise, reseat = self.M_g, self.noise_arcsec, self.reseat_um
-        for words, value, sound, hint in (  # ends as in a preset; beyond those of noise, squares are no numbers
-            ("torque of a trial", torque, 0 < abs(torque) <= 1e7, "more than 0 N*m: --trial-torque 80"),
-            ("noise of a trial", noise, 1e-6 <= noise <= 1e6, "from 1e-6 to 1e6 arcsec: --noise 1"),
-            ("error of the seat", reseat, 0 <= reseat <= 1e3, "from 0 to 1000 um: --reseat 10"),
-        ):
-            if not sound:
-                raise UsageError(f"the {words} must not be {value:g}", hint)
+    trials: tuple[Trial, ...]
 
 
 def read_trial(text: str, holes: int) -> Trial:
