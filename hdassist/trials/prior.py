@@ -40,12 +40,8 @@ class Rig:
     def __post_init__(self) -> None:
         noise, seat = 1e-6 <= self.noise_arcsec <= 1e6, 0 <= self.reseat_um <= 1e3  # beyond, squares are no numbers
         if not (0 < abs(self.M_g) <= 1e7 and noise and seat):
-            told = (
-                f"{self.M_g:g} N*m with a noise of {self.noise_arcsec:g} arcsec and a seat within {self.reseat_um:g} um"
-            )
-            raise UsageError(
-                f"no trials are at {told}", "a torque up to 1e7 N*m but 0, a noise above 0: --trial-torque 80"
-            )
+            told = f"{self.M_g:g} N*m with a noise of {self.noise_arcsec:g} arcsec, the seat {self.reseat_um:g} um off"
+            raise UsageError(f"no trials are at {told}", "up to 1e7 N*m but 0, a noise above 0: --trial-torque 80")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
