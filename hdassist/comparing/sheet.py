@@ -19,7 +19,7 @@ from hdassist.solve.answers import Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.solve.window import in_wide_enough_window
 
-SAMPLES = 200  # of what is uncertain, as `hdassist mount` takes them
+SAMPLES = 256  # of what is uncertain, as `hdassist mount` takes them
 
 
 @dataclass(frozen=True, eq=False)

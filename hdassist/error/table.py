@@ -51,7 +51,6 @@ class Mesh:
 
 
 FINE = Mesh()
-STATES = FINE.states
 TURNS = FINE.turns
 
 

@@ -315,7 +315,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         places.append(_place(drive, losses.rotations_deg[place], values))
     best, good = advice.best
     size, about, facing, off = advice.offset
-    toward = "direction open" if off >= 40 else f"at {facing:.0f}±{off:.0f} deg"
+    toward = "direction open" if advice.facing[0] is None else f"at {facing:.0f}±{off:.0f} deg"
     return Advised(
         command="trials",
         order=("turn" if advice.choice.turn else "leave") if advice.settled else "none",

@@ -95,7 +95,7 @@ class Cloud:
 
 def open_fields(drive: Drive) -> dict[str, tuple[float, float]]:
     """Fields that are not known, each with what it lies between, and those with an uncertainty, with nothing."""
-    return {u.path: (u.low, u.high) for u in unknowns(drive)} | dict.fromkeys(drive.uncertainty, (0.0, 0.0))
+    return {u.path: (u.low, u.high) for u in unknowns(drive)} | dict.fromkeys(sorted(drive.uncertainty), (0.0, 0.0))
 
 
 def directions_of(drive: Drive) -> int:

@@ -68,7 +68,7 @@ class Losses:
 
     def place(self, rotation_deg: float) -> int | None:
         """Which of the positions a rotation is, None where it is none."""
-        return self.rotations_deg.index(rotation_deg) if rotation_deg in self.rotations_deg else None
+        return next((place for place, at in enumerate(self.rotations_deg) if abs(at - rotation_deg) < 1e-6), None)
 
     def at(self, place: int | None) -> Array:
         """F'_ior [arcsec] in one of the positions, None: at rotation 0, shape (torques, draws)."""
@@ -136,8 +136,8 @@ class Losses:
 
     @property
     def gain(self) -> float:
-        """What the choice takes off the expected error at rotation 0, as a share, for the torque served worst."""
-        return float(1 - np.max(self.at(self.best).mean(axis=1) / self.now_arcsec.mean(axis=1)))
+        """What the choice takes off the expected error at rotation 0, as a share, at the torque served worst."""
+        return float(1 - merit(self.at(self.best).mean(axis=1), self.now_arcsec.mean(axis=1), self.weights))
 
     @property
     def ratios(self) -> Array:

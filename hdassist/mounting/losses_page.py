@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
 import numpy as np
 from rich.table import Table
+from scipy.stats import norm
 
 from hdassist.mounting.losses import Losses
 from hdassist.mounting.positions import hole_words
@@ -15,30 +16,34 @@ from hdassist.terminal.answers import Json
 from hdassist.terminal.console import Style, grid
 
 LEVELS = {"low": 0.05, "high": 0.95}  # quantiles
+COARSE = 0.05  # standard error of F'_ior, as a share of it, from which on nothing is told of limits
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 
 
-def losses_table(losses: Losses, drive: Drive, style: Style, title: str, most: int) -> Table:
+def losses_table(losses: Losses, holes: int, torques: Sequence[float], style: Style, title: str, most: int) -> Table:
     """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, what it loses."""
     heads = ("position", "good, %", "expected", "5 %", "95 %", "loss, %")
-    rows = grid(style, f"{title}\nF'_ior in arcsec at {beside(drive.operation.M_g, 'g')} N·m", *heads)
+    rows = grid(style, f"{title}\nF'_ior in arcsec at {beside(torques, 'g')} N·m", *heads)
     for place in losses.ranked[:most]:
         F_ior = losses.at(place)
         spread = (F_ior.mean(axis=1), *np.quantile(F_ior, list(LEVELS.values()), axis=1))
         good, loss = f"{100 * losses.probability_good[place]:.0f}", f"{100 * losses.expected_loss[place]:.1f}"
-        where = hole_words(losses.rotations_deg[place], drive.mounting.holes)
+        where = hole_words(losses.rotations_deg[place], holes)
         rows.add_row(where, good, *(beside(values, ".1f") for values in spread), loss)
     return rows
 
 
-def kept_line(losses: Losses, drive: Drive) -> str:
-    """How sure the best position keeps the preset's limits, at each torque that has one."""
-    where = hole_words(losses.rotations_deg[losses.best], drive.mounting.holes)
-    return "; ".join(
-        f"{np.mean(drawn <= limit):.0%} sure that {where} at {M_g:g} N·m stays below {limit:g} arcsec, self error aside"
-        for M_g, drawn in zip(drive.operation.M_g, losses.at(losses.best), strict=True)
-        if (limit := drive.limit(M_g)) is not None
-    )
+def kept_line(losses: Losses, drive: Drive, torques: Sequence[float], errors: Sequence[float] = ()) -> str:
+    """How sure the best position keeps the preset's limits, at each torque [N*m] that has one.
+
+    Argument: errors, standard ones of F'_ior [arcsec] that are not in the draws; where they are great nothing is told.
+    """
+    where, told = hole_words(losses.rotations_deg[losses.best], drive.mounting.holes), []
+    for M_g, drawn, error in zip(torques, losses.at(losses.best), errors or [0.0] * len(torques), strict=True):
+        if (limit := drive.limit(M_g)) is not None and error < COARSE * drawn.mean():
+            sure = norm.cdf(limit, drawn, error).mean() if error else np.mean(drawn <= limit)
+            told.append(f"{sure:.0%} sure that {where} at {M_g:g} N·m stays below {limit:g} arcsec, self error aside")
+    return "; ".join(told)
 
 
 def losses_object(losses: Losses, drive: Drive, cam_deg: float) -> Json:

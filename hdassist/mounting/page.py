@@ -141,7 +141,8 @@ def _lines(advice: Advice, carded: bool) -> Iterator[tuple[str, str]]:
     sampled = advice.robust
     sure = f"gains with {sampled.probability_gain:.0%} over {len(sampled.merits)} samples" if sampled else ""
     yield "sure", sure if advice.order != "none" else ""
-    yield "limit", kept_line(sampled, advice.drive) if sampled and advice.worth_turning else ""
+    if sampled and advice.worth_turning:
+        yield "limit", kept_line(sampled, advice.drive, advice.curve.torques, sampled.standard_error_arcsec)
     yield "lever", _lever(advice)
     yield "rests on", stays_line(advice.drive, advice.rests_on)
     yield "unknown", names(advice.unknown)
@@ -230,7 +231,7 @@ def _uncertain(advice: Advice, sampled: Losses, style: Style) -> Table:
     for M_g, (low, high) in zip(advice.curve.torques, _spread(sampled), strict=True):
         title += f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
     title += f"\nthe advised one lies up to {_most_lost(sampled):.0%} above the best (95 %)"
-    return losses_table(sampled, advice.drive, style, title, SHOWN)
+    return losses_table(sampled, advice.curve.holes, advice.curve.torques, style, title, SHOWN)
 
 
 def _spread(sampled: Losses) -> list[list[float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from hdassist.error.search import SEARCHED, CycleSearch, searchable
 from hdassist.error.table import DEVIATIONS
 from hdassist.errors import UsageError
-from hdassist.model.unknown import draw, unknowns
+from hdassist.model.unknown import draw
 from hdassist.mounting.cloud import MESH, cloud_of, open_fields
 from hdassist.mounting.losses import Criterion, Losses
 from hdassist.mounting.positions import MountingCurve, rotated
@@ -63,7 +63,7 @@ def robust(
 
 def is_open(drive: Drive) -> bool:
     """Whether there is anything to sample: what is not known, or has an uncertainty."""
-    return bool(drive.uncertainty) or bool(unknowns(drive))
+    return bool(open_fields(drive))
 
 
 def interpolates(drive: Drive, samples: int, positions: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hdassist.errors import UsageError
@@ -28,8 +29,8 @@ class Tried:
     trials: tuple[Trial, ...]
 
 
-def read_trial(text: str, holes: int) -> Trial:
-    """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat). Raises UsageError for anything else."""
+def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
+    """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
     where, _, value = text.lower().partition(":")
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec"
     try:
@@ -49,4 +50,9 @@ def read_trial(text: str, holes: int) -> Trial:
             f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
             f"was hole {round(rotation) % holes} meant? h{round(rotation) % holes}:{value}",
         )
-    return Trial(rotation % 360, F_ior)
+    hole = hole_of(rotation, holes)
+    if hole is not None and allowed != "all" and hole % holes not in allowed:
+        raise UsageError(
+            f"{text!r}: hole {hole % holes} is not one of mounting.allowed", "no advice is to mount it there"
+        )
+    return Trial(360 * (hole % holes) / holes if hole is not None else rotation % 360, F_ior)

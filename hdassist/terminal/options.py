@@ -238,7 +238,7 @@ class TrialOptions(OptionGroup):
         float, typer.Option(metavar="UM", min=0, max=1000, help="Standard deviation of where the wheel sits.")
     ] = 0.0
     sure: Annotated[
-        float, typer.Option(metavar="SHARE", min=0, max=0.999, help="Probability of a good choice that settles it.")
+        float, typer.Option(metavar="SHARE", min=0.01, max=0.999, help="Probability of a good choice that settles it.")
     ] = 0.9
 
     def torque_of(self, torques: Sequence[float]) -> float:

@@ -30,6 +30,7 @@ OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
+SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
 QUICK, FEWER = Mesh((9, 5, 9, 9), compared=0, turns=16), 1536  # samples: what can be reached at all, in a second
 COARSE = Mesh((9, 5, 9, 9), compared=0, turns=12)  # of tables that tell what an end of a range changes
 
@@ -41,8 +42,9 @@ class TrialAdvice:
     """What trials teach: the choice, the next trial, and what was predicted of each but the first.
 
     next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
-    trial is the outcome of an advice, and the wheel stands there; needed: probability from which on it is settled;
-    rests_on: assumptions that it hinges on most.
+    prediction is of the outcome of an advice, and the wheel stands there; explained: whether anything explains that,
+    which then is the last trial too; needed: probability from which on it is settled; rests_on: assumptions that it
+    hinges on most.
     """
 
     prior: Prior
@@ -52,6 +54,7 @@ class TrialAdvice:
     next: tuple[float, float]
     predictions: tuple[Prediction, ...]
     verifies: bool = False
+    explained: bool = True
     needed: float = NEEDED
     rests_on: tuple[Stays, ...] = ()
 
@@ -66,22 +69,24 @@ class TrialAdvice:
         return self.predictions[-1] if self.verifies else None
 
     @property
-    def explained(self) -> bool:
-        """Whether anything explains the outcome; else nothing is learnt of it, and it is none of the trials."""
-        return len(self.trials) > len(self.predictions)
-
-    @property
     def back_to(self) -> Trial | None:
-        """The trial to whose position to go back after an outcome: that which is expected to lose least, if less."""
-        least = min((self.outcome or self.trials[-1], *reversed(self.trials)), key=self._cost)
-        return least if self.outcome and self._cost(least) * (1 + WORTH) < self._cost(self.outcome) else None
+        """The trial to whose position to go back after an outcome: that which is expected to lose least, if less.
 
-    def _cost(self, trial: Trial) -> float:
-        """What the position of a trial is expected to lose, over the best; by its value where nothing explains that."""
-        if not self.explained:
-            return trial.F_ior_arcsec
+        Where nothing explains the outcome, measured values tell, if they are further apart than noise makes likely.
+        """
+        if not (here := self.outcome):
+            return None
+        others = [trial for trial in reversed(self.trials) if trial.rotation_deg != here.rotation_deg]
+        least = min(others, key=self._lost, default=here)
+        worth = WORTH if self.explained else SURE * 2**0.5 * self.prior.rig.noise_arcsec
+        return least if self._lost(least) + worth < self._lost(here) else None
+
+    def _lost(self, trial: Trial) -> float:
+        """What the position of a trial is expected to lose; where nothing explains the outcome, the measured value."""
         place = self.losses.place(trial.rotation_deg)
-        return np.inf if place is None else 1 + float(self.losses.expected_loss[place])
+        if place is None:  # a hole that is not allowed
+            return np.inf
+        return float(self.losses.expected_loss[place]) if self.explained else trial.F_ior_arcsec
 
     @property
     def best(self) -> tuple[float, float]:
@@ -158,7 +163,7 @@ def advise_from_trials(
 
     Arguments: trials, measured on the rig; outcome, a last one, that of an advice by the others; criterion and weights
     as in learnt; needed, probability that settles; samples, mesh, seed, executor and progress as in prior_of. Raises
-    what those do, UsageError for what is out of range.
+    what those do, UsageError for weights that cannot be meant.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
     Criterion.of(criterion)  # wrong before anything is computed
@@ -171,15 +176,16 @@ def advise_from_trials(
     teach = partial(learnt, rotations_deg=positions, criterion=criterion)
     here = partial(teach, prior, torques=torques, weights=weights, executor=executor)
     predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
+    explained = True
     try:
         draws, losses = here(every)
     except UntrustedError:
         if not outcome:
             raise
-        draws, losses = here(every := tuple(trials))
+        explained, (draws, losses) = False, here(every := tuple(trials))
     held = stays_good(prior, losses.best, samples, partial(teach, trials=every), executor)
     best = next_trial(draws, losses, seed)
-    return TrialAdvice(prior, every, draws, losses, best, predictions, outcome is not None, needed, held)
+    return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, held)
 
 
 def stays_good(
@@ -203,7 +209,8 @@ def stays_good(
 def _told(prior: Prior, here: Prior, best: int, make: Callable[[Drive], Prior], teach: Teach, drive: Drive) -> Told:
     """What becomes of a choice in another drive; here: prior by coarse tables."""
     there = make(drive)
-    if there.values.keys() == here.values.keys():  # else nothing is open of what was, and they are other samples
+    alike = there.values.keys() == here.values.keys() and np.array_equal(there.weight, here.weight)
+    if alike:  # else other fields are open, or other directions, and they are other samples
         change = there.F_ior_arcsec / np.maximum(here.F_ior_arcsec, LEAST)
         there = replace(there, tables=prior.tables, F_ior_arcsec=prior.F_ior_arcsec * change)
     with suppress(UntrustedError):

@@ -73,7 +73,7 @@ def command(
         advise_from_trials,
         trials=[read_trial(text, holes) for text in trials],
         rig=rig,
-        outcome=None if verify is None else read_trial(verify, holes),
+        outcome=None if verify is None else read_trial(verify, holes, drive.mounting.allowed),
         criterion=choosing.criterion,
         weights=weights,
         needed=measuring.sure,

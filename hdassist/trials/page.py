@@ -70,7 +70,7 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     outcome, rig, best = advice.outcome, advice.prior.rig, advice.best
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
-    if not advice.settled and not advice.back_to:
+    if not advice.settled and not advice.back_to and advice.explained:
         once = (
             "measure it once more" if best == advice.stay else f"{advice.where(best[0])} may be better ({best[1]:.0%})"
         )
@@ -117,11 +117,12 @@ def instruction(advice: TrialAdvice) -> str:
 def render(advice: TrialAdvice, style: Style, *, details: bool = False, carded: bool = False) -> RenderableType:
     """The instruction, the best positions, and what to know of them; with details more positions and tables."""
     trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)} at {advice.prior.M_g:g} N·m"
+    holes, torques = advice.drive.mounting.holes, advice.drive.operation.M_g
     turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
     parts: list[RenderableType] = [
         Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
         Text(style.text(instruction(advice))),
-        losses_table(advice.losses, advice.drive, style, f"positions, least loss first, {turns}", SHOWN[details]),
+        losses_table(advice.losses, holes, torques, style, f"positions, least loss first, {turns}", SHOWN[details]),
         *([stays_table(advice.drive, advice.rests_on, style, trials=True)] if details and advice.rests_on else []),
         facts(style, _lines(advice, details=details, carded=carded)),
     ]
@@ -138,7 +139,7 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
         yield "learnt", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in LEARNT)
     else:
         yield "rests on", stays_line(advice.drive, advice.rests_on)
-    yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive)
+    yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, advice.drive.operation.M_g)
     yield "unknown", names(unknowns(advice.drive))
     if len(advice.trials) >= MANY and not advice.repeats and not advice.outcome:
         first = advice.where(advice.trials[0].rotation_deg)
@@ -183,7 +184,7 @@ def to_json(advice: TrialAdvice) -> Json:
             **_prediction(advice, advice.outcome),
             "verdict": "GO_BACK" if advice.back_to else "KEEP",
             "position": _place(advice, advice.stay[0]),
-            "probability_good": advice.stay[1],
+            "probability_good": advice.stay[1] if advice.explained else None,
             "best": _place(advice, advice.best[0], probability_good=advice.best[1]),
         },
         "certificate": certificate_object(advice.prior.certificate),

@@ -31,6 +31,7 @@ SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assum
 LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
 MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
 NOISES = tuple(2.0 ** (k / 2) for k in range(-2, 5))  # of the told noise
+KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]])  # pairs of them
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
@@ -95,7 +96,7 @@ def learnt(
     draws = drawn(prior, trials, everywhere)
     if draws.effective < TRUSTED:
         raise UntrustedError(
-            f"too few of {prior.weight.size} samples explain the trials: {draws.effective:.1f} effective ones",
+            f"too few of {prior.possible.size} samples explain the trials: {draws.effective:.1f} effective ones",
             f"{TRUSTED:g} are needed: a larger --noise, or more samples: --samples 100000",
         )
 
@@ -126,28 +127,23 @@ def next_trial(draws: Draws, losses: Losses, seed: int = 0) -> tuple[float, floa
 
 def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
     """What trials predict of another one, and how far that came out."""
-    draws = drawn(prior, before, [trial.rotation_deg])
-    told = drawn(prior, before, [trial.rotation_deg], misfits=(0.0,), noises=(1.0,))
-    values = draws.F_ior_arcsec + draws.noise_arcsec * np.random.default_rng(prior.seed).standard_normal((DRAWS, 1))
-    expected, (low, high) = float(draws.F_ior_arcsec.mean()), np.quantile(values, (0.025, 0.975)).tolist()
+    draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in (KINDS, AS_TOLD))
+    noise = draws.noise_arcsec * np.random.default_rng([prior.seed, 2]).standard_normal((DRAWS, 1))
+    expected, (low, high) = (
+        float(draws.F_ior_arcsec.mean()),
+        np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
+    )
     # how far out in the tail where draws have run out cannot be told
     below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, told.noise_arcsec).mean()
     surprise = float(norm.ppf(np.clip(below, 1e-6, 1 - 1e-6)))
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 
-def drawn(
-    prior: Prior,
-    trials: Sequence[Trial],
-    rotations_deg: Sequence[float],
-    *,
-    misfits: Sequence[float] = MISFITS,
-    noises: Sequence[float] = NOISES,
-) -> Draws:
-    """Draw F'_ior in positions [deg] after trials, of which there may be none, for misfits and noises to be weighed."""
+def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array = KINDS) -> Draws:
+    """Draw F'_ior in positions [deg] after trials, of which there may be none, for pairs of misfit and noise."""
     rng = np.random.default_rng(prior.seed)
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
-    told, kinds = prior.noise(y), np.array(list(product(misfits, noises)))
+    told = prior.noise(y)
     with np.errstate(divide="ignore"):
         log = np.log(prior.weight.ravel()) - 0.5 * np.square(np.log(kinds[:, 1:]) / NOISE_SPREAD)
     if trials:

@@ -101,7 +101,7 @@ def _seat(prior: Prior, executor: Executor | None) -> tuple[Array, Array]:
 
     Drives with a large F'_ior move far more; of drives that show the same the median is taken.
     """
-    some, still = np.arange(SEAT_SAMPLES), prior.F_ior_arcsec[:SEAT_SAMPLES]
+    some, still = np.arange(len(prior.weight))[:SEAT_SAMPLES], prior.F_ior_arcsec[:SEAT_SAMPLES]
     moved = [prior.evaluated(None, some, executor, SEAT_STEP * 1j**k) - still for k in range(4)]
     # both components vary: twice the mean square over four directions, were it linear
     square = 2 * np.mean(np.square(moved), axis=0).ravel() / SEAT_STEP**2

@@ -24,6 +24,7 @@ from hdassist.terminal.texts import texts
 from hdassist.trials.advice import TrialAdvice, advise_from_trials, stays_good
 from hdassist.trials.page import card_facts, exit_code, instruction, render, summary_line, to_json, warnings
 from hdassist.trials.posterior import (
+    AS_TOLD,
     MISFITS,
     SCALE,
     Prediction,
@@ -44,7 +45,6 @@ KNOWN = {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}  # the cam's own offset, 
 RIG = Rig(M_G, noise_arcsec=0.5)
 FEW = {"samples": 6144, "mesh": replace(MESH, compared=6)}
 COARSE = {"samples": 512, "mesh": Mesh((9, 5, 9, 9), 0, 12)}
-CERTAIN = {"misfits": (0.0,), "noises": (1.0,)}
 
 
 def told(*overrides: str, **uncertainty: float) -> Drive:
@@ -111,7 +111,7 @@ def test_a_known_direction_is_bayes_on_a_grid_of_directions() -> None:
     exact /= exact.sum()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hdassist.trials.posterior.SCALE", 0.0)
-        found = drawn(fine, [Trial(t, v) for t, v in zip(tried, y, strict=True)], [0.0, 60.0], **CERTAIN)
+        found = drawn(fine, [Trial(t, v) for t, v in zip(tried, y, strict=True)], [0.0, 60.0], AS_TOLD)
     sample, direction = np.divmod(found.places, HOLES)
     share = np.bincount(sample + 30 * direction, minlength=360) / len(found.places)
     assert np.abs(np.cumsum(share) - np.cumsum(exact)).max() < 0.01
@@ -127,7 +127,7 @@ def test_draws_and_weights_are_those_of_the_normal_distribution() -> None:
     weight[:, 0] = 1
     pair, tried = synthetic(F_ior, weight, Rig(M_G, 1.3)), [0.0, 30.0, 90.0, 90.0]
     y = np.array([17.0, 18.0, 19.0, 21.0])
-    found = drawn(pair, [Trial(r, v) for r, v in zip(tried, y, strict=True)], POSITIONS, misfits=(0.08,), noises=(1.0,))
+    found = drawn(pair, [Trial(r, v) for r, v in zip(tried, y, strict=True)], POSITIONS, np.array([[0.08, 1.0]]))
     f, likely, means, spreads = pair.at([*POSITIONS, *tried]), [], [], []
     for k in (0, HOLES):
         everywhere = [*POSITIONS, *tried]
@@ -457,7 +457,9 @@ def verified(of: TrialAdvice, *F_ior: float, value: float = 15.0, explained: boo
     """An advice whose outcome is a value of the third position, after trials in the first two."""
     outcome, others = prediction_of(value), (Trial(0.0, 20.0), Trial(30.0, 16.0))
     tried = (*others, Trial(60.0, value)) if explained else others
-    return replace(of, losses=losses_of(*F_ior), trials=tried, predictions=(outcome, outcome), verifies=True)
+    return replace(
+        of, losses=losses_of(*F_ior), trials=tried, predictions=(outcome, outcome), verifies=True, explained=explained
+    )
 
 
 def test_an_outcome_has_its_verdict_and_exit_code(advice: TrialAdvice) -> None:
@@ -493,8 +495,28 @@ def test_an_outcome_that_nothing_explains_counts_by_its_value(advice: TrialAdvic
 def test_a_hole_that_is_not_allowed_is_left_for_one_that_is(advice: TrialAdvice) -> None:
     after = verified(advice, 20.0, 16.0)  # the wheel is in the third
     assert after.back_to == after.trials[1]
-    alone = replace(after, trials=after.trials[2:], predictions=after.predictions[:0], verifies=False)
-    assert alone.back_to is None
+    # nor is one gone back to, whatever was measured there
+    alone = verified(advice, 20.0, value=700.0, explained=False)
+    assert alone.back_to == alone.trials[0]
+
+
+def test_the_hole_that_the_wheel_is_in_is_none_to_go_back_to(advice: TrialAdvice) -> None:
+    after = verified(advice, 20.0, 16.0, 15.0, value=700.0, explained=False)
+    tried = (*after.trials, Trial(60.0, 11.0))
+    assert replace(after, trials=tried).back_to == after.trials[1]
+
+
+@pytest.mark.parametrize("holes", [12, 14, 25, 49])
+def test_holes_of_trials_are_the_positions_of_the_seat(holes: int) -> None:
+    for hole, rotation in enumerate(usable_positions(holes, "all")):
+        assert read_trial(f"h{hole}:17", holes).rotation_deg == rotation
+        assert read_trial(f"{rotation!r}:17", holes).rotation_deg == rotation
+
+
+def test_an_outcome_in_a_hole_that_is_not_allowed_is_none() -> None:
+    assert read_trial("h4:17", 12, [3, 4]) == Trial(120.0, 17.0)
+    with pytest.raises(UsageError, match=r"hole 5 is not one of mounting\.allowed"):
+        read_trial("h5:17", 12, [3, 4])
 
 
 def test_values_that_are_unlike_the_drive_or_each_other_are_remarked(advice: TrialAdvice) -> None:
@@ -559,6 +581,21 @@ def test_a_free_angle_and_many_holes() -> None:
         assert found.weight.shape[1] == directions
         _, losses = learnt(found, [Trial(positions[-1], 20.0)], positions)
         assert len(losses.probability_good) == count
+
+
+def test_an_error_of_the_seat_at_a_free_angle() -> None:
+    free = prior_of(told("mounting.holes=0"), (), Rig(M_G, 1.0, 1.0), **COARSE)
+    assert np.all(free.seat[1] > 0)
+
+
+def test_an_ovality_that_is_assumed_and_may_be_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it is none samples are taken in all directions, where it is some in one: other samples."""
+    monkeypatch.setattr("hdassist.trials.advice.COARSE", COARSE["mesh"])
+    source = "source.harmonics.a_s2={kind: assumed, range: [0, 3]}"
+    round_ = load_preset(SMALL, ["operation.M_g=4", source])
+    drive = round_.with_values({"harmonics.a_s2": 1.0, "harmonics.xi_s2": 20.0})
+    found = advise_from_trials(drive, trials(measured(50.0, 20.0)), Rig(M_G, 3.0), **COARSE)
+    assert [end.value for end in found.rests_on[0].ends] == [0, 3]
 
 
 def test_forbidden_holes_are_not_chosen(cloud: Prior) -> None:
