@@ -315,7 +315,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         places.append(_place(drive, losses.rotations_deg[place], values))
     best, good = advice.best
     size, about, facing, off = advice.offset
-    toward = "direction open" if off >= 40 else f"at {facing:.0f}±{off:.0f} deg"
+    toward = "direction open" if off >= 40 else f"at {facing:.0f} deg (sd {off:.0f})"
     return Advised(
         command="trials",
         order=("turn" if advice.choice.turn else "leave") if advice.settled else "none",
@@ -324,7 +324,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         best_deg=best,
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
-            f"cam offset {size:.0f}±{about:.0f} um {toward}",
+            f"cam offset {size:.0f} um (sd {about:.0f}) {toward}",
             *_rests_on(advice.rests_on),
         ),
         warnings=tuple(trials_page.warnings(advice, texts())),

@@ -276,6 +276,21 @@ def test_themes_explanation_palette_and_views_are_a_key_away() -> None:
     explored(act)
 
 
+def test_in_seven_bits_every_view_is_as_wide_and_says_the_same() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        views = [told := screen(app)]
+        assert "SEAT, cam side" in told and "4 N*m" in told and "@ proven" in told and "computing" not in told
+        for key in ("question_mark", "escape", "2"):
+            await pilot.press(key)
+            await settled(app, pilot)
+            views.append(screen(app))
+        assert "o  the extremes of the cycle" in views[1] and "mesh zone at 180d" in views[3]
+        assert all(view.isascii() for view in views)
+        assert {len(line) for view in views for line in view.splitlines()} == {140}
+
+    explored(act, size=(140, 40), ascii=True)
+
+
 def test_a_trace_lies_over_the_prediction(tmp_path: Path) -> None:
     from tests.process import run
 
