@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import compress
 from math import pi
 
 from rich.console import Group, RenderableType
@@ -19,6 +20,7 @@ from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 
 ARCMIN = pi / 10800  # rad
+NARROW = 60  # columns below which a table does without the stiffness in the second unit
 
 WHOLE: tuple[Quantity[Stiffness], ...] = (
     Quantity("rated_Nm", "rated torque", "N·m", "g", lambda s: s.rated),
@@ -86,13 +88,14 @@ def _scaled(stiffness: float) -> str:
 def _segments(result: Stiffness, style: Style, *, both: bool) -> Table:
     """A row for each segment; both, whether its stiffness to the negative side stands there too."""
     found = table(style, "torsional stiffness")
-    other = ["K the other way, 1e4 N·m/rad"] if both else []
-    for words in ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", *other):
-        found.add_column(style.text(words), justify="left" if words == "segment" else "right")
+    shown = (True, True, True, style.width >= NARROW, both)
+    heads = ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", "K the other way, 1e4 N·m/rad")
+    for words in compress(heads, shown):
+        found.add_column(style.text(words), justify="left" if words == "segment" else "right", overflow="fold")
     for k, (plus, minus) in enumerate(zip(result.positive, result.negative, strict=True), 1):
         span = f"{plus.start:.4g} to {plus.end:.4g}"
         numbers = (_scaled(plus.stiffness), f"{plus.stiffness * ARCMIN:.4g}", _scaled(minus.stiffness))
-        found.add_row(f"K{k}", span, *numbers[: 3 if both else 2])
+        found.add_row(*compress((f"K{k}", span, *numbers), shown))
     return found
 
 

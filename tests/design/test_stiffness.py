@@ -8,6 +8,10 @@ import json
 
 import pytest
 
+from hdassist import load_preset
+from hdassist.design.stiffness_page import render
+from hdassist.error.stiffness import Stiffness, stiffness
+from hdassist.terminal.console import Style, console
 from tests.process import SMALL, run
 
 
@@ -57,3 +61,20 @@ def test_wrong_input(args, code):
     result = run("stiffness", SMALL, *args)
     assert result.returncode == code
     assert result.stdout == ""
+
+
+@pytest.fixture(scope="module")
+def found() -> Stiffness:
+    return stiffness(load_preset(SMALL), points=8, cross_check=None)
+
+
+@pytest.mark.parametrize("ascii", [True, False])
+def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii: bool) -> None:
+    style, stream = Style(ascii, False, 40), io.StringIO()
+    console(stream, style).print(render(load_preset(SMALL), found, style, plots=False, details=True))
+    segments = stream.getvalue().split("torsional stiffness")[1].split("near zero")[0]
+    assert "…" not in segments and "arcmin" not in segments
+    assert max(map(len, segments.splitlines())) <= 40
+    words = segments.replace("|", " ").split()
+    numbers = [f"{s.stiffness / 1e4:.3g}" for s in (*found.positive, *found.negative)]
+    assert {"segment", "torque,", "other", *numbers} <= set(words)
