@@ -12,6 +12,7 @@ from rich.text import Text
 
 from hdassist.error.stiffness import LOST_MOTION, Segment, Stiffness
 from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import is_overridden
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.brief import again, facts, on_what, proof
 from hdassist.terminal.console import Style, grid, table
@@ -45,8 +46,12 @@ def answer(drive: Drive, result: Stiffness, *, plots: bool, details: bool = Fals
 
 def warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    unrated = f"no operation.rated in the preset: {result.rated:g} N*m, the greatest of operation.M_g, stands for it"
-    return (*drive.origin.warnings, *([unrated] if drive.operation.rated is None else []))
+    if drive.operation.rated is not None:
+        return drive.origin.warnings
+    asked = is_overridden("operation.M_g", drive.origin.overrides)
+    whose = "the greatest torque asked for" if asked else "the greatest of operation.M_g"
+    stands = f"no operation.rated in the preset: {result.rated:g} N*m, {whose}, stands for it"
+    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T tells it" if asked else stands)
 
 
 def render(

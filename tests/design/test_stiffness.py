@@ -9,7 +9,7 @@ import json
 import pytest
 
 from hdassist import load_preset
-from hdassist.design.stiffness_page import render
+from hdassist.design.stiffness_page import render, warnings
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.terminal.console import Style, console
 from tests.process import SMALL, run
@@ -78,3 +78,11 @@ def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii
     words = segments.replace("|", " ").split()
     numbers = [f"{s.stiffness / 1e4:.3g}" for s in (*found.positive, *found.negative)]
     assert {"segment", "torque,", "other", *numbers} <= set(words)
+
+
+def test_a_torque_asked_for_that_stands_for_the_rated_one_is_called_so(found: Stiffness) -> None:
+    (told,) = warnings(load_preset(SMALL), found)
+    assert "4 N*m, the greatest of operation.M_g, stands for it" in told
+    (told,) = warnings(load_preset(SMALL, ["operation.M_g=[4.0]"]), found)
+    assert "4 N*m, the greatest torque asked for, stands for it" in told and "--set operation.rated=T" in told
+    assert warnings(load_preset(SMALL, ["operation.rated=4"]), found) == ()
