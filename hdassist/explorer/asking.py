@@ -96,7 +96,7 @@ class Asking(App[int]):
         """Ask what the trials teach, unless that is known or there are none."""
         self.workers.cancel_group(self, "trials")
         if (known := self.of_trials) and known.advised is None:
-            known.failed = None
+            known.failed, known.share = None, 0.0
             session = self.session
             asked = TrialsQuestion(session.drive, session.trials, session.rig, self.effort)
             self.follow(asked, known.take, "trials")

@@ -45,7 +45,7 @@ class Recorded:
 def _answers(pickled: bytes) -> list[Answer]:
     found: list[Answer] = []
     try:
-        found.extend(answers(pickle.loads(pickled)))
+        found.extend(answers(pickle.loads(pickled), found.append))
     except HdassistError as error:
         found.append(Failed(error.message, error.hint))
     return found

@@ -13,6 +13,7 @@ from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST
 from hdassist.explorer.screens import Confirm, Explain, Form
 from hdassist.explorer.state import opened, with_trials
+from hdassist.explorer.words import advice_text
 from hdassist.preset.load import load_text
 from tests.explorer.rig import FEW, explored, said, screen, settled, small, typed
 from tests.process import SMALL
@@ -115,6 +116,9 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_j
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         found = app.of_trials
         assert found is not None and found.advised is not None
+        assert 0.5 < found.share <= 1
+        told = advice_text(app.session, app.known, replace(found, advised=None), app.inks).plain
+        assert told.startswith(f"Weighing the trials … {found.share:.0%} of the tables")
         curve = found.advised.curve
         assert all(place.sure is Sure.FITTED and place.values[0].band for place in curve.places)
         assert "◆" in screen(app) and "90 % band" in screen(app)
