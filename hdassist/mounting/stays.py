@@ -23,6 +23,7 @@ from hdassist.solve.loadcase import LoadCase
 
 Told = tuple[float | None, float | None, float | None]  # what End has beside the value
 TURNS = 14  # positions of each wheel: enough to tell holes apart, not for their F'_ior
+FEW, FEW_ROTATIONS = 7, tuple(72.0 * k for k in range(5))  # and of the fixed one on its seat: to read changes between
 
 
 @dataclass(frozen=True)
@@ -83,44 +84,68 @@ def stays_best(
 ) -> tuple[Stays, ...]:
     """The assumptions over whose range a chosen position of a curve loses most, the greatest loss first.
 
-    It takes a few states of the cycle. Empty where nothing is assumed, or the cycle cannot be searched (rolling balls).
-    Executor and progress as in mounting_curve. Raises UntrustedError where an answer cannot be trusted.
+    What each changes of the error, read between few states, tells which these are; what they do is told by more. Empty
+    where nothing is assumed, or the cycle cannot be searched (rolling balls). Executor and progress as in
+    mounting_curve. Raises UntrustedError where an answer cannot be trusted.
     """
     if not searchable(drive) or not (assumed := assumptions(drive)):
         return ()
     usable = tuple(float(rotation) for rotation in curve.rotation_deg[curve.usable])
-    look = partial(_told, chosen.rotation_deg, usable, curve.torques, curve.weights)
-    states = TURNS**2 * (1 + len(usable)) * len(curve.torques)
-    done = partial(progress, states) if progress else None
-    return over_ranges(drive, assumed, look, lambda end: end.loss or 0.0, executor=executor, done=done)[:most]
+    seat, few = _Seat(chosen.rotation_deg, usable, curve.torques, curve.weights), partial(_errors, turns=FEW)
+    known = _errors(drive, curve.torques, (0.0, *usable)), few(drive, curve.torques, FEW_ROTATIONS)
+    end = partial(over_ranges, drive, change=lambda end: end.loss or 0.0, executor=executor)
+    done = partial(progress, TURNS**2 * (1 + len(usable)) * len(curve.torques)) if progress else None
+    heaviest = end(assumed, partial(_read, seat, *known))[:most]
+    return end([each.assumption for each in heaviest], partial(_told, seat), done=done)
 
 
 def _reached(task: tuple[Drive, str, float, Callable[[Drive], Told]]) -> tuple[float, Told]:
     return reached(*task)
 
 
-def _told(
-    chosen_deg: float,
-    usable_deg: Sequence[float],
-    torques: Sequence[float],
-    weights: Sequence[float] | None,
-    drive: Drive,
-) -> Told:
+@dataclass(frozen=True)
+class _Seat:
+    """The chosen and the usable positions [deg], and torques [N*m] with their weights."""
+
+    chosen_deg: float
+    usable_deg: tuple[float, ...]
+    torques: tuple[float, ...]
+    weights: tuple[float, ...] | None
+
+    def told(self, errors: Array) -> Told:
+        """What becomes of the chosen position, by the error [arcsec], shape (torques, turns, turns, rotations)."""
+        F_ior = np.ptp(errors, axis=(1, 2))
+        merits = merit(F_ior[:, 1:], F_ior[:, 0], self.weights)
+        at = self.usable_deg.index(self.chosen_deg)
+        return self.usable_deg[int(np.argmin(merits))], float(merits[at] / merits.min() - 1), None
+
+
+def _told(seat: _Seat, drive: Drive) -> Told:
     """What becomes of a chosen position in another drive."""
-    F_ior = _few_states(drive, torques, (0.0, *usable_deg))
-    merits = merit(F_ior[:, 1:], F_ior[:, 0], weights)
-    return usable_deg[int(np.argmin(merits))], float(merits[usable_deg.index(chosen_deg)] / merits.min() - 1), None
+    return seat.told(_errors(drive, seat.torques, (0.0, *seat.usable_deg)))
 
 
-def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> Array:
-    """Range of the error in a few states [arcsec], shape (torques, rotations)."""
-    angles = 2 * np.pi * np.arange(TURNS) / TURNS
+def _read(seat: _Seat, errors: Array, few: Array, drive: Drive) -> Told:
+    """The same, about, by the errors of the known drive and what few states of the other one change of them."""
+    values = np.fft.fftn(_errors(drive, seat.torques, FEW_ROTATIONS, FEW) - few, axes=(1, 2, 3))
+    turns = 2 * np.pi * np.arange(TURNS) / TURNS
+    for axis, angles in ((1, turns), (2, turns), (3, np.radians([0.0, *seat.usable_deg]))):
+        count = values.shape[axis]
+        waves = np.exp(1j * np.outer(angles, np.fft.fftfreq(count, 1 / count))) / count
+        values = np.moveaxis(np.tensordot(waves, values, axes=(1, axis)), 0, axis)
+    return seat.told(errors + values.real)
+
+
+def _errors(drive: Drive, torques: Sequence[float], rotations: Sequence[float], turns: int = TURNS) -> Array:
+    """Error [arcsec] in a few states, shape (torques, turns, turns, rotations)."""
+    angles = 2 * np.pi * np.arange(turns) / turns
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
     formulation = formulate(contact_system(drive))
     scalars = [deviation_scalars(rotated(drive, rotation), alpha_g, alpha_b) for rotation in rotations]
-    rows, case = [], None
+    # all positions of a state one after the other, as they are alike
+    gaps = np.stack([formulation.system.gaps(each) for each in scalars], axis=1).reshape(turns**2 * len(rotations), -1)
+    found, case = [], None
     for M_g in torques:
         case = LoadCase(formulation, M_g, like=case)
-        answers = [case.solve(formulation.system.gaps(each), lambda k: f"state {k}") for each in scalars]
-        rows.append([float(np.ptp(each.rotation_arcsec)) for each in answers])
-    return np.array(rows)
+        found.append(case.solve(gaps, lambda k: f"state {k}").rotation_arcsec)
+    return np.reshape(found, (len(torques), turns, turns, len(rotations)))

@@ -83,6 +83,17 @@ def test_an_advice_tells_where_it_would_change(drive):
         assert lost == pytest.approx(end.loss, abs=0.05)  # a few states tell holes apart, not their last per cent
 
 
+@pytest.mark.parametrize("override", ["gears.j_n=3", "mounting.fixed=flexspline", "harmonics.a_b2=1"])
+def test_what_is_read_between_few_states_finds_the_assumption_that_loses_most(override):
+    more = {"mounting.fixed=flexspline": ["tolerances.e_hg=30"], "harmonics.a_b2=1": ["harmonics.xi_b2=40"]}
+    drive = loose(W_0, "operation.M_g=4", "mounting.holes=6", override, *more.get(override, []))
+    curve = mounting_curve(drive, (4.0,), seat_positions(drive), cross_check=None)
+    every = stays_best(drive, curve, curve.recommended, most=5)  # all of them by more states
+    lost = [max(end.loss for end in each.ends) for each in every]
+    assert lost[0] > lost[1]
+    assert stays_best(drive, curve, curve.recommended, most=1) == every[:1]
+
+
 def test_the_spread_is_that_of_drives_drawn_from_the_ranges():
     ranges = {"cam.W_0": (0.55, 0.6), "supports.C_3": (5e2, 6e3), "supports.C_2": (2e3, 1.2e4)}
     sources = [f"source.{path}={{kind: assumed, range: [{low}, {high}]}}" for path, (low, high) in ranges.items()]
