@@ -34,7 +34,7 @@ def head(session: Session, known: Known, inks: Inks) -> Text:
     elif facts and facts.unknown:
         line.append(f"  {len(facts.unknown)} unknown", inks.limit)
     if facts and facts.assumed:
-        line.append(f"  {len(facts.assumed)} assumed ranges", inks.muted)
+        line.append(f"  {len(facts.assumed)} ranges assumed", inks.muted)
     if session.changes:
         line.append(f"  {len(session.changes)} changed", inks.best)
     return line
