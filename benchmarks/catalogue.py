@@ -30,7 +30,7 @@ SECOND_HAND = (
 EXAMPLE = "as in the example of Harmonic Drive's CHA manual 1018854 (12/2015), p. 68, which names no size"
 READ = f"{HD}, table of torsional stiffness, ratio 80 and more"
 MEMORY = "from memory, not re-read"
-TORQUES = f"T1, T2: {HD} of Harmonic Drive LLC, tables 41 and 42"
+TORQUES = f"{HD} of Harmonic Drive LLC, tables 41 and 42"
 RATED = (
     "CSF, ratio 100, 2000 rpm; from memory, not re-read; as 1/1.3 of the CSG series, second-hand, "
     "whose catalogue says 30 % more than CSF"
@@ -56,6 +56,16 @@ class Published:
     def name(self) -> str:
         """Name of its preset."""
         return f"size-{self.size}-100"
+
+    @property
+    def figures(self) -> dict[str, Entry]:
+        """Its figures as fields of its preset."""
+        accuracy = f"{self.accuracy:g} arcmin over a turn; not re-read, names no load"
+        return {
+            **{f"catalogue.K_{k}": Entry(K * 1e4, "given", self.source) for k, K in enumerate(self.K, 1)},
+            **{f"catalogue.T_{k}": Entry(T, "given", TORQUES) for k, T in enumerate(self.T, 1)},
+            "catalogue.accuracy": Entry(60.0 * self.accuracy, "given", accuracy),
+        }
 
 
 SCREWS = "screws of the circular spline, in the manuals"
@@ -86,11 +96,12 @@ def presets() -> Iterator[tuple[str, str]]:
             "diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
             "torque": RATED,
         }
-        others = {"mounting.holes": Entry(*each.holes)} if each.holes else {}
+        others = each.figures | ({"mounting.holes": Entry(*each.holes)} if each.holes else {})
         yield each.name, similar_preset(
             each.name, like, Wish(200, d, each.rated, derived=True, said=said, others=others),
             f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
-            f"Given are ratio and rated torque (Harmonic Drive CSF); targets in docs/targets/{each.name}.targets.yaml. "
+            f"Given are ratio and rated torque (Harmonic Drive CSF), beside them what catalogues say; targets in "
+            f"docs/targets/{each.name}.targets.yaml. "
             "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
         )  # fmt: skip
     for name, (d, rated) in MVZ.items():
@@ -116,9 +127,7 @@ def targets() -> Iterator[tuple[str, str]]:
         yield each.name, "\n".join([
             f"# hdassist calibrate {each.name} --targets docs/targets/{each.name}.targets.yaml",
             f"# K1 to K3: {each.source}.",
-            f"# {TORQUES}.",
-            f"# The catalogue's accuracy, {each.accuracy:g} arcmin over a turn, is not re-read and names no load:",
-            f"# hdassist check {each.name} --set acceptance.F_ior={60 * each.accuracy:g} holds a range against it.",
+            f"# T1, T2: {TORQUES}.",
             "schema: hdassist.targets/1",
             f"name: catalogue size {each.size}, ratio 100",
             "",
@@ -154,7 +163,7 @@ def table() -> str:
         cells = [", ".join(f"{K:g}" for K in each.K)]
         for overrides in ([], [f"numerics.stations={STATIONS}"]):
             drive = load_preset(each.name, overrides)
-            K = _stiffnesses(stiffness(drive, T_1=each.T[0], T_2=each.T[1], points=4, cross_check=None))
+            K = _stiffnesses(stiffness(drive, points=4, cross_check=None))
             cells += [
                 ", ".join(f"{k:.3g}" for k in K),
                 ", ".join(f"{k / c:.2f}" for k, c in zip(K, each.K, strict=True)),

@@ -215,6 +215,7 @@ def new(
 
     What is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
+    --stiffness stands in the preset's table catalogue as it is given, and hdassist stiffness compares.
     """
     from hdassist.preset.library import load_preset
     from hdassist.preset.wishes import read_wish

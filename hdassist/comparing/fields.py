@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import ResolvedField, resolved
 
-# what does not bear on F'_ior at a torque: loads, limits, the seat's holes, resolution of other answers
-_ASIDE = ("operation.", "acceptance.", "mounting.holes", "mounting.first_hole", "mounting.allowed", "numerics.n_phase")
+# what does not bear on F'_ior at a torque: loads, figures of catalogues, limits, the seat's holes, resolution of other
+# answers
+_ASIDE = (
+    "operation.", "catalogue.", "acceptance.", "mounting.holes", "mounting.first_hole", "mounting.allowed",
+    "numerics.n_phase",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,9 @@ def command(
     Every state of the cycle is solved and proven; the verdict holds F'_ior with the self error against the preset's
     acceptance limits. A deviation, phase or harmonic that the preset does not give is not known, one with a ± is
     uncertain: F'_ior is then told over all that it may be (--draws), and the verdict is PASS only where 95 % of
-    that passes, FAIL only where 95 % fails, else INCONCLUSIVE. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad
-    preset, 5 no trustworthy answer, 6 INCONCLUSIVE.
+    that passes, FAIL only where 95 % fails, else INCONCLUSIVE. catalogue.accuracy is no limit:
+    F'_ior is told beside it. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6
+    INCONCLUSIVE.
     """
     from hdassist.design.check import check, estimate_states
     from hdassist.design.check_page import answer

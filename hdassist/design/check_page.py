@@ -10,6 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.rests_on import LEAST
 from hdassist.error.unknown_range import HIGH, LOW
@@ -147,6 +148,7 @@ def _brief(check: DesignCheck) -> list[Quantity[OperatingPoint]]:
 
 def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the numbers, a label and a text each."""
+    yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
     yield "lever", _lever(check)
     basis = basis_line(check.rests_on, [point.M_g for point in check.points])
     yield "rests on", basis + "; the unknown as 0" * bool(basis and check.unknown)
@@ -188,6 +190,7 @@ def to_json(check: DesignCheck, seed: int) -> Json:
         "operating_points": [
             {**as_object((*POINT, *UNKNOWN, *SLOPES), p), "held_arcsec": p.held_arcsec} for p in check.points
         ],
+        "catalogue": accuracy_object(check.drive.catalogue.accuracy, check.points),
         "unknown": unknown_objects(check.unknown),
         "rests_on": basis_objects(check.rests_on, [point.M_g for point in check.points]),
         "certificate": certificate_object(check.certificate, check.cross_checks),

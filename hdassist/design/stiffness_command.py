@@ -39,9 +39,10 @@ def command(
       hdassist stiffness my-drive.yaml --csv curve.csv -q
 
     Mesh, rings and balls of the contact model in series with the shell as a tube, without deviations and without
-    friction. The segments end where catalogues end them, by the cube of the pitch diameter, unless --t1 and --t2
-    say otherwise. K1, K2, K3 are chords; the tangent stiffness is the slope at one torque, which counts for small
-    moves about it. Without --at it is told at the torques of the preset that the curve reaches.
+    friction. The segments end at T_1 and T_2 of the preset's catalogue, else where catalogues end them, by the cube of
+    the pitch diameter, unless --t1 and --t2 say otherwise. K1, K2, K3 are chords, beside those of the
+    preset's catalogue; the tangent stiffness is the slope at one torque, which counts for small moves about it. Without
+    --at it is told at the torques of the preset that the curve reaches.
     """
     from hdassist.design.stiffness_page import answer
     from hdassist.error.stiffness import curve_end, estimate_states, stiffness

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import compress
 from math import pi
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hdassist.design.beside_catalogue import ends_words, off, segments_off, stiffness_object
 from hdassist.error.stiffness import LOST_MOTION, Segment, Stiffness
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
@@ -21,7 +21,7 @@ from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 
 ARCMIN = pi / 10800  # rad
-NARROW = 60  # columns below which a table does without the stiffness in the second unit
+NARROW = 60  # columns below which a table leaves out what can be worked out from the rest of it
 
 WHOLE: tuple[Quantity[Stiffness], ...] = (
     Quantity("rated_Nm", "rated torque", "N·m", "g", lambda s: s.rated),
@@ -64,9 +64,10 @@ def render(
     if plots:
         drawn = curve(style, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
         parts.append(Text(drawn))
-    parts += [_segments(result, style, both=details)] if result.positive else []
+    parts += [_segments(drive, result, style, both=details)] if result.positive else []
     if details:
-        parts += [*([_tangents(result, style)] if result.tangents else []), _whole(result, style)]
+        parts += [facts(style, [("segments", words)])] if (words := ends_words(drive, result)) else []
+        parts += [*([_tangents(result, style)] if result.tangents else []), _whole(drive, result, style)]
         parts.append(Text(f"certificate: {result.certificate}{cross_checked([result.cross_check])}"))
     else:
         parts.append(facts(style, _lines(drive, result)))
@@ -75,11 +76,15 @@ def render(
 
 def _lines(drive: Drive, result: Stiffness) -> Iterator[tuple[str, str]]:
     """What is to be known beside the segments, a label and a text each."""
+    yield "segments", ends_words(drive, result)
     slopes = ", ".join(f"{_scaled(t.stiffness)} at {t.torque:g} N·m" for t in result.tangents)
     yield "tangent", slopes and f"{slopes}, 1e4 N·m/rad"
     play = f"; play {result.play_arcsec:.2f} arcsec"
     ends = f"±{LOST_MOTION:.0%} of {result.rated:g} N·m".replace("%", " %")
     yield "lost motion", f"{result.lost_motion_arcsec:.2f} arcsec between {ends}{play}"
+    theirs = drive.catalogue.lost_motion
+    compared = f"{theirs:g} arcsec, with friction; ours is off by {_lost_motion_off(drive, result)}" if theirs else ""
+    yield "  catalogue", compared
     yield "rests on", on_what(drive)
     yield "next", again("check", drive)
     yield "proof", proof(result.certificate, [result.cross_check])
@@ -90,17 +95,30 @@ def _scaled(stiffness: float) -> str:
     return f"{stiffness / 1e4:.3g}"
 
 
-def _segments(result: Stiffness, style: Style, *, both: bool) -> Table:
-    """A row for each segment; both, whether its stiffness to the negative side stands there too."""
+def _lost_motion_off(drive: Drive, result: Stiffness) -> str:
+    return _percent(off(result.lost_motion_arcsec, drive.catalogue.lost_motion))
+
+
+def _percent(percent: float | None) -> str:
+    return "-" if percent is None else f"{percent:+.0f} %"
+
+
+def _segments(drive: Drive, result: Stiffness, style: Style, *, both: bool) -> Table:
+    """A row for each segment, beside what the catalogue says of it; both, whether those of the negative side follow."""
     found = table(style, "torsional stiffness")
-    shown = (True, True, True, style.width >= NARROW, both)
-    heads = ("segment", "torque, N·m", "K, 1e4 N·m/rad", "K, N·m/arcmin", "K the other way, 1e4 N·m/rad")
-    for words in compress(heads, shown):
-        found.add_column(style.text(words), justify="left" if words == "segment" else "right", overflow="fold")
-    for k, (plus, minus) in enumerate(zip(result.positive, result.negative, strict=True), 1):
-        span = f"{plus.start:.4g} to {plus.end:.4g}"
-        numbers = (_scaled(plus.stiffness), f"{plus.stiffness * ARCMIN:.4g}", _scaled(minus.stiffness))
-        found.add_row(*compress((f"K{k}", span, *numbers), shown))
+    theirs = (drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3)
+    wide = style.width >= NARROW
+    beside = ["catalogue", "off by"][: 1 + wide] if any(theirs) else []
+    other = ["K, N·m/arcmin"][:wide]
+    for words in ("", "torque, N·m", "K, 1e4 N·m/rad", *beside, *other):
+        found.add_column(style.text(words), justify="right" if words else "left", overflow="fold")
+    for side in (result.positive, result.negative)[: 1 + both]:
+        percents = segments_off(drive.catalogue, side)
+        for k, (segment, K, percent) in enumerate(zip(side, theirs, percents, strict=False), 1):
+            known = ["-" if K is None else _scaled(K), _percent(percent)][: len(beside)]
+            span = f"{segment.start:.4g} to {segment.end:.4g}"
+            by_arcmin = [f"{segment.stiffness * ARCMIN:.4g}"][:wide]
+            found.add_row(f"K{k}", span, _scaled(segment.stiffness), *known, *by_arcmin)
     return found
 
 
@@ -111,12 +129,15 @@ def _tangents(result: Stiffness, style: Style) -> Table:
     return found
 
 
-def _whole(result: Stiffness, style: Style) -> Table:
+def _whole(drive: Drive, result: Stiffness, style: Style) -> Table:
     found = table(style, "near zero", header=False)
     found.add_column()
     found.add_column(justify="right")
     for quantity in WHOLE:
         found.add_row(style.text(quantity.words), quantity.text(result))
+    if drive.catalogue.lost_motion:
+        found.add_row("lost motion of the catalogue, arcsec", f"{drive.catalogue.lost_motion:g}")
+        found.add_row("  ours off by", _lost_motion_off(drive, result))
     return found
 
 
@@ -129,6 +150,7 @@ def to_json(drive: Drive, result: Stiffness) -> Json:
     return {
         **envelope("stiffness", drive, 0, warnings(drive, result)),
         **as_object(WHOLE, result),
+        "catalogue": stiffness_object(drive.catalogue, result),
         "positive": segments(result.positive),
         "negative": segments(result.negative),
         "tangents": [{"M_g_Nm": t.torque, "stiffness_Nm_per_rad": t.stiffness} for t in result.tangents],

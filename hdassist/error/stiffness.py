@@ -98,9 +98,16 @@ def rated_torque(drive: Drive) -> float:
 
 
 def catalogue_torques(drive: Drive) -> tuple[float, float]:
-    """Ends T_1, T_2 [N*m] of the catalogues' segments at the pitch diameter of a drive, by the cube law."""
+    """Ends T_1, T_2 [N*m] of the segments, as the drive's catalogue has them.
+
+    Where the preset gives one of them, the other is in the proportion that catalogues have; where it gives none, both
+    are those of catalogues at the drive's pitch diameter, by the cube law.
+    """
+    T_1, T_2 = drive.catalogue.T_1, drive.catalogue.T_2
     scale = (drive.gears.m * drive.gears.z_g / D_58) ** 3
-    return T_58[0] * scale, T_58[1] * scale
+    first = T_58[0] * scale if T_2 is None else T_2 * T_58[0] / T_58[1]
+    second = T_58[1] * scale if T_1 is None else T_1 * T_58[1] / T_58[0]
+    return first if T_1 is None else T_1, second if T_2 is None else T_2
 
 
 def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
@@ -178,7 +185,7 @@ def _require_in_order(drive: Drive, T_1: float, T_2: float, T_max: float, least:
         first, second = catalogue_torques(drive)
         raise UsageError(
             f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
-            f"--t1 and --t2 together; catalogues have {first:.4g} and {second:.4g} N*m for this size",
+            f"--t1 and --t2 together; without them they are {first:.4g} and {second:.4g} N*m",
         )
 
 

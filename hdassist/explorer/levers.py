@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import bounds_of, kind_of, plain, range_of, unit_of
 
-SETTINGS = ("mounting", "operation", "acceptance", "numerics")  # sections that are no part of the drive
+SETTINGS = ("mounting", "operation", "catalogue", "acceptance", "numerics")  # sections that are no part of the drive
 STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
 
 

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, PrivateAttr, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
+from hdassist.preset.catalogue import Catalogue
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
     CLOSED,
@@ -226,6 +227,7 @@ class Drive(BaseModel):
     )
     mounting: Mounting = Mounting()
     operation: Operation
+    catalogue: Catalogue = Catalogue()
     acceptance: Acceptance = Acceptance()
     numerics: Numerics = Numerics()
     alternatives: tuple[dict[str, float], ...] = field(

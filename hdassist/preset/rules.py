@@ -15,6 +15,7 @@ from typing import Any
 
 MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings means nothing
 LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
+LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 ACTIVE_ROOT = 0.2  # modules above the root of the flexspline where its flank begins
 HEIGHTS = 9  # places on a flank where the overlap is looked for
@@ -265,6 +266,18 @@ def run_out_counts_once(mark_kind: str, F_i2: float, e_b: float) -> Iterator[Con
         )  # fmt: skip
 
 
+def segments_end_in_order(
+    T_1: float | None, T_2: float | None, rated: float | None, M_g: Sequence[float]
+) -> Iterator[Conflict]:
+    """The catalogue's segments of the stiffness curve end one after the other, above zero."""
+    least = LEAST_END * (rated or max(map(abs, M_g), default=0.0))
+    for name, end in {"T_1": T_1, "T_2": T_2}.items():
+        if end is not None and end <= least:
+            yield Conflict(f"catalogue.{name}", "too small to end a segment", f"{end:g} N*m", f"above {least:g} N*m")
+    if T_1 is not None and T_2 is not None and T_1 >= T_2:
+        yield Conflict("catalogue.T_1", "the first segment must end below the second", f"T_1 {T_1:g}, T_2 {T_2:g} N*m")
+
+
 def holes_exist(allowed: str | Sequence[int], holes: int) -> Iterator[Conflict]:
     """Usable holes are holes of the seat, each named once."""
     if isinstance(allowed, str):
@@ -310,6 +323,7 @@ RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     torques_usable,
     harmonics_have_sizes,
     run_out_counts_once,
+    segments_end_in_order,
     holes_exist,
     nodes_resolve_modes,
     window_holds_teeth,

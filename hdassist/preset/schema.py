@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections, sized
 from hdassist.preset.kinds import UNKNOWN, Section, bounds_of, choices_of, is_optional, kind_of, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
@@ -147,8 +148,8 @@ def resolved(drive: Drive) -> list[ResolvedField]:
 
 
 def counted(drive: Drive) -> dict[str, int]:
-    """How many fields that a preset gives are given, identified, or only assumed."""
-    kinds = [row.kind for row in resolved(drive)]
+    """How many fields that a preset gives are given, identified, or only assumed; the model rests on no catalogue."""
+    kinds = [row.kind for row in resolved(drive) if not of_catalogue(row.path)]
     return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
 
 

@@ -95,7 +95,7 @@ class Wish:
     """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
 
     derived: whether the diameter only follows from something else; said: where each comes from, by "teeth", "diameter",
-    "torque"; others: further fields, by path.
+    "torque", "stiffness"; others: further fields, by path.
     """
 
     z_g: int | None = None
@@ -203,6 +203,8 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     entries |= _tolerances(d, m)
     entries |= _load(like, wish, s, d)
     entries |= {path: Entry(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
+    K = wish.stiffness or ()
+    entries |= {f"catalogue.K_{k}": Entry(value, "given", wish.source("stiffness")) for k, value in enumerate(K, 1)}
     entries |= wish.others
     for path, entry in entries.items():
         if isinstance(entry.value, float) and not like.allows(path, entry.value):

@@ -47,6 +47,11 @@ def read_wish(
     K = None if stiffness is None else _stiffnesses(stiffness)
     said |= {} if d is None else {"diameter": f"--pitch-diameter {d:g}"}
     said |= {} if T is None else {"torque": f"--torque {plain(T)}"}
+    said |= (
+        {}
+        if K is None
+        else {"stiffness": f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"}
+    )
     return Wish(z_g, d, T, K, said=said)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hdassist.errors import PresetError, UsageError
+from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import SCHEMA, Drive, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain
 from hdassist.preset.load import load_text
@@ -27,7 +28,7 @@ def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") ->
     """
     require_name(name)
     entries = similar(like, wish)
-    text = "\n".join(_lines(name, like, wish, entries, description)) + "\n"
+    text = "\n".join(_lines(name, like, entries, description)) + "\n"
     try:
         load_text(text, name)
     except PresetError as error:
@@ -35,11 +36,12 @@ def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") ->
     return text
 
 
-def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
+def _lines(name: str, like: Drive, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
-    sure = sum(entry.kind == "given" for entry in entries.values())
+    kinds = [entry.kind for path, entry in entries.items() if not of_catalogue(path)]
+    sure = kinds.count("given")
     other = like.name if like.name.isprintable() else "another drive"
-    yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(entries) - sure} assumed."
+    yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(kinds) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
     yield f"schema: {SCHEMA}"
@@ -60,10 +62,6 @@ def _lines(name: str, like: Drive, wish: Wish, entries: Mapping[str, Entry], des
         if written or section in OF_DEVIATIONS:
             yield ""
             yield from _section(section, model, written)
-    if wish.stiffness:
-        yield ""
-        yield f"# K1, K2, K3 given: {', '.join(map(plain, wish.stiffness))} N*m/rad. K3 chose the size, or the"
-        yield "# contacts, by a rule; hdassist stiffness says what this drive has, hdassist calibrate fits it to them."
     yield ""
     yield "source:"
     for path, entry in entries.items():

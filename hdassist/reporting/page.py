@@ -24,6 +24,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import names
 from hdassist.mounting import page as mount_page
 from hdassist.mounting.seat_page import TRADE, place, seat_of, seat_text
+from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.kinds import unit_of
@@ -43,6 +44,7 @@ from hdassist.version import __version__
 STYLE = Style(ascii=False, codes=False, width=10_000)  # of tables that nobody cuts
 DRAWN = 80  # columns of figures in characters
 ZERO = "what is not known taken as 0"
+HEAD = ("field", "value", "unit", "plausible range; where from")
 KINDS = {
     NOT_KNOWN: "not given (a direction of what is 0 does not matter)",
     "override": "set on the command line",
@@ -273,10 +275,11 @@ def _values(drive: Drive) -> Iterator[Block]:
         "nothing; what the model was compared with stands in docs/validation.md."
     )
     for kind, words in KINDS.items():
-        found = tuple(_cells(row) for row in rows if row.kind == kind)
+        found = tuple(_cells(row) for row in rows if row.kind == kind and not of_catalogue(row.path))
         if found:
-            head = ("field", "value", "unit", "plausible range; where from")
-            yield Table(f"{words}: {len(found)}", head, found, (False, True, False, False))
+            yield Table(f"{words}: {len(found)}", HEAD, found, (False, True, False, False))
+    if beside := tuple(_cells(row) for row in rows if of_catalogue(row.path) and row.value is not None):
+        yield Table("what the catalogue says", HEAD, beside, (False, True, False, False))
 
 
 def _cells(row: ResolvedField) -> tuple[str, ...]:

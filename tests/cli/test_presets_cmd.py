@@ -18,6 +18,7 @@ from hdassist.errors import DataError, HdassistError, PresetError, UsageError
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.load import load_text
+from hdassist.preset.schema import counted
 from hdassist.version import __version__
 from tests.process import on_terminal
 
@@ -297,11 +298,14 @@ def test_the_ratio_is_that_of_the_drive_as_it_is_built_in(tmp_path: Path) -> Non
     assert (drive.gears.z_b, drive.mounting.fixed) == (200, "flexspline")
 
 
-def test_new_keeps_the_stiffnesses_in_words() -> None:
-    text = run("new", "own", "--stiffness", "3.1e4, 5e4, 5.7 Nm/mrad").stdout
-    assert "# K1, K2, K3 given: 31000, 50000, 5700 N*m/rad" not in text  # they fall: refused
-    text = run("new", "own", "--stiffness", "3.1e4, 5e4, 57 Nm/mrad").stdout
-    assert "# K1, K2, K3 given: 31000, 50000, 57000 N*m/rad" in text
+def test_new_keeps_the_stiffnesses() -> None:
+    assert run("new", "own", "--stiffness", "3.1e4, 5e4, 5.7 Nm/mrad").exit_code != 0  # they fall
+    drive = made("--stiffness", "3.1e4, 5e4, 57 Nm/mrad")
+    said = drive.catalogue
+    assert (said.K_1, said.K_2, said.K_3, said.T_1, said.accuracy) == (31000, 50000, 57000, None, None)
+    assert drive.source["catalogue.K_2"].kind == "given"
+    assert drive.source["catalogue.K_2"].ref.startswith("--stiffness 31000,50000,57000")
+    assert counted(drive)["given"] == 0  # of what the model rests on
 
 
 @pytest.mark.parametrize(

@@ -51,9 +51,15 @@ def files(tmp_path_factory) -> Path:
 
 
 def test_what_differs_is_told_with_unit_and_origin():
-    one, other = small(), small(*BETTER, "mounting.allowed=[0,3]", "uncertainty.phases.xi_b=10")
+    one, other = small(), small(*BETTER, "mounting.allowed=[0,3]", "catalogue.K_1=3e3", "uncertainty.phases.xi_b=10")
     found = {field.path: field for field in differences([one, other])}
-    assert list(found) == ["gears.j_n", "tolerances.F_i2", "mounting.allowed", "uncertainty.phases.xi_b"]
+    assert list(found) == [
+        "gears.j_n",
+        "tolerances.F_i2",
+        "mounting.allowed",
+        "catalogue.K_1",
+        "uncertainty.phases.xi_b",
+    ]
     assert [(row.value, row.unit, row.kind) for row in found["gears.j_n"].there] == [
         (6, "um", "given"), (8, "um", "override"),
     ]  # fmt: skip

@@ -58,6 +58,30 @@ def test_json_has_what_others_build_on(answer):
         assert {"phi_h_deg", "phi_g_deg"} <= set(point["at_max"]) & set(point["at_min"])
 
 
+@pytest.mark.moves("catalogue.accuracy")
+def test_the_accuracy_of_a_catalogue_stands_beside_and_decides_nothing(answer):
+    without = json.loads(answer.stdout)
+    assert without["catalogue"] is None
+    low = min(point["F_ior_arcsec"] for point in without["operating_points"])
+    found = run("check", TINY, "--json", "--set", f"catalogue.accuracy={low / 2!r} arcsec")
+    told = json.loads(found.stdout)
+    assert (found.returncode, told["verdict"]) == (0, "NO_LIMIT")
+    assert told["operating_points"] == without["operating_points"]
+    shares = [2 * point["F_ior_arcsec"] / low for point in without["operating_points"]]
+    assert [share["low"] for share in told["catalogue"]["F_ior_share"]] == pytest.approx(shares)
+    assert [share["high"] for share in told["catalogue"]["F_ior_share"]] == pytest.approx(shares)
+
+
+@pytest.mark.parametrize(
+    ("draws", "words"), [(2, r"F'_ior at 1 N·m is \d+ to \d+ % of it"), (0, "F'_ior is not known")]
+)
+def test_the_accuracy_is_compared_at_the_least_load_with_the_range_over_what_is_not_known(draws, words):
+    asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--set", "operation.M_g=[-4, 1]", "--draws", str(draws))
+    page = run("check", TINY, *asked, "--set", "catalogue.accuracy=1.5 arcmin").stdout
+    assert re.search(rf"\ncatalogue +accuracy 90 arcsec \(no load\); {words}\n", page)
+    assert max(map(len, page.splitlines())) <= 80
+
+
 def test_json_says_what_the_python_interface_says(answer):
     drive = load_preset(TINY)
     points = json.loads(answer.stdout)["operating_points"]

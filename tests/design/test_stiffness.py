@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 
 import pytest
 
@@ -49,11 +50,58 @@ def test_people_figures_and_the_answer_alone(answer):
     slopes = [f"{t['stiffness_Nm_per_rad'] / 1e4:.3g} at {t['M_g_Nm']:g} N·m" for t in told["tangents"]]
     assert ", ".join(slopes) in page.stdout
     more = run("stiffness", SMALL, "--set", "operation.rated=4", "--details", "--at", "3", "--at=-3").stdout
-    for words in ("K the other way", "tangent stiffness dT/dphi", "certificate"):
+    for words in ("0 to -", "tangent stiffness dT/dphi", "certificate"):
         assert words in more
     assert [line.split()[0] for line in more.split("dT/dphi")[1].splitlines()[3:5]] == ["3", "-3"]
     quiet = run("stiffness", SMALL, "-q").stdout.splitlines()
     assert quiet[-1] == f"lost motion: {told['lost_motion_arcsec']:.2f} arcsec"
+
+
+SAID = ("--set", "catalogue.K_1=3 kN*m/rad", "--set", "catalogue.K_3=5900", "--set", "catalogue.T_1=2")
+
+
+@pytest.mark.moves("catalogue.K_1", "catalogue.K_2", "catalogue.K_3", "catalogue.lost_motion")
+def test_each_figure_of_the_catalogue_stands_beside_ours(answer):
+    ours = json.loads(answer.stdout)
+    assert ours["catalogue"] is None
+    figures = {f"K_{k}": s["stiffness_Nm_per_rad"] for k, s in enumerate(ours["positive"], 1)}
+    figures["lost_motion"] = ours["lost_motion_arcsec"]
+    half = [part for name, value in figures.items() for part in ("--set", f"catalogue.{name}={value / 2!r}")]
+    told = json.loads(run("stiffness", SMALL, "--json", *half).stdout)
+    assert told["positive"] == ours["positive"]
+    assert told["catalogue"]["off_percent"] == pytest.approx(dict.fromkeys(figures, 100.0))
+    assert told["catalogue"]["K_2_Nm_per_rad"] == figures["K_2"] / 2
+    assert told["catalogue"]["T_1_Nm"] is None
+
+
+@pytest.mark.moves("catalogue.T_1", "catalogue.T_2")
+def test_segments_end_where_the_catalogue_has_it_unless_asked_otherwise():
+    told = json.loads(run("stiffness", SMALL, "--json", *SAID, "--set", "catalogue.T_2=6").stdout)
+    assert [s["to_Nm"] for s in told["positive"]] == [2, 6, 9]
+    told = json.loads(run("stiffness", SMALL, "--json", *SAID, "--t1", "3", "--t2", "5").stdout)
+    assert [s["to_Nm"] for s in told["positive"]] == [3, 5, 7.5]
+    # chords between other torques are other stiffnesses
+    assert set(told["catalogue"]["off_percent"].values()) == {None}
+    told = json.loads(run("stiffness", SMALL, "--json", *SAID, "--to", "3").stdout)
+    assert [s["to_Nm"] for s in told["positive"]] == [2]
+    assert told["catalogue"]["off_percent"]["K_3"] is None
+
+
+def test_a_page_says_what_is_compared():
+    page = run("stiffness", SMALL, "--no-plot", *SAID, "--ascii", "--set", "catalogue.lost_motion=5 arcmin").stdout
+    assert max(map(len, page.splitlines())) <= 80
+    rows = [[cell.strip() for cell in line.split("|")] for line in page.splitlines() if line.startswith("|")]
+    assert rows[0][4:6] == ["catalogue", "off by"]
+    assert [row[4] for row in rows[1:]] == ["0.3", "-", "0.59"]
+    assert [bool(re.fullmatch(r"[-+]\d+ %", row[5])) for row in rows[1:]] == [True, False, True]
+    assert "T1 by the catalogue, T2 in proportion to the other" in page
+    assert re.search(r"catalogue +300 arcsec, with friction; ours is off by -\d+ %", page)
+    page = run("stiffness", SMALL, "--no-plot", *SAID, "--t1", "3", "--details", "--ascii").stdout
+    assert "T1 as asked for, T2 in proportion to the other; not the catalogue's, so K is not compared" in " ".join(
+        page.split()
+    )
+    assert " %|" not in page
+    assert "catalogue" not in run("stiffness", SMALL, "--no-plot").stdout
 
 
 @pytest.mark.parametrize(("args", "code"), [(["--t1", "5", "--t2", "2"], 2), (["--to", "1e4"], 5), (["--to", "x"], 2)])
@@ -71,13 +119,14 @@ def found() -> Stiffness:
 @pytest.mark.parametrize("ascii", [True, False])
 def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii: bool) -> None:
     style, stream = Style(ascii, False, 40), io.StringIO()
-    console(stream, style).print(render(load_preset(SMALL), found, style, plots=False, details=True))
+    drive = load_preset(SMALL, ["catalogue.K_1=2e4"])
+    console(stream, style).print(render(drive, found, style, plots=False, details=True))
     segments = stream.getvalue().split("torsional stiffness")[1].split("near zero")[0]
     assert "…" not in segments and "arcmin" not in segments
     assert max(map(len, segments.splitlines())) <= 40
     words = segments.replace("|", " ").split()
     numbers = [f"{s.stiffness / 1e4:.3g}" for s in (*found.positive, *found.negative)]
-    assert {"segment", "torque,", "other", *numbers} <= set(words)
+    assert {"torque,", "N*m/rad" if ascii else "N·m/rad", "catalogue", "2", *numbers} <= set(words)
 
 
 def test_a_torque_asked_for_that_stands_for_the_rated_one_is_called_so(found: Stiffness) -> None:

@@ -11,6 +11,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.rings import shell_twist_stiffness
+from hdassist.preset.catalogue import Catalogue
 from tests.process import SMALL
 from tests.support import changed, solve_state, wind_up
 
@@ -110,6 +111,11 @@ def test_catalogue_torques_follow_the_cube_of_the_diameter(reference):
     assert catalogue_torques(size_65) == pytest.approx((235, 843), rel=0.01)
     assert 168 < T_1 < 235
     assert 598 < T_2 < 843
+
+
+def test_of_one_end_that_the_catalogue_gives_the_other_follows(reference):
+    for given, ends in (({"T_1": 16.8}, (16.8, 59.8)), ({"T_2": 59.8}, (16.8, 59.8)), ({"T_1": 9, "T_2": 60}, (9, 60))):
+        assert catalogue_torques(reference.model_copy(update={"catalogue": Catalogue(**given)})) == pytest.approx(ends)
 
 
 def test_lost_motion_is_at_four_hundredths_of_the_rated_torque(reference):

@@ -38,7 +38,7 @@ Change = dict[str, Any]
 LONGEST = 20.0  # s of processor time for one drive
 PATIENCE = 10  # times as long by the clock, on a machine that has other work
 HANGS = "hangs"
-LIMITS = "acceptance"  # decide on numbers, and move none
+LIMITS = ("acceptance.", "catalogue.")  # stand beside numbers, and move none
 # How much work is asked for, of states and of candidates: their upper ends are minutes, not a hang; tried so far.
 WORK: dict[str, float] = {"numerics.n_phase": 10, "numerics.n_beta": 8, "numerics.n_2": 120, "numerics.n_max": 60}
 TINY = (1e-300, 1e-30, 1e-10, 1e-6, 1e-3, 1.0)  # above 0, which often means something of its own

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from benchmarks.catalogue import MM_A_SIZE, PAGE, ROOT, SIZES, files, presets
 from hdassist import load_preset, stiffness
 from hdassist.calibration.targets import read_targets
+from hdassist.preset.load import load_text
 from hdassist.preset.similarity import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
+from tests.process import TINY
 
 
 def test_every_file_is_what_the_command_makes() -> None:
@@ -24,7 +29,16 @@ def test_targets_start_from_the_preset(size: object) -> None:
     name = size.name  # type: ignore[attr-defined]
     drive = load_preset(name)
     found = read_targets((ROOT / f"docs/targets/{name}.targets.yaml").read_bytes(), name, drive)
-    assert [target.value for target in found.targets[:3]] == [pytest.approx(K * 1e4) for K in size.K]  # type: ignore[attr-defined]
+    said = drive.catalogue
+    known = [(target.value, target.asked["T_1"], target.asked["T_2"]) for target in found.targets]
+    assert known == [(K, said.T_1, said.T_2) for K in (said.K_1, said.K_2, said.K_3)]
+    assert said.lost_motion is None
+
+
+def test_the_example_of_the_page_is_the_table_of_its_size() -> None:
+    (example,) = re.findall(r"```yaml\n(catalogue:.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    drive = load_text(Path(TINY).read_text(encoding="utf-8") + example, "page")
+    assert drive.catalogue == load_preset("size-25-100").catalogue
 
 
 def test_catalogues_are_similar_to_themselves_as_the_rules_have_it() -> None:
@@ -49,8 +63,7 @@ def test_the_page_shows_what_comes_out_for_each_size() -> None:
     rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| `size-")]
     assert [row.split("`")[1] for row in rows] == [size.name for size in SIZES]
     size, row = next((size, row) for size, row in zip(SIZES, rows, strict=True) if size.size == 25)
-    T_1, T_2 = size.T
-    found = stiffness(load_preset(size.name), T_1=T_1, T_2=T_2, points=4, cross_check=None).positive
+    found = stiffness(load_preset(size.name), points=4, cross_check=None).positive
     K = [segment.stiffness / 1e4 for segment in found]
     assert f"| {', '.join(f'{k:.3g}' for k in K)} |" in row
     np.testing.assert_allclose(K[1:], size.K[1:], rtol=0.1)

@@ -56,6 +56,8 @@ def values() -> dict[str, object]:
         (["operation.M_g=[]"], "operation.M_g", "needs at least one torque"),
         (["operation.M_g=[80, 0.0]"], "operation.M_g", "a torque of 0 leaves the rotation undetermined"),
         (["operation.M_g=[80, 8e1]"], "operation.M_g", "the same torque twice (got 80)"),
+        (["catalogue.T_1=200", "catalogue.T_2=200"], "catalogue.T_1", "must end below the second (got T_1 200"),
+        (["catalogue.T_2=1e-9"], "catalogue.T_2", "too small to end a segment (got 1e-09 N*m; above 0.08 N*m)"),
         (["mounting.allowed=[0, 12, -1]"], "mounting.allowed", "the seat has the holes 0 to 11 (got -1, 12)"),
         (["mounting.allowed=[3, 3]"], "mounting.allowed", "the same hole twice"),
         (["mounting.allowed=[]"], "mounting.allowed", "no hole is left"),
