@@ -34,8 +34,8 @@ PLOTTED = 8  # rows of a plot
 
 
 def turned(degrees: float) -> str:
-    """A cam angle as turns and the degrees beyond them, for a column under that heading."""
-    turns, rest = divmod(degrees, 360.0)
+    """A cam angle as turns and the degrees beyond them, for a column under that heading; 359.97 deg is a turn."""
+    turns, rest = divmod(round(degrees, 1), 360.0)
     return f"{turns:.0f} + {rest:.1f}"
 
 

@@ -12,6 +12,7 @@ from rich.text import Text
 from hdassist.design.beside_catalogue import ends_words, off, segments_off, stiffness_object
 from hdassist.error.stiffness import LOST_MOTION, Segment, Stiffness
 from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import is_overridden
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.brief import again, facts, on_what, proof
 from hdassist.terminal.console import Style, grid, table
@@ -20,6 +21,7 @@ from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 
 ARCMIN = pi / 10800  # rad
+NARROW = 60  # columns below which a table leaves out what can be worked out from the rest of it
 
 WHOLE: tuple[Quantity[Stiffness], ...] = (
     Quantity("rated_Nm", "rated torque", "N·m", "g", lambda s: s.rated),
@@ -44,8 +46,12 @@ def answer(drive: Drive, result: Stiffness, *, plots: bool, details: bool = Fals
 
 def warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    unrated = f"no operation.rated in the preset: {result.rated:g} N*m, the greatest of operation.M_g, stands for it"
-    return (*drive.origin.warnings, *([unrated] if drive.operation.rated is None else []))
+    if drive.operation.rated is not None:
+        return drive.origin.warnings
+    asked = is_overridden("operation.M_g", drive.origin.overrides)
+    whose = "the greatest torque asked for" if asked else "the greatest of operation.M_g"
+    stands = f"no operation.rated in the preset: {result.rated:g} N*m, {whose}, stands for it"
+    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T tells it" if asked else stands)
 
 
 def render(
@@ -101,16 +107,18 @@ def _segments(drive: Drive, result: Stiffness, style: Style, *, both: bool) -> T
     """A row for each segment, beside what the catalogue says of it; both, whether those of the negative side follow."""
     found = table(style, "torsional stiffness")
     theirs = (drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3)
-    beside = ["catalogue", "off by"] if any(theirs) else []
-    for words in ("", "torque, N·m", "K, 1e4 N·m/rad", *beside, "K, N·m/arcmin"):
-        found.add_column(style.text(words), justify="right" if words else "left")
+    wide = style.width >= NARROW
+    beside = ["catalogue", "off by"][: 1 + wide] if any(theirs) else []
+    other = ["K, N·m/arcmin"][:wide]
+    for words in ("", "torque, N·m", "K, 1e4 N·m/rad", *beside, *other):
+        found.add_column(style.text(words), justify="right" if words else "left", overflow="fold")
     for side in (result.positive, result.negative)[: 1 + both]:
         percents = segments_off(drive.catalogue, side)
         for k, (segment, K, percent) in enumerate(zip(side, theirs, percents, strict=False), 1):
-            known = ["-" if K is None else _scaled(K), _percent(percent)] if beside else []
+            known = ["-" if K is None else _scaled(K), _percent(percent)][: len(beside)]
             span = f"{segment.start:.4g} to {segment.end:.4g}"
-            by_arcmin = f"{segment.stiffness * ARCMIN:.4g}"
-            found.add_row(f"K{k}", span, _scaled(segment.stiffness), *known, by_arcmin)
+            by_arcmin = [f"{segment.stiffness * ARCMIN:.4g}"][:wide]
+            found.add_row(f"K{k}", span, _scaled(segment.stiffness), *known, *by_arcmin)
     return found
 
 

@@ -182,6 +182,13 @@ class Rendered:
 
 
 @dataclass(frozen=True)
+class Underway:
+    """An answer is being computed: the share of its states that is solved by now, about."""
+
+    share: float
+
+
+@dataclass(frozen=True)
 class Failed:
     """There is no answer: what is wrong, and what to do about it."""
 
@@ -189,4 +196,4 @@ class Failed:
     hint: str = ""
 
 
-Answer = Facts | Curve | Slopes | Advised | Turned | Compared | Rendered | Failed
+Answer = Facts | Curve | Slopes | Advised | Turned | Compared | Rendered | Underway | Failed

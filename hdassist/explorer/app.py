@@ -56,7 +56,7 @@ def _require_trace(values: tuple[str, ...]) -> None:
 class Explorer(Writing):
     """A drive turned on the screen.
 
-    Arguments: session, what is shown at first; service, which computes; effort, how much.
+    Arguments: session, what is shown at first; service, which computes; effort, how much; ascii, whether in 7 bits.
     """
 
     CSS_PATH = "app.tcss"
@@ -85,8 +85,10 @@ class Explorer(Writing):
         Binding("q", "quit", "quit"),
     ]
 
-    def __init__(self, session: Session, service: Service, effort: Effort = FULL, dark: bool = True) -> None:
-        super().__init__(session, service, effort, dark)
+    def __init__(
+        self, session: Session, service: Service, effort: Effort = FULL, *, dark: bool = True, ascii: bool = False
+    ) -> None:
+        super().__init__(session, service, effort, dark=dark, ascii=ascii)
         self.head, self.command = Static(id="head"), Static(id="command", markup=False)
         self.seat, self.plot, self.levers = Seat(id="seat"), CurvePlot(id="curve"), Levers(id="levers")
         self.about, self.side = Static(id="about", markup=False), Vertical(id="side")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from textual.app import App
+from textual.filter import LineFilter
 from textual.timer import Timer
 
 from hdassist.errors import HdassistError
 from hdassist.explorer.answers import Advised, Answer, Curve, Sure
 from hdassist.explorer.known import Known, Memory
 from hdassist.explorer.pictures import Inks
+from hdassist.explorer.plain import SevenBits
 from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, SlopesQuestion, TrialsQuestion
 from hdassist.explorer.service import Service
 from hdassist.explorer.state import Session
@@ -23,14 +25,19 @@ REST = 0.7  # s that the wheel rests in a position before that is proven
 class Asking(App[int]):
     """A session, and questions about it: each change asks what is not known yet, and ends what is no longer wanted."""
 
-    def __init__(self, session: Session, service: Service, effort: Effort, dark: bool) -> None:
+    def __init__(self, session: Session, service: Service, effort: Effort, *, dark: bool, ascii: bool) -> None:
         super().__init__()
+        self._plain = [SevenBits()] if ascii else []
         self.session, self.service, self.effort = session, service, effort
         self.memory = Memory()
         self._rest: Timer | None = None
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = THEMES[0 if dark else 1].name
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """What every line goes through on its way to the terminal."""
+        return [*super().get_line_filters(), *self._plain]
 
     def draw(self) -> None:
         """Show the session and what is known of it."""
@@ -89,7 +96,7 @@ class Asking(App[int]):
         """Ask what the trials teach, unless that is known or there are none."""
         self.workers.cancel_group(self, "trials")
         if (known := self.of_trials) and known.advised is None:
-            known.failed = None
+            known.failed, known.share = None, 0.0
             session = self.session
             asked = TrialsQuestion(session.drive, session.trials, session.rig, self.effort)
             self.follow(asked, known.take, "trials")

@@ -20,6 +20,7 @@ def command(
     drives: o.LoadedDriveOptions,
     measuring: o.TrialOptions,
     light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False,
+    ascii: o.Ascii = False,
     jobs: o.Jobs = 0,
     debug: o.Debug = False,  # noqa: ARG001 (main() looks for it)
 ) -> None:
@@ -56,11 +57,13 @@ def command(
     from hdassist.explorer.guard import terminal_guarded
     from hdassist.explorer.questions import Effort
     from hdassist.explorer.service import Service
+    from hdassist.terminal.console import Style
 
     with terminal_guarded():
         service = Service()
         try:
-            app = Explorer(session, service, Effort(jobs=jobs), dark=not light)
+            plain = Style.of(sys.stdout, ascii=ascii).ascii
+            app = Explorer(session, service, Effort(jobs=jobs), dark=not light, ascii=plain)
             app.run()
         finally:
             service.close()

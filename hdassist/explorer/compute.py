@@ -7,7 +7,7 @@ every state. Advice, cards and JSON are those of mount and trials.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from datetime import date
@@ -21,7 +21,7 @@ from hdassist.error.search import CycleSearch, searchable
 from hdassist.error.table import DEVIATIONS
 from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Value
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Underway, Value
 from hdassist.explorer.compute_views import compared, turned
 from hdassist.explorer.levers import SETTINGS, stepped
 from hdassist.explorer.questions import (
@@ -43,11 +43,13 @@ from hdassist.mounting import card_render
 from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.card import card_of
+from hdassist.mounting.cloud import MESH
 from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_positions
 from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.preset.rules import conflicts
+from hdassist.solve.answers import Progress
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.answers import json_text
@@ -59,17 +61,21 @@ from hdassist.trials.advice import TrialAdvice
 FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
 FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
 GROUP = 2  # positions that one task searches: few, so that the curve grows under the eye
+STEPS = 20  # in which is told how far an answer is
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW, HIGH = 0.05, 0.95
 
 
-def answers(question: Question) -> Iterator[Answer]:
-    """Answers to a question, ever surer. Raises HdassistError where there is none."""
+def answers(question: Question, tell: Callable[[Answer], None] = lambda _: None) -> Iterator[Answer]:
+    """Answers to a question, ever surer. Raises HdassistError where there is none.
+
+    tell is given what comes between them: how far one is.
+    """
     match question:
         case MountQuestion():
             return _mount(question.drive, question.effort)
         case TrialsQuestion():
-            return _trials(question)
+            return _trials(question, tell)
         case ProofQuestion():
             return _proof(question.drive, question.rotation_deg, question.effort)
         case SlopesQuestion():
@@ -101,13 +107,30 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
         yield _mount_advised(in_wide_enough_window(drive, analysis))
 
 
-def _trials(asked: TrialsQuestion) -> Iterator[Answer]:
-    """The advice of `hdassist trials`."""
+def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
+    """The advice of `hdassist trials`; told on the way, how far it is."""
+    torques = {*asked.drive.operation.M_g, trial_entry.rig_of(asked.drive, asked.rig).M_g}
+    progress, samples = _in_shares(len(torques) * MESH.states, tell), asked.effort.trial_samples
     with workers(asked.effort.jobs) as executor:
-        samples = asked.effort.trial_samples
         yield _trials_advised(
-            trial_entry.advice(asked.drive, asked.trials, asked.rig, samples=samples, executor=executor)
+            trial_entry.advice(
+                asked.drive, asked.trials, asked.rig, samples=samples, executor=executor, progress=progress
+            )
         )
+
+
+def _in_shares(states: int, tell: Callable[[Answer], None]) -> Progress:
+    """What counts states that are solved, and tells their share of so many, each step of it once."""
+    solved = told = 0
+
+    def progress(count: int) -> None:
+        nonlocal solved, told
+        solved += count
+        if (step := min(STEPS * solved // states, STEPS)) > told:
+            told = step
+            tell(Underway(step / STEPS))
+
+    return progress
 
 
 def _proof(drive: Drive, rotation: float, effort: Effort) -> Iterator[Answer]:
@@ -315,7 +338,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         places.append(_place(drive, losses.rotations_deg[place], values))
     best, good = advice.best
     size, about, facing, off = advice.offset
-    toward = "direction open" if advice.facing[0] is None else f"at {facing:.0f}±{off:.0f} deg"
+    toward = "direction open" if advice.facing[0] is None else f"at {facing:.0f} deg (sd {off:.0f})"
     return Advised(
         command="trials",
         order=("turn" if advice.choice.turn else "leave") if advice.settled else "none",
@@ -324,7 +347,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         best_deg=best,
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
-            f"cam offset {size:.0f}±{about:.0f} um {toward}",
+            f"cam offset {size:.0f} um (sd {about:.0f}) {toward}",
             *_rests_on(advice.rests_on),
         ),
         warnings=tuple(trials_page.warnings(advice, texts())),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Slopes
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Slopes, Underway
 from hdassist.explorer.state import Session, Step
 
 MOST = 64  # steps that are remembered
@@ -18,6 +18,7 @@ class Known:
     curve: Curve | None = None
     advised: Advised | None = None
     failed: Failed | None = None
+    share: float = 0.0  # of what is under way
     slopes: dict[float, Slopes] = field(default_factory=dict)
 
     def take(self, answer: Answer) -> None:
@@ -32,6 +33,8 @@ class Known:
             case Advised():
                 self.advised = answer
                 self.curve = merged(self.curve, answer.curve)
+            case Underway():
+                self.share = answer.share
             case Failed():
                 self.failed = answer
 

@@ -103,7 +103,7 @@ def answer(question: Question, there: Connection) -> None:
     begin_worker(os.getppid())
     _silence()
     try:
-        for each in answers(question):
+        for each in answers(question, there.send):
             there.send(each)
     except HdassistError as error:
         there.send(Failed(error.message, error.hint))

@@ -34,7 +34,7 @@ def head(session: Session, known: Known, inks: Inks) -> Text:
     elif facts and facts.unknown:
         line.append(f"  {len(facts.unknown)} unknown", inks.limit)
     if facts and facts.assumed:
-        line.append(f"  {len(facts.assumed)} assumed", inks.muted)
+        line.append(f"  {len(facts.assumed)} ranges assumed", inks.muted)
     if session.changes:
         line.append(f"  {len(session.changes)} changed", inks.best)
     return line
@@ -93,7 +93,8 @@ def advice_text(session: Session, known: Known, of_trials: Known | None, inks: I
     elif advised := here.advised:
         _append_advice(text, advised, inks)
     elif of_trials is not None:
-        text.append("Weighing the trials …", inks.muted)
+        by_now = f"{of_trials.share:.0%} of the tables, after them what is assumed"
+        text.append(f"Weighing the trials … {by_now}", inks.muted)
     elif known.facts and known.facts.any_hole:
         text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).", inks.text)
     elif known.curve and len(known.curve.places) > 1:

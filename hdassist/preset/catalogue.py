@@ -18,7 +18,7 @@ class Catalogue(Section):
     K_3: float | None = field("torsional stiffness above T_2", "N*m/rad", None, ge=1e-3, le=1e12)
     T_1: float | None = field("end of the first segment", "N*m", None, gt=0, le=1e7)
     T_2: float | None = field("end of the second segment", "N*m", None, gt=0, le=1e7)
-    lost_motion: float | None = field("lost motion between ±4 % of the rated torque", "arcsec", None, ge=1e-3, le=1e6)
+    lost_motion: float | None = field("lost motion between +-4 % of the rated torque", "arcsec", None, ge=1e-3, le=1e6)
     accuracy: float | None = field(
         "transmission accuracy: peak to peak over a turn of the output one way, without load",
         "arcsec", None, ge=1e-3, le=1e6,

@@ -57,6 +57,15 @@ class DrawOptions(o.LoadedDriveOptions):
             raise UsageError("nothing scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
         return Draws(found, self.seed, self.method)
 
+    @property
+    def words(self) -> list[str]:
+        """The options that another command draws the same kind of drives by: those that are not as by default."""
+        return [
+            *([f"--distribution={self.distribution}"] if self.distribution != DrawOptions.distribution else []),
+            *(f"--scatter={each}" for each in self.scatter),
+            *(f"--known={each}" for each in self.known),
+        ]
+
 
 def require_limits(drive: Drive) -> list[float]:
     """Limit of F'_ior [arcsec] at each torque. Raises UsageError where there is none at one of them."""

@@ -9,13 +9,16 @@ import typer
 from hdassist.terminal import options as o
 from hdassist.tolerance.draw_options import DrawOptions
 
+MOST = 65536
+MORE = 4  # times the drives make the ranges half as wide
+
 
 @o.with_groups
 def command(
     preset: o.Preset,
     *,
     count: Annotated[
-        int, typer.Option("-n", min=16, max=65536, help="Drives in the base of the design: a power of two is best.")
+        int, typer.Option("-n", min=16, max=MOST, help="Drives in the base of the design: a power of two is best.")
     ] = 256,
     drives: DrawOptions,
     work: o.WorkOptions,
@@ -67,5 +70,6 @@ def command(
         drive, here, steepest, design,
         indices(design, F_ior), tightened(design, F_ior[: 2 * count], drawn),
         proof, sum(record["states"] for record in records), max(record["max_residual"] for record in records),
+        ["-n", str(count * MORE), *drives.words] if count * MORE <= MOST else None,
     )  # fmt: skip
     raise typer.Exit(give("sensitivity", [answer(found)], options, out))

@@ -21,6 +21,10 @@ from hdassist.terminal.runs import Answer, Figures
 from hdassist.tolerance.indices import TIGHTER, Design, Indices, Tightened
 
 BAR = 10  # columns of the longest bar
+COLUMNS = (
+    "alone: the share of the variance that goes with this one alone; with others: with all that it acts together with, "
+    "so that these may add up to more than 100 % (first and total Sobol index)"
+)
 SHOWN = 8  # slopes that a table lists
 
 
@@ -29,7 +33,8 @@ class Sensitivities:
     """What F'_ior of a drive hangs on: slopes about its values, indices over random drives, what tighter ones bring.
 
     F_ior_arcsec, at the preset's values, one a torque; slopes, the steepest first; design; indices and tightened, one
-    a torque; proofs: of the slopes' states, and (states, worst residual) of the random drives.
+    a torque; proofs: of the slopes' states, and (states, worst residual) of the random drives; surer: the options that
+    ask the same of more drives, None where there can be no more.
     """
 
     drive: Drive
@@ -41,11 +46,17 @@ class Sensitivities:
     certificate: Certificate
     states: int
     max_residual: float
+    surer: Sequence[str] | None
 
     @property
     def torques(self) -> Sequence[float]:
         """Torques [N*m]."""
         return self.drive.operation.M_g
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the tolerance to tighten first would bring something for certain; nothing to tighten is sure too."""
+        return self.first is None or self.first[1].high < self.first[1].now
 
     @property
     def first(self) -> tuple[float, Tightened] | None:
@@ -81,8 +92,11 @@ def summary_line(found: Sensitivities) -> str:
     if found.first is None:
         return f"nothing to tighten: no size of a deviation scatters (steepest: {found.slopes[0].path})"
     M_g, way = found.first
-    if way.high >= way.now:
-        return f"no single tolerance is worth tightening by {1 - TIGHTER:.0%}: none moves the 95 % value for certain"
+    if not found.is_sure:
+        return (
+            f"no single tolerance is worth tightening by {1 - TIGHTER:.0%}: over {2 * found.design.count} drives, none "
+            "moves the 95 % value for certain"
+        )
     return (
         f"tighten first: {way.path}: {1 - TIGHTER:.0%} tighter takes the F'_ior that 95 % of drives stay below at "
         f"{M_g:g} N*m from {way.now:.1f} to {way.then:.1f} arcsec ({way.low:.1f} to {way.high:.1f})"
@@ -101,9 +115,11 @@ def render(found: Sensitivities, style: Style) -> RenderableType:
         Text(style.text(f"{found.drive.name}: what F'_ior hangs on"), style="bold"),
         Text(style.text(summary_line(found))),
     ]
+    if not found.is_sure and found.surer:
+        parts.append(Text(style.text(f"surer, with more drives: {again('sensitivity', found.drive, *found.surer)}")))
     for M_g, index, ways in zip(found.torques, found.indices, found.tightened, strict=True):
         parts.append(_tornado(found, M_g, index, ways, style))
-    parts.append(_slopes(found, style))
+    parts += [Text(style.text(COLUMNS)), _slopes(found, style)]
     parts.append(Text(style.text(f"{proof(found)}\nnext: {again('allocate', found.drive)} --limit ARCSEC")))
     return Group(*(line for part in parts for line in (part, Text(""))))
 

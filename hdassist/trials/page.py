@@ -32,7 +32,6 @@ SHOWN = {False: 3, True: 6}  # positions that are listed, best first, without de
 APART = 3.0  # standard deviations by which values of one position may differ without a remark
 MANY = 4  # trials without a repeat, from which on one is asked for
 
-
 LEARNT: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: a.offset[0]),
     Quantity("offset.size_sd_um", "standard deviation", "um", ".0f", lambda a: a.offset[1]),
@@ -84,7 +83,8 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
             yield f"{values} than a noise of {rig.noise_arcsec:g} makes likely; {taken}"
     if advice.unlike_told:
         unlike = "the values came out unlike those of a drive as the preset has it (one in twenty of them may)"
-        yield f"{unlike}: check the preset, the noise and how the holes were counted"
+        then = "; what is advised stands: mount it, then hold its outcome against --verify" if advice.settled else ""
+        yield f"{unlike}: check the preset, the noise and how the holes were counted{'' if outcome else then}"
 
 
 def _chance(advice: TrialAdvice) -> str:
@@ -147,6 +147,8 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
         turn = f"turn the {wheel(advice.drive)} by a hole as you counted: its mark must go"
         yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior tells how holes were counted"
     more = "--card card.html" if advice.settled else f"the value of {advice.where(advice.next[0])} as one more trial"
+    many = not advice.settled and len(advice.drive.operation.M_g) > 1
+    more += f"; with --torque {rig.M_g:g} alone it decides for that torque only" * many
     yield "next", "" if advice.outcome or (carded and advice.settled) else f"the same command with {more}"
     yield "proof", proof(advice.prior.certificate)
     yield "more", "" if details else "--details"

@@ -204,6 +204,7 @@ def test_errors_are_those_that_know_their_exit_code(arguments: list[str], error:
 def test_new_prints_a_valid_preset() -> None:
     result = run("new", "my drive")
     assert load_text(result.stdout, "f").name == "my drive"
+    assert result.stdout.isascii()
     assert run("validate", "-", stdin=result.stdout).stdout.startswith("-: OK, ")
 
 
@@ -218,7 +219,9 @@ def test_new_writes_a_file_once(tmp_path: Path) -> None:
 
 
 def test_schema_is_json() -> None:
-    assert json.loads(run("schema").stdout)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    printed = run("schema").stdout
+    assert printed.isascii()  # without an option --ascii
+    assert json.loads(printed)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
 
 
 @pytest.mark.parametrize(
@@ -266,6 +269,7 @@ def made(*arguments: str) -> Drive:
     """The drive that `presets new` makes."""
     result = run("new", "own", *arguments)
     assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.isascii()  # without an option --ascii
     return load_text(result.stdout, "own")
 
 

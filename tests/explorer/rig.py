@@ -45,7 +45,7 @@ class Recorded:
 def _answers(pickled: bytes) -> list[Answer]:
     found: list[Answer] = []
     try:
-        found.extend(answers(pickle.loads(pickled)))
+        found.extend(answers(pickle.loads(pickled), found.append))
     except HdassistError as error:
         found.append(Failed(error.message, error.hint))
     return found
@@ -60,9 +60,10 @@ def explored(
     act: Callable[[Explorer, Pilot[int]], Awaitable[None]],
     session: Session | None = None,
     size: tuple[int, int] = (100, 30),
+    ascii: bool = False,
 ) -> Explorer:
     """Run an explorer without a terminal, do something with it once its first answers are there, and give it back."""
-    app = Explorer(session or small(), Recorded(), QUICK)  # type: ignore[arg-type]
+    app = Explorer(session or small(), Recorded(), QUICK, ascii=ascii)  # type: ignore[arg-type]
 
     async def run() -> None:
         async with app.run_test(size=size) as pilot:

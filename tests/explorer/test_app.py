@@ -13,6 +13,7 @@ from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST
 from hdassist.explorer.screens import Confirm, Explain, Form
 from hdassist.explorer.state import opened, with_trials
+from hdassist.explorer.words import advice_text
 from hdassist.preset.load import load_text
 from tests.explorer.rig import FEW, explored, said, screen, settled, small, typed
 from tests.process import SMALL
@@ -115,6 +116,9 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_j
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         found = app.of_trials
         assert found is not None and found.advised is not None
+        assert 0.5 < found.share <= 1
+        told = advice_text(app.session, app.known, replace(found, advised=None), app.inks).plain
+        assert told.startswith(f"Weighing the trials … {found.share:.0%} of the tables")
         curve = found.advised.curve
         assert all(place.sure is Sure.FITTED and place.values[0].band for place in curve.places)
         assert "◆" in screen(app) and "90 % band" in screen(app)
@@ -274,6 +278,21 @@ def test_themes_explanation_palette_and_views_are_a_key_away() -> None:
         assert "SEAT" in screen(app) and app.session.turn_deg == 0
 
     explored(act)
+
+
+def test_in_seven_bits_every_view_is_as_wide_and_says_the_same() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        views = [told := screen(app)]
+        assert "SEAT, cam side" in told and "4 N*m" in told and "@ proven" in told and "computing" not in told
+        for key in ("question_mark", "escape", "2"):
+            await pilot.press(key)
+            await settled(app, pilot)
+            views.append(screen(app))
+        assert "o  the extremes of the cycle" in views[1] and "mesh zone at 180d" in views[3]
+        assert all(view.isascii() for view in views)
+        assert {len(line) for view in views for line in view.splitlines()} == {140}
+
+    explored(act, size=(140, 40), ascii=True)
 
 
 def test_a_trace_lies_over_the_prediction(tmp_path: Path) -> None:

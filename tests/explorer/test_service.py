@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Sure
-from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Sure, Underway
+from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, TrialsQuestion
 from hdassist.explorer.service import Service
 from tests.explorer.rig import QUICK, small
 
@@ -38,6 +38,16 @@ def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Servi
         assert coarse is not None and refined is not None
         assert coarse.values[0].F_ior_arcsec <= refined.values[0].F_ior_arcsec + 1e-6  # a few states of all
         assert refined.values[0].F_ior_arcsec == pytest.approx(place.values[0].F_ior_arcsec, abs=0.01)
+
+
+def test_how_far_the_weighing_of_trials_is_comes_before_the_answer(service: Service) -> None:
+    async def first(question: Question) -> Answer:
+        async with contextlib.aclosing(service.ask(question)) as answers:
+            return await anext(answers)
+
+    session = small()
+    answer = asyncio.run(first(TrialsQuestion(session.drive, ("h0:20",), session.rig, QUICK)))
+    assert isinstance(answer, Underway) and 0 < answer.share < 1
 
 
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:

@@ -8,9 +8,10 @@ import shlex
 import pytest
 
 from hdassist.preset.library import load_preset
+from hdassist.preset.schema import counted
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.brief import again, facts, proof, verdict_text
+from hdassist.terminal.brief import again, facts, on_what, proof, verdict_text
 from hdassist.terminal.console import Style, console
 from hdassist.terminal.options import torque_overrides
 from hdassist.verdict import Verdict
@@ -65,3 +66,13 @@ def test_the_proof_in_a_line():
     assert proof(certificate) == "20 200 states, residual 8e-11"
     crossed = [CrossCheck("CLARABEL", 10, 1e-6), None, CrossCheck("CLARABEL", 10, 1e-6)]
     assert proof(certificate, crossed) == "20 200 states, residual 8e-11, 20 again by CLARABEL"
+
+
+def test_what_is_assumed_is_counted_as_presets_validate_counts_it():
+    drive = load_preset("vzp160")
+    assumed = counted(drive)["assumed"]
+    told = on_what(drive)
+    assert told.endswith(f" of {assumed} assumed values have a range: hdassist check weighs them")
+    ranges = sum(source.kind == "assumed" and source.range is not None for source in drive.source.values())
+    assert 0 < int(told.split()[0]) <= ranges < assumed
+    assert on_what(load_preset(SMALL)) == ""

@@ -37,6 +37,7 @@ from hdassist.trials.posterior import (
 )
 from hdassist.trials.prior import Prior, Rig, prior_fields, prior_of
 from tests.process import ASSUMED, SMALL
+from tests.support import changed
 
 M_G, HOLES = 4.0, 12
 POSITIONS = usable_positions(HOLES, "all")
@@ -526,6 +527,9 @@ def test_values_that_are_unlike_the_drive_or_each_other_are_remarked(advice: Tri
     assert "unlike" not in said(advice)
     off = replace(advice, predictions=(*advice.predictions[:2], replace(advice.predictions[2], surprise=3.0)))
     assert "unlike those of a drive as the preset has it" in said(off)
+    stands = "what is advised stands: mount it, then hold its outcome against --verify"
+    assert stands in said(replace(off, needed=0.0))
+    assert stands not in said(replace(off, needed=1.1)) + said(replace(off, needed=0.0, verifies=True))
     early = replace(advice, predictions=(replace(advice.predictions[0], surprise=3.0), *advice.predictions[1:]))
     assert "unlike" not in said(early)  # three trials fit any drive
     twice = replace(
@@ -544,6 +548,19 @@ def page(of: TrialAdvice) -> str:
     with console.capture() as seen:
         console.print(render(of, Style(ascii=False, codes=False, width=1000)))
     return " ".join(seen.get().split())
+
+
+def test_one_torque_alone_is_offered_where_several_do_not_settle_it(advice: TrialAdvice) -> None:
+    one, losses = advice.prior, advice.losses
+    twice = {name: np.repeat(getattr(losses, name), 2, axis=0) for name in ("F_ior_arcsec", "now_arcsec")}
+    several = replace(
+        advice,
+        prior=replace(one, drive=changed(one.drive, operation__M_g=[M_G, 1.0])),
+        losses=replace(losses, **twice, standard_error_arcsec=losses.standard_error_arcsec * 2),
+    )
+    alone = "as one more trial; with --torque 4 alone it decides for that torque only"
+    assert alone in page(replace(several, needed=1.1))
+    assert "alone it decides" not in page(replace(several, needed=0.0)) + page(replace(advice, needed=1.1))
 
 
 def test_how_sure_the_best_position_keeps_a_limit(advice: TrialAdvice) -> None:
