@@ -336,7 +336,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
             for t, value in enumerate(losses.at(int(place)).mean(axis=1).tolist())
         )
         places.append(_place(drive, losses.rotations_deg[place], values))
-    best, good = advice.best
+    best, good = losses.chosen
     size, about, facing, off = advice.offset
     toward = "direction open" if advice.facing[0] is None else f"at {facing:.0f} deg (sd {off:.0f})"
     return Advised(

@@ -32,7 +32,7 @@ class ChoiceOptions(OptionGroup):
         str | None, typer.Option(metavar="W,W", help="Weights of the torques in the choice, in their order.")
     ] = None
     criterion: Annotated[
-        str, typer.Option(metavar="NAME", help="Under uncertainty: expected, worst, or quantile:0.9.")
+        str, typer.Option(metavar="NAME", help="What decides over losses: expected, worst, or quantile:0.9.")
     ] = "expected"
 
     def numbers(self) -> list[float] | None:

@@ -130,6 +130,11 @@ class Losses:
         return self.ranked[0]
 
     @property
+    def chosen(self) -> tuple[float, float]:
+        """The choice [deg], and the probability that it is good."""
+        return self.rotations_deg[self.best], float(self.probability_good[self.best])
+
+    @property
     def probability_gain(self) -> float:
         """Probability that the choice is better than rotation 0."""
         return float(np.mean(self.merits[:, self.best] < self._merits(self.now_arcsec[..., None])[:, 0]))

@@ -89,15 +89,10 @@ class TrialAdvice:
         return float(self.losses.expected_loss[place]) if self.explained else trial.F_ior_arcsec
 
     @property
-    def best(self) -> tuple[float, float]:
-        """The best position [deg], and the probability that it is good."""
-        return self.losses.rotations_deg[self.losses.best], float(self.losses.probability_good[self.losses.best])
-
-    @property
     def stay(self) -> tuple[float, float]:
         """The position to be in [deg], and the probability that it is good: after an outcome one that was tried."""
         if not (tried := self.back_to or self.outcome):
-            return self.best
+            return self.losses.chosen
         place = self.losses.place(tried.rotation_deg) if self.explained else None
         return tried.rotation_deg, 0.0 if place is None else float(self.losses.probability_good[place])
 

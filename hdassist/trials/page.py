@@ -66,15 +66,14 @@ def exit_code(advice: TrialAdvice) -> int:
 def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     """What a reader should know beside the numbers."""
     yield from warnings_of(advice.drive, say)
-    outcome, rig, best = advice.outcome, advice.prior.rig, advice.best
+    outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
     if not advice.settled and not advice.back_to and advice.explained:
-        once = (
-            "measure it once more" if best == advice.stay else f"{advice.where(best[0])} may be better ({best[1]:.0%})"
-        )
+        best_bet = f"{advice.where(best)} may be better ({good:.0%})"
+        again = "measure it once more" if best == advice.stay[0] else best_bet
         first = f"the trials do not settle it: {_chance(advice)}; measure {advice.where(advice.next[0])}"
-        yield f"{_chance(advice)}; {once}" if outcome else first
+        yield f"{_chance(advice)}; {again}" if outcome else first
     for a, b in advice.repeats:
         noise = np.linalg.norm(advice.prior.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec])))
         if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
@@ -156,7 +155,7 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
 
 def to_json(advice: TrialAdvice) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
-    drive, rig = advice.drive, advice.prior.rig
+    drive, rig, (best, good) = advice.drive, advice.prior.rig, advice.losses.chosen
     found = losses_object(advice.losses, drive, advice.offset[2])
     return {
         **envelope("trials", drive, exit_code(advice), tuple(warnings(advice, texts()))),
@@ -187,7 +186,7 @@ def to_json(advice: TrialAdvice) -> Json:
             "verdict": "GO_BACK" if advice.back_to else "KEEP",
             "position": _place(advice, advice.stay[0]),
             "probability_good": advice.stay[1] if advice.explained else None,
-            "best": _place(advice, advice.best[0], probability_good=advice.best[1]),
+            "best": _place(advice, best, probability_good=good),
         },
         "certificate": certificate_object(advice.prior.certificate),
         "seed": advice.prior.seed,
