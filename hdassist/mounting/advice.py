@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -14,6 +14,7 @@ from hdassist.error.nearby import Nearby
 from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.sensitivity import SLOPES, Sensitivity, sensitivity
 from hdassist.errors import UsageError
+from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
@@ -58,11 +59,6 @@ class Advice:
         if not self.robust:
             return self.curve.recommended
         return self.curve.at(int(np.flatnonzero(self.curve.usable)[self.robust.best]))
-
-    @property
-    def second(self) -> Position | None:
-        """The best of the other usable positions, None without one."""
-        return next((p for p in self.curve.ranked if p != self.chosen), None)
 
     @property
     def gain(self) -> float:
@@ -117,9 +113,12 @@ class Advice:
 
     @property
     def choice(self) -> Choice:
-        """The chosen position beside the others."""
+        """The chosen position beside the others; where they were sampled, with the F'_ior expected over the samples."""
         curve, turn = self.curve, self.worth_turning
-        return Choice(self.drive, curve.torques, curve.current, self.chosen, turn, tuple(curve.ranked))
+        if not self.robust:
+            return Choice(self.drive, curve.torques, curve.current, self.chosen, turn, tuple(curve.ranked))
+        found = self.robust.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
+        return replace(found, torques=curve.torques, turn=turn)
 
     @property
     def disagreeing(self) -> tuple[Alternative, ...]:

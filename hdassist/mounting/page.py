@@ -140,6 +140,8 @@ def _lines(advice: Advice, carded: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the positions, a label and a text each."""
     sampled = advice.robust
     sure = f"gains with {sampled.probability_gain:.0%} over {len(sampled.merits)} samples" if sampled else ""
+    if not advice.curve.usable[0]:
+        sure = "; ".join(filter(None, (sure, "the wheel may not stay where it stands (mounting.allowed)")))
     yield "sure", sure if advice.order != "none" else ""
     if sampled and advice.worth_turning:
         yield "limit", kept_line(sampled, advice.drive, advice.curve.torques, sampled.standard_error_arcsec)
@@ -194,14 +196,16 @@ def _proof(result: MountingCurve) -> str:
 
 
 def _positions(advice: Advice, style: Style) -> Table:
-    result, phase = advice.curve, f"phase {_phase_words(advice)}, deg"
+    choice, phase = advice.choice, f"phase {_phase_words(advice)}, deg"
     title = "positions (best for the torque served worst)"
+    if advice.robust:
+        title += "\nF'_ior as expected over what is uncertain or not known"
     rows = grid(style, title, "position", "hole", "turn, deg", phase, "F'_ior, arcsec", "against now")
-    named = {"now": result.current, "best": advice.chosen, "second": advice.second, "worst": result.worst}
+    named = {"now": choice.current, "best": choice.chosen, "second": choice.second, "worst": choice.ranked[-1]}
     for words, position in named.items():
         if position is not None:
             values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
-            change = f"{position.change_from(result.current):+.0%}"
+            change = f"{position.change_from(choice.current):+.0%}"
             rows.add_row(words, *_where(position), f"{position.phase_deg:g}", values, change)
     return rows
 
@@ -214,7 +218,8 @@ def _where(position: Position) -> tuple[str, str]:
 def _torques(advice: Advice, style: Style) -> Table:
     result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
     heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
-    rows = grid(style, "each torque alone", *heads, words=0)
+    title = "each torque alone" + ", by values as given, the unknown as 0" * bool(advice.robust)
+    rows = grid(style, title, *heads, words=0)
     rows.columns[0].no_wrap = True
     for k, M_g in enumerate(result.torques):
         found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
@@ -256,7 +261,8 @@ def _slopes(advice: Advice, style: Style) -> Table:
 
 def to_json(advice: Advice, seed: int) -> Json:
     """The curves and positions as a JSON object."""
-    result, second = advice.curve, advice.second
+    result, choice = advice.curve, advice.choice
+    second = choice.second
     return {
         **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
         "complete": not result.interrupted,
@@ -275,11 +281,11 @@ def to_json(advice: Advice, seed: int) -> Json:
             for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         ],
         "rotation_deg": result.rotation_deg.tolist(),
-        "current": None if advice.any_hole else _position(result.current, advice.now),
-        "recommended": _position(advice.chosen, advice.best) if advice.order != "none" else None,
-        "best_bet": _position(advice.chosen) if not advice.any_hole else None,
+        "current": None if advice.any_hole else _position(choice.current, advice.now),
+        "recommended": _position(choice.chosen, advice.best) if advice.order != "none" else None,
+        "best_bet": _position(choice.chosen) if not advice.any_hole else None,
         "second": None if second is None or advice.any_hole else _position(second),
-        "worst": None if advice.any_hole else _position(result.worst),
+        "worst": None if advice.any_hole else _position(choice.ranked[-1]),
         "weights": None if result.weights is None else list(result.weights),
         "uncertainty": _robust(advice, advice.robust) if advice.robust else None,
         "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
@@ -340,5 +346,5 @@ def card_facts(advice: Advice, say: Texts) -> CardFacts:
         chances=advice.robust.chances if advice.robust else None,
         weights=advice.curve.weights,
         warnings=warnings(advice, say),
-        rests_on=advice.rests_on if advice.choice.target == advice.chosen else (),
+        rests_on=advice.rests_on if advice.choice.target.rotation_deg == advice.chosen.rotation_deg else (),
     )

@@ -63,6 +63,11 @@ class Choice:
     ranked: tuple[Position, ...]
 
     @property
+    def second(self) -> Position | None:
+        """The best of the other usable positions, None without one."""
+        return next((p for p in self.ranked if p.rotation_deg != self.chosen.rotation_deg), None)
+
+    @property
     def target(self) -> Position:
         """Where the wheel is to be."""
         return self.chosen if self.turn else self.current

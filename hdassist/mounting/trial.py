@@ -32,7 +32,7 @@ class Tried:
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
     """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
     where, _, value = text.lower().partition(":")
-    hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec"
+    hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec, with a point"
     try:
         rotation, F_ior = float(where.removeprefix("h")), float(value)
     except ValueError:

@@ -240,7 +240,7 @@ def _dots(sheet: DriveSheet, torque: int, per: float) -> Iterator[Dot]:
     advice = sheet.advice
     if advice.any_hole:
         return
-    now, target = advice.curve.current, advice.choice.target
+    now, target = advice.choice.current, advice.choice.target
     yield Dot(now.rotation_deg / per, now.F_ior_arcsec[torque], "now", "now")
     if advice.order == "turn":
         yield Dot(target.rotation_deg / per, target.F_ior_arcsec[torque], "best", "target")

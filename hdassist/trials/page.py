@@ -118,6 +118,7 @@ def render(advice: TrialAdvice, style: Style, *, details: bool = False, carded: 
     trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)} at {advice.prior.M_g:g} N·m"
     holes, torques = advice.drive.mounting.holes, advice.drive.operation.M_g
     turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
+    turns += "; by the trials without the outcome" * (not advice.explained)
     parts: list[RenderableType] = [
         Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
         Text(style.text(instruction(advice))),

@@ -9,8 +9,9 @@ import pytest
 from hdassist import load_preset
 from hdassist.model.deviations import deviation_scalars
 from hdassist.mounting.advice import advise
-from hdassist.mounting.page import summary_line, to_json, what_to_do
+from hdassist.mounting.page import card_facts, summary_line, to_json, what_to_do
 from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.terminal.texts import texts
 from tests.process import SMALL, run
 from tests.support import changed
 
@@ -41,6 +42,18 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
     shares = oval.robust.probability_best
     assert shares.max() < 0.95  # such an ovality decides as much as all the rest
+
+
+def test_every_number_of_a_hole_is_the_one_expected_over_the_samples(oval):
+    told, card = to_json(oval, 0), card_facts(oval, texts())
+    sampled = told["uncertainty"]
+    for name in ("current", "best_bet", "second", "worst"):
+        assert told[name]["F_ior_arcsec"] == pytest.approx(sampled[name]["F_ior_arcsec"]["expected"])
+        assert told[name]["rotation_deg"] == sampled[name]["rotation_deg"]
+    now, best = sampled["current"]["F_ior_arcsec"], sampled["best_bet"]["F_ior_arcsec"]
+    assert now["low"][0] < now["expected"][0] < now["high"][0]
+    assert told["gain"] == pytest.approx(1 - best["expected"][0] / now["expected"][0])
+    assert card.choice.chosen.F_ior_arcsec == tuple(best["expected"])
 
 
 def test_an_order_takes_the_probability_that_was_asked_for(oval):
