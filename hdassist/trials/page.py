@@ -95,7 +95,7 @@ def _chance(advice: TrialAdvice) -> str:
 
 
 def _outcome(advice: TrialAdvice, of: Prediction) -> str:
-    predicted = f"predicted {of.expected_arcsec:.1f} ({of.low_arcsec:.1f} to {of.high_arcsec:.1f})"
+    predicted = f"predicted {of.expected_arcsec:.1f} ({of.low_arcsec:.2f} to {of.high_arcsec:.2f})"
     return f"{of.F_ior_arcsec:g} arcsec at {advice.where(of.rotation_deg)}, {predicted}"
 
 
