@@ -53,6 +53,7 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(
-            f"{text!r}: hole {hole % holes} is not one of mounting.allowed", "no advice is to mount it there"
+            f"{text!r}: hole {hole % holes} is not one of mounting.allowed",
+            "an advice never chooses it: give it as one more trial",
         )
     return Trial(360 * (hole % holes) / holes if hole is not None else rotation % 360, F_ior)

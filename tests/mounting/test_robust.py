@@ -1,16 +1,22 @@
 """Samples of what a preset does not know: by table against searches of each, and what is made of them."""
 
 from dataclasses import replace
+from inspect import signature
 
 import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.comparing.sheet import SAMPLES
 from hdassist.error.search import CycleSearch
+from hdassist.explorer.questions import Effort
 from hdassist.model.unknown import listed
+from hdassist.mounting.advice import advise
 from hdassist.mounting.cloud import MESH, any_direction, cloud_of, directions_of
+from hdassist.mounting.command import command
 from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.losses import Losses
+from hdassist.mounting.losses import Criterion, Losses
+from hdassist.mounting.losses_page import kept_line
 from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
 from hdassist.mounting.robust import interpolates, robust
 from hdassist.preset.fields import Drive
@@ -97,3 +103,21 @@ def test_a_direction_counts_in_every_sector_where_nothing_is_known_of_it() -> No
     sectors = np.floor(cloud.values[turn] / 30).astype(int)
     assert np.array_equal(sectors, np.broadcast_to(np.arange(12), sectors.shape))
     assert len(cloud.possible) == cloud.weight.size
+
+
+def test_every_way_to_a_mounting_takes_as_many_samples() -> None:
+    taken = {signature(way).parameters["samples"].default for way in (command, advise, robust)}
+    assert taken == {SAMPLES} == {Effort().samples}
+
+
+def test_how_sure_a_limit_is_kept_takes_in_what_the_table_misses() -> None:
+    drive = load_preset(SMALL, ["operation.M_g=4", "acceptance.F_ior=20"])
+    drawn = np.array([17.0, 19.0, 21.0, 23.0])
+    losses = Losses((0.0, 30.0), np.stack([drawn, drawn + 9], axis=-1)[None], drawn[None], Criterion.of("expected"))
+    assert kept_line(losses, drive, [4.0]).startswith("50% sure that hole 0 (0 deg) at 4 N·m stays below 20 arcsec")
+    rng = np.random.default_rng(0)
+    share = np.mean(rng.choice(drawn - 2, 200_000) + 0.7 * rng.standard_normal(200_000) < 20)
+    less = replace(losses, F_ior_arcsec=losses.F_ior_arcsec - 2)
+    assert abs(float(kept_line(less, drive, [4.0], [0.7]).split("%")[0]) / 100 - share) < 0.008
+    assert kept_line(losses, drive, [4.0], [2.0]) == ""  # too coarse to tell
+    assert kept_line(losses, load_preset(SMALL, ["operation.M_g=4"]), [4.0]) == ""
