@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from hdassist.model.contacts import TO_X1, ContactSystem, contact_system
+from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.geometry import Array
+from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, displacements, residuals
@@ -25,9 +27,14 @@ def changed(drive: Drive, **fields: Any) -> Drive:
     return drive.model_copy(update=update)
 
 
+def delta_p_of(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> Array:
+    """Gaps without force [mm] of states, shape (states, M)."""
+    return system.delta_p_of(state_gaps(drive, system, states, teeth))
+
+
 def solve_state(system: ContactSystem, torque: float, delta_p: Array) -> tuple[Array, Array, float]:
     """Forces [N], displacements [mm, rad] and rotation [arcsec] of one state; torque in N*mm."""
-    forces, free, _ = Engine(formulate(system), torque).solve(delta_p[None])
+    forces, free, _ = Engine(formulate(system), torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     rotation = float(free[0, system.free_rotation]) * ARCSEC
     return forces[0], displacements(system, forces, free)[0], rotation

@@ -1,6 +1,7 @@
 """Presets and command are found from a wheel, and from an editable install."""
 
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -55,3 +56,20 @@ def test_wheel_holds_the_presets_as_they_are(tmp_path):
     (metadata,) = site.glob("*.dist-info/METADATA")
     assert "Requires-Python: >=3.11" in metadata.read_text()
     assert not list(site.glob("tests"))
+
+
+@pytest.mark.parametrize("pure", [False, True])
+def test_a_wheel_is_compiled_where_there_is_a_compiler_and_pure_where_not(tmp_path, monkeypatch, pure):
+    monkeypatch.setenv("CC", "/bin/false" if pure else "cc")
+    stray = ROOT / "hdassist/solve/_walk_1.so"
+    stray.touch()
+    try:
+        site = build(tmp_path, "build_wheel")
+    finally:
+        stray.unlink()
+    (wheel,) = tmp_path.glob("*.whl")
+    compiled = not pure and shutil.which("cc") is not None
+    assert wheel.name.endswith("-py3-none-any.whl") is not compiled
+    libraries = list((site / "hdassist/solve").glob("_walk_*"))
+    assert bool(libraries) is compiled
+    assert all(library.stat().st_size for library in libraries)

@@ -43,7 +43,7 @@ def command(*, options: o.PageOptions) -> None:
     from hdassist.terminal.answers import json_text
 
     out = options.open()
-    found = [*packages(), *machine(), *terminal(), self_test(), library()]
+    found = [*packages(), *machine(), engine(), *terminal(), self_test(), library()]
     broken = any(finding.status == "broken" for finding in found)
     code = UntrustedError.exit_code if broken else 0
     if options.json:
@@ -87,6 +87,14 @@ def machine() -> Iterator[Finding]:
         yield Finding("memory", "note", "not told by this system")
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "")
     yield Finding("OPENBLAS_NUM_THREADS", "ok" if threads == "1" else "note", f"{threads or 'not set'}; 1 is fastest")
+
+
+def engine() -> Finding:
+    """Which engine solves the states."""
+    from hdassist.solve import walk
+
+    compiled, words = walk.library()
+    return Finding("engine", "ok" if compiled else "note", words)
 
 
 def terminal() -> Iterator[Finding]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import ContactSystems, contact_system
-from hdassist.model.deviations import ToothDeviations, gaps
+from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import (
     Kinematics,
@@ -126,8 +126,8 @@ def kinematic_error(
         case = LoadCase(formulation, M_g, solver=solver)
         for some in np.split(rows, range(BLOCK, len(rows), BLOCK)):
             part = states.take(some)
-            delta_p = gaps(drive, case.system, part, teeth)
-            parts.append((some, case.solve(delta_p, partial(place, part, M_g), progress)))
+            gaps = state_gaps(drive, case.system, part, teeth)
+            parts.append((some, case.solve(gaps, partial(place, part, M_g), progress)))
     result = _collect(kinematics, M_g, states, parts)
     if cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
@@ -179,7 +179,8 @@ def _cross_check(
     chosen, checks = result.states.take(rows), []
     for part, formulation in _formulations(drive, chosen, stated):
         there, torques = chosen.take(part), np.full(len(part), result.M_g)
-        delta_p, expected = gaps(drive, formulation.system, there, teeth), result.rotation_arcsec[rows[part]]
+        gaps = state_gaps(drive, formulation.system, there, teeth)
+        delta_p, expected = formulation.system.delta_p_of(gaps), result.rotation_arcsec[rows[part]]
         where = partial(place, there, result.M_g)
         checks.append(solve_again(formulation, torques, delta_p, expected, solver, where))
     worst = max(check.max_difference_arcsec for check in checks)

@@ -19,7 +19,7 @@ from hdassist.error.proposed import BLOCK, Batch, Indices, ProposedSearch
 from hdassist.error.search import searchable
 from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import gaps
+from hdassist.model.deviations import state_gaps
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
@@ -80,7 +80,7 @@ def _rotation(search: ProposedSearch, drive: Drive, points: Indices) -> tuple[Ar
     """Rotation [arcsec] of a drive at points of the torus, shape (k, l, 2), and the proof of it."""
     there = search.states.take(search.state(points).ravel())
     case = LoadCase(search.fresh.formulation, search.M_g, like=search.fresh, many=True)
-    answers = case.solve(gaps(drive, case.system, there), partial(place, there, search.M_g))
+    answers = case.solve(state_gaps(drive, case.system, there), partial(place, there, search.M_g))
     return answers.rotation_arcsec.reshape(points.shape[:2]), answers.certificate
 
 

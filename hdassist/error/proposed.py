@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hdassist.error.cycle import place
 from hdassist.error.search import lattice
 from hdassist.error.table import ErrorTable
+from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import scalars_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
@@ -246,7 +247,7 @@ class _Solved:
             _, first = np.unique(places, return_index=True)
             rows, j = np.divmod(places[np.sort(first)], self.value.shape[1])  # in order: neighbours follow each other
             states = self._search.states.take(j)
-            gaps = self._case.system.gaps(self._batch.scalars(rows, states.alpha_g, states.alpha_b))
+            gaps = StateGaps(self._batch.scalars(rows, states.alpha_g, states.alpha_b))
             answers = self._case.solve(gaps, partial(place, states, self._search.M_g))
             self.value[rows, j] = answers.rotation_arcsec
             self.certificate += answers.certificate

@@ -15,7 +15,7 @@ from hdassist.error.nearby import Nearby
 from hdassist.error.search import searchable
 from hdassist.errors import HdassistError
 from hdassist.model.assumed import Assumption, assumptions
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, field_table
@@ -178,9 +178,9 @@ def _in_few_states(torques: Sequence[float], like: LoadCase, drive: Drive) -> tu
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles))
     formulation = formulate(contact_system(drive))
-    delta_p = formulation.system.gaps(deviation_scalars(drive, alpha_g, alpha_b))
+    gaps = StateGaps(deviation_scalars(drive, alpha_g, alpha_b))
     cases = [LoadCase(formulation, M_g, like=like) for M_g in torques]
-    found = [case.solve(delta_p, lambda k: f"state {k}") for case in cases]
+    found = [case.solve(gaps, lambda k: f"state {k}") for case in cases]
     ranges = np.array([np.ptp(answers.rotation_arcsec) for answers in found])
     return ranges, sum((answers.certificate for answers in found), EMPTY)
 

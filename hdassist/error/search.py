@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from hdassist.error.cycle import place
 from hdassist.errors import UsageError
-from hdassist.model.deviations import gaps
+from hdassist.model.deviations import state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -87,7 +87,7 @@ class CycleSearch:
 
         def error(j: Indices) -> Array:
             states = self._states.take(j)
-            answers = case.solve(gaps(drive, case.system, states), partial(place, states, self._M_g))
+            answers = case.solve(state_gaps(drive, case.system, states), partial(place, states, self._M_g))
             proofs.append(answers.certificate)
             return self._kinematics.error_sign * answers.rotation_arcsec
 

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from hdassist.model.contacts import ContactSystems
+from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystems
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
@@ -60,7 +60,7 @@ def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | N
                 near = cases.get(M_g) or next(iter(cases.values()), None)
                 cases[M_g] = LoadCase(formulation, M_g, like=near)
                 place = partial(_place, i / grid, k / grid, M_g)
-                answers = cases[M_g].solve(formulation.system.delta_p[None], place, progress)
+                answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, progress)
                 rotation[t, i, k] = answers.rotation_arcsec[0]
                 certificates[t] += answers.certificate
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]

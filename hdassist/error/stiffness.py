@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from hdassist.errors import UsageError
+from hdassist.model.contacts import WITHOUT_DEVIATIONS
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
@@ -204,7 +205,7 @@ class Twist:
         contact, proof = np.empty(len(torque)), EMPTY
         for k, M_g in enumerate(torque.tolist()):
             self.case.load(M_g)
-            answers = self.case.solve(self.case.system.delta_p[None], partial(_place, [M_g]), progress)
+            answers = self.case.solve(WITHOUT_DEVIATIONS, partial(_place, [M_g]), progress)
             contact[k] = answers.rotation_arcsec[0]
             proof += answers.certificate
         return contact, torque * N_MM / self._tube * ARCSEC, proof

@@ -19,6 +19,7 @@ from scipy.ndimage import map_coordinates
 
 from hdassist.error.search import SEARCHED, CycleSearch
 from hdassist.errors import UntrustedError
+from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
@@ -217,14 +218,15 @@ def _slab(task: _Slab) -> tuple[NDArray[np.int64], Array, Certificate]:
         (a, b), (e_x, e_y) = points[k, list(reach.axes)].reshape(2, 2) * 1e3
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
-    gaps = case.system.gaps(points)
+    gaps = StateGaps(points)
     answers = case.solve(gaps, where)
     errors, proof = [answers.rotation_arcsec], answers.certificate
     if reach.others:
         pulls = []
         for way in (1 - STEP, 1 + STEP):
             case.load(way * M_g)
-            moved = case.solve(gaps, where)
+            moved = case.solve(gaps, where, pull=True)
+            assert moved.pull_N is not None
             pulls.append(moved.pull_N[:, reach.others])
             proof += moved.certificate
         errors += list((pulls[1] - pulls[0]).T / (2 * STEP * M_g * N_MM) * ARCSEC)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hdassist.error.search import searchable
 from hdassist.errors import UsageError
+from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -63,8 +64,8 @@ class ErrorWaves:
 
         found = []
         for drive in drives:
-            delta_p = self._case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b))
-            answers = self._case.solve(delta_p, where, self._progress)
+            gaps = StateGaps(deviation_scalars(drive, alpha_g, alpha_b))
+            answers = self._case.solve(gaps, where, self._progress)
             self.certificate += answers.certificate
             error = (self._sign * answers.rotation_arcsec).reshape(points, points)
             error[1::2] = error[1::2, ::-1].copy()

@@ -36,6 +36,7 @@ from hdassist.explorer.questions import (
     TurnQuestion,
 )
 from hdassist.model.assumed import assumptions
+from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_turn, unknowns
@@ -231,8 +232,8 @@ def _ranges(case: LoadCase, drives: Sequence[Drive], turns: int) -> list[float]:
     """
     angles = 2 * np.pi * np.arange(turns) / turns
     alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
-    gaps = [case.system.gaps(deviation_scalars(drive, alpha_g, alpha_b)) for drive in drives]
-    rotation = case.solve(np.concatenate(gaps), lambda k: f"state {k}").rotation_arcsec
+    scalars = [deviation_scalars(drive, alpha_g, alpha_b) for drive in drives]
+    rotation = case.solve(StateGaps(np.concatenate(scalars)), lambda k: f"state {k}").rotation_arcsec
     return [float(each) for each in np.ptp(rotation.reshape(len(drives), -1), axis=1)]
 
 

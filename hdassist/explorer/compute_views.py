@@ -14,7 +14,7 @@ from hdassist.errors import UntrustedError
 from hdassist.explorer.answers import Compared, Turned
 from hdassist.explorer.questions import TraceQuestion, TurnQuestion
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import gaps
+from hdassist.model.deviations import state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.mounting.positions import rotated
@@ -65,8 +65,9 @@ def _forces(drive: Drive, found: Trace) -> tuple[Zones, tuple[Zones, ...]]:
     Raises UntrustedError where an answer is not proven.
     """
     system, torque = contact_system(drive), found.error.M_g * N_MM
-    delta_p = gaps(drive, system, found.error.states)
-    forces, free, _ = Engine(formulate(system), torque).solve(delta_p)
+    gaps = state_gaps(drive, system, found.error.states)
+    delta_p = system.delta_p_of(gaps)
+    forces, free, _ = Engine(formulate(system), torque).forces(delta_p)
     if not np.all(residuals(system, delta_p, torque, forces, free).worst <= TOLERANCE):
         raise UntrustedError("the forces on the teeth are not proven")
     stations = len(system.face.fall)

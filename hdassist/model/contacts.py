@@ -37,6 +37,27 @@ TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: the
 
 
 @dataclass(frozen=True)
+class StateGaps:
+    """What the gaps without force of states have beyond those of a drive without deviations.
+
+    scalars [mm], shape (states, scalars), of the deviations, in the order of the columns of the deviation map, of which
+    the last may be left out where they are 0; at_flanks [mm], shape (states, flanks), of measured teeth, None without.
+    """
+
+    scalars: Array
+    at_flanks: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.scalars)
+
+    def __getitem__(self, rows: slice | NDArray[np.int64]) -> StateGaps:
+        return StateGaps(self.scalars[rows], None if self.at_flanks is None else self.at_flanks[rows])
+
+
+WITHOUT_DEVIATIONS = StateGaps(np.zeros((1, 0)))  # one state
+
+
+@dataclass(frozen=True)
 class ContactSystem:
     """System (1) of a drive at one tooth phase and one ball phase: M candidates, 9 freedoms.
 
@@ -88,12 +109,12 @@ class ContactSystem:
         """Moment [N*mm] that a unit of force at each flank candidate takes off the flexspline."""
         return -self.G[: self.n_flanks, ROTATION]
 
-    def gaps(self, scalars: Array) -> Array:
-        """Gaps without force delta_p [mm], shape (states, M), from deviation scalars [mm], shape (states, scalars).
-
-        There may be fewer scalars than columns of the map: what is left out is 0.
-        """
-        return np.asarray(self.delta_p + scalars @ self.deviation_map[:, : np.shape(scalars)[-1]].T)
+    def delta_p_of(self, gaps: StateGaps) -> Array:
+        """Gaps without force delta_p [mm] of states, shape (states, M)."""
+        delta_p = self.delta_p + gaps.scalars @ self.deviation_map[:, : gaps.scalars.shape[1]].T
+        if gaps.at_flanks is not None:
+            delta_p[:, : self.n_flanks] += gaps.at_flanks
+        return np.asarray(delta_p)
 
     def load(self, torque: float) -> Array:
         """Load b of a torque [N*mm] on the flexspline, counter-clockwise positive, shape (9,)."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import ORDERS, ContactSystem
+from hdassist.model.contacts import ORDERS, ContactSystem, StateGaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
@@ -152,28 +152,27 @@ IN_TEETH = {  # what measured teeth hold already
 }
 
 
-def gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> Array:
-    """Gaps without force delta_p [mm] of states, shape (states, M).
+def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> StateGaps:
+    """Gaps of states by the deviations of a drive.
 
     Arguments: drive, its deviations; system; states; teeth, measured deviations. Raises UsageError where
     their number is not that of the wheel's teeth.
     """
     if teeth is None or (teeth.g is None and teeth.b is None):
-        return system.gaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
+        return StateGaps(deviation_scalars(drive, states.alpha_g, states.alpha_b))
     measured = {"g": teeth.g, "b": teeth.b}
     rest = drive.with_values(
         {size: 0.0 for wheel, values in measured.items() if values is not None for size in IN_TEETH[wheel]}
     )
-    result = gaps(rest, system, states)
     flanks = system.flanks
-    seen = np.zeros((len(states), system.n_flanks))
+    deviation = np.zeros((len(states), system.n_flanks))
     if teeth.g is not None:
-        seen += _at_teeth(teeth.g, flanks.tooth, states.alpha_g, drive.gears.z_g)
+        deviation += _at_teeth(teeth.g, flanks.tooth, states.alpha_g, drive.gears.z_g)
     if teeth.b is not None:
         # zone 1 lies half a turn on, where tooth i faces space i + 1: z_b = z_g + 2
-        seen -= _at_teeth(teeth.b, flanks.tooth + flanks.zone, states.alpha_b, drive.gears.z_b)
-    result[:, : system.n_flanks] -= flanks.side * np.cos(flanks.alpha) * seen
-    return result
+        deviation -= _at_teeth(teeth.b, flanks.tooth + flanks.zone, states.alpha_b, drive.gears.z_b)
+    scalars = deviation_scalars(rest, states.alpha_g, states.alpha_b)
+    return StateGaps(scalars, -flanks.side * np.cos(flanks.alpha) * deviation)
 
 
 def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from hdassist.error.rests_on import MOST, reached
 from hdassist.error.search import searchable
 from hdassist.model.assumed import Assumption, assumptions
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import MountingCurve, Position, merit, rotated
@@ -121,6 +121,6 @@ def _few_states(drive: Drive, torques: Sequence[float], rotations: Sequence[floa
     rows, case = [], None
     for M_g in torques:
         case = LoadCase(formulation, M_g, like=case)
-        answers = [case.solve(formulation.system.gaps(each), lambda k: f"state {k}") for each in scalars]
+        answers = [case.solve(StateGaps(each), lambda k: f"state {k}") for each in scalars]
         rows.append([float(np.ptp(each.rotation_arcsec)) for each in answers])
     return np.array(rows)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.model.contacts import ContactSystem
+from hdassist.model.contacts import ContactSystem, StateGaps
 from hdassist.model.geometry import Array
-from hdassist.solve.certificate import TOLERANCE, Residuals, residuals
+from hdassist.solve.certificate import TOLERANCE, Residuals
+from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
 
-CHUNK = 256  # states whose forces are held at once: in the cache
+CHUNK = 1024  # states between two reports of progress
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
@@ -29,12 +30,10 @@ class StateSolver(Protocol):
         """Go on with another torque [N*mm]."""
         ...
 
-    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces [N] (states, M), displacements of the free freedoms [mm, rad] (states, free), fallbacks.
+    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+        """Sums of states, and forces along the deviation scalars where asked for.
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M). Fallbacks counts the states that the
-        first way gave up. A state that nothing solves has an answer without proof, or NaN; states behind it are not
-        tried, and NaN.
+        A state that nothing solves has sums without proof, or NaN; states behind it are not tried, and NaN.
         """
         ...
 
@@ -76,14 +75,14 @@ class Answers:
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
     takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
-    deviations, shape (states, scalars). As the energy has one second derivative, the pull grows with the torque as the
-    rotation grows with the scalars.
+    deviations, shape (states, scalars), None where not asked for. As the energy has one second derivative, the pull
+    grows with the torque as the rotation grows with the scalars.
     """
 
     rotation_arcsec: Array
     zone_share: Array
     tooth_force_N: Array
-    pull_N: Array
+    pull_N: Array | None
     certificate: Certificate
 
 
@@ -91,40 +90,44 @@ def solve_states(
     system: ContactSystem,
     solver: StateSolver,
     torque: float,
-    delta_p: Array,
+    gaps: StateGaps,
     place: Callable[[int], str],
     progress: Progress | None = None,
+    *,
+    pull: bool = False,
     chunk: int = CHUNK,
 ) -> Answers:
     """Solve states of one contact system and prove each answer.
 
-    Arguments: torque [N*mm]; delta_p, gaps without force [mm], shape (states, M); place, words for where
-    state k is, for errors; progress, told how many states were solved since the last call; chunk, states whose forces
-    are held at once.
+    Arguments: torque [N*mm]; gaps of the states; place, words for where state k is, for errors; progress, told how many
+    states were solved since the last call; pull, whether forces along the deviation scalars are asked for;
+    chunk, states between two reports of progress.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
-    count = len(delta_p)
-    rotation, force = np.empty(count), np.empty(count)
-    moment, pull = np.empty((count, 2)), np.empty((count, system.deviation_map.shape[1]))
+    parts: list[StateSums] = []
     certificate = EMPTY
-    for first in range(0, count, chunk):
-        part = slice(first, min(first + chunk, count))
-        forces, free, fallbacks = solver.solve(delta_p[part])
-        proof = residuals(system, delta_p[part], torque, forces, free)
-        _require_proof(proof, place, first)
-        rotation[part] = free[:, system.free_rotation]
-        flank = system.on_flanks(forces)
-        _require_linear(system, torque, rotation[part], flank, place, first)
-        tangential = forces[:, : system.n_flanks] * system.lever
-        moment[part] = np.stack([tangential[:, system.flanks.zone == z].sum(axis=1) for z in (0, 1)], axis=1)
-        force[part] = flank.max(axis=1)
-        pull[part] = forces @ system.deviation_map
-        worst = {f.name: float(getattr(proof, f.name).max()) for f in fields(Residuals)}
-        certificate += Certificate(len(forces), fallbacks=fallbacks, **worst)
+    for first in range(0, len(gaps), chunk):
+        sums = solver.solve(gaps[first : first + chunk], pull=pull)
+        _require_proof(sums.residuals, place, first)
+        _require_linear(system, torque, sums, place, first)
+        worst = {f.name: float(getattr(sums.residuals, f.name).max()) for f in fields(Residuals)}
+        certificate += Certificate(len(sums.rotation), fallbacks=sums.given_up, **worst)
+        parts.append(sums)
         if progress:
-            progress(len(forces))
-    return Answers(rotation * ARCSEC, moment / torque, force, pull, certificate)
+            progress(len(sums.rotation))
+    return Answers(
+        rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
+        zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / torque,
+        tooth_force_N=_joined(part.tooth_force for part in parts),
+        pull_N=_joined(part.pull for part in parts if part.pull is not None) if pull else None,
+        certificate=certificate,
+    )
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    held = list(parts)
+    return np.concatenate(held) if held else np.empty(0)
 
 
 def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) -> None:
@@ -140,28 +143,22 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
 
 
 def _require_linear(
-    system: ContactSystem,
-    torque: float,
-    rotation: Array,
-    flank: Array,
-    place: Callable[[int], str],
-    first: int,
+    system: ContactSystem, torque: float, sums: StateSums, place: Callable[[int], str], first: int
 ) -> None:
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
-    k = int(np.argmax(np.abs(rotation)))
-    if abs(rotation[k]) > quarter_pitch:
+    k = int(np.argmax(np.abs(sums.rotation)))
+    if abs(sums.rotation[k]) > quarter_pitch:
         raise UntrustedError(
             f"outside the limits of the linear model at {place(first + k)}: wind-up of "
-            f"{abs(rotation[k]) * ARCSEC:.0f} arcsec, above a quarter of a tooth pitch "
+            f"{abs(sums.rotation[k]) * ARCSEC:.0f} arcsec, above a quarter of a tooth pitch "
             f"({quarter_pitch * ARCSEC:.0f} arcsec)",
             "the torque is too great for this drive",
             Fault.BEYOND_MODEL,
         )
-    at_edge = flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0)
-    k = int(np.argmax(at_edge))
-    if at_edge[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
+    k = int(np.argmax(sums.edge_force))
+    if sums.edge_force[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
         raise EdgeOfWindowError(
-            f"outside the limits of the linear model at {place(first + k)}: {at_edge[k]:.3g} N on the outermost "
-            "tooth of the flank window",
+            f"outside the limits of the linear model at {place(first + k)}: {sums.edge_force[k]:.3g} N on the "
+            "outermost tooth of the flank window",
             "widen numerics.window, like --set numerics.window=60, or lower the torque",
         )

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
+from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.compiled import Compiled, compile_programme
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.pivoting import Flags, Pivoting, Reference
+from hdassist.solve.sums import StateSums
+from hdassist.solve.walk import Walk, library
 
 MANY = 64  # states from which on a reference pays
+AT_ONCE = 256  # states whose forces are held at once: in the cache
 CARRIES = 1e-9  # of the greatest force: more is contact
 
 
@@ -21,11 +26,18 @@ class Engine:
 
     Arguments: formulation; torque [N*mm] on the flexspline; like, the engine of a neighbouring system, whose
     compiled data and contact set this one takes over where the shapes are the same, and whose reference where system
-    and torque are the same; many, whether many states will come, in batches however small.
+    and torque are the same; many, whether many states will come, in batches however small; compiled, whether the walk
+    in C may run, as it does where it is there.
     """
 
     def __init__(
-        self, formulation: Formulation, torque: float, like: Engine | None = None, *, many: bool = False
+        self,
+        formulation: Formulation,
+        torque: float,
+        like: Engine | None = None,
+        *,
+        many: bool = False,
+        compiled: bool = True,
     ) -> None:
         near = like if like is not None and like.data.A.shape == formulation.A.shape else None
         self._formulation, self._torque = formulation, torque
@@ -37,25 +49,58 @@ class Engine:
         same = near and near._formulation is formulation and near._torque == torque
         self._same = near if same else None
         self._pivoting: Pivoting | None = None
+        self._walk: Walk | None = None
+        self._compiled = compiled and library()[0] is not None
         self._pays = 0 if many else MANY
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]; what was factored stays."""
         self._torque = torque
         self._one_by_one.load(torque)
+        if self._walk:
+            self._walk.load(self.data.load(torque), torque)
 
-    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as StateSolver says."""
-        if self._pivoting is None and len(delta_p) >= self._pays and self._reference:
+        if self._walk is None and self._compiled and self._worth_reference(len(gaps)):
+            assert self._reference
+            self._walk = Walk(self._formulation, self._reference, self.data.load(self._torque), self._torque)
+        if self._walk is None:
+            return self._sums(gaps, self.forces, pull)
+        sums = self._walk.solve(gaps, pull=pull)
+        given_up = np.flatnonzero(np.isnan(sums.rotation))
+        if len(given_up):
+            sums.put(given_up, self._sums(gaps[given_up], self._one_by_one.solve, pull))
+        return sums
+
+    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M). A state that nothing solves has an answer
+        without proof, or NaN; states behind it are not tried, and NaN.
+        """
+        if self._pivoting is None and self._worth_reference(len(delta_p)):
+            assert self._reference
             self._pivoting = Pivoting(self._reference)
         if self._pivoting is None:
             return self._one_by_one.solve(delta_p)
-        gaps, load = self._formulation.gaps(delta_p), self.data.load(self._torque)
-        forces, free = self._formulation.answer(*self._pivoting.solve(gaps, load))
+        load, found = self.data.load(self._torque), []
+        for first in range(0, max(len(delta_p), 1), AT_ONCE):
+            part = self._formulation.gaps(delta_p[first : first + AT_ONCE])
+            found.append(self._formulation.answer(*self._pivoting.solve(part, load)))
+        forces, free = (np.concatenate(each) for each in zip(*found, strict=True))
         given_up = np.flatnonzero(np.isnan(forces[:, 0]))
         if len(given_up):
             forces[given_up], free[given_up], _ = self._one_by_one.solve(delta_p[given_up])
         return forces, free, len(given_up)
+
+    def _worth_reference(self, states: int) -> bool:
+        return states >= self._pays and self._reference is not None
+
+    def _sums(self, gaps: StateGaps, solve: Callable[[Array], tuple[Array, Array, int]], pull: bool) -> StateSums:
+        system = self._formulation.system
+        delta_p = system.delta_p_of(gaps)
+        return StateSums.of(system, delta_p, self._torque, *solve(delta_p), pull=pull)
 
     @cached_property
     def _reference(self) -> Reference | None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hdassist.model.contacts import contact_system
-from hdassist.model.geometry import Array
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import N_MM, Answers, Progress, StateSolver, solve_states
 from hdassist.solve.engine import Engine
@@ -49,11 +48,13 @@ class LoadCase:
         self._torque = M_g * N_MM
         self._solver.load(self._torque)
 
-    def solve(self, delta_p: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
+    def solve(
+        self, gaps: StateGaps, place: Callable[[int], str], progress: Progress | None = None, *, pull: bool = False
+    ) -> Answers:
         """Solve states and prove each answer.
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M); place, words for where state k is, for errors;
-        progress, told how many states were solved since the last call. Raises UntrustedError where a state is not
-        solved, or its answer is outside the limits of the linear model.
+        Arguments: gaps of the states; place, words for where state k is, for errors; progress, told how many states
+        were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
+        UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
-        return solve_states(self.system, self._solver, self._torque, delta_p, place, progress)
+        return solve_states(self.system, self._solver, self._torque, gaps, place, progress, pull=pull)

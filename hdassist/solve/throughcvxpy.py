@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hdassist.errors import Fault, UntrustedError, UsageError
+from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import proven
+from hdassist.solve.sums import StateSums
 
 if TYPE_CHECKING:
     from hdassist.solve.formulation import Formulation
@@ -95,15 +97,16 @@ class ThroughCvxpy:
         """Go on with another torque [N*mm]."""
         self._torque = torque
 
-    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
-        formulation = self._formulation
+        formulation, system = self._formulation, self._formulation.system
+        delta_p = system.delta_p_of(gaps)
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
-        for k, gaps in enumerate(delta_p):
-            forces[k], free[k] = solve_through_cvxpy(formulation, gaps, self._torque, self._solver)
-            if not proven(formulation.system, gaps, self._torque, forces[k], free[k]):
+        for k, at_state in enumerate(delta_p):
+            forces[k], free[k] = solve_through_cvxpy(formulation, at_state, self._torque, self._solver)
+            if not proven(system, at_state, self._torque, forces[k], free[k]):
                 break
-        return forces, free, 0
+        return StateSums.of(system, delta_p, self._torque, forces, free, pull=pull)
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,16 @@ import pytest
 
 from hdassist import ToothDeviations, kinematic_error
 from hdassist.errors import UsageError
-from hdassist.model.contacts import CAM, contact_system
+from hdassist.model.contacts import CAM, StateGaps, contact_system
 from hdassist.model.deviations import (
     carried,
     deviation_scalars,
     displaced,
-    gaps,
     standing_offset,
     tooth_phases,
 )
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from tests.support import changed, first_harmonic
+from tests.support import changed, delta_p_of, first_harmonic
 
 QUIET = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
 
@@ -42,7 +41,7 @@ def test_teeth_are_displaced_along_theta_as_stated(reference):
     # flexspline alone, xi_g = 0, cam at 0: tooth at theta_x1 has (F/2) sin(theta_x1)
     drive = changed(reference, **{**QUIET, "tolerances__F_i1": 60.0}, phases__xi_g=0.0)
     system = contact_system(drive)
-    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    change = delta_p_of(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
     f = system.flanks
     displaced = 0.03 * np.sin(f.theta + np.pi / 2)
     # moving along +theta closes the + flank and opens the - flank
@@ -80,7 +79,9 @@ def test_a_pitch_mark_stands_a_quarter_turn_on_from_the_phase(reference):
 def test_measured_flexspline_equals_its_first_harmonic(reference, j):
     system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
     measured = ToothDeviations(g=first_harmonic(75.0, tooth_phases(reference)[0], 200))
-    assert gaps(reference, system, states, measured) == pytest.approx(gaps(reference, system, states), abs=1e-12)
+    assert delta_p_of(reference, system, states, measured) == pytest.approx(
+        delta_p_of(reference, system, states), abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("j", [0, 1, 77, 5000])
@@ -88,7 +89,7 @@ def test_measured_rigid_wheel_equals_its_first_harmonic(reference, j):
     # a space's own angle differs from its tooth's by up to 16 (1.8 - 1.782) deg = 0.285 deg at the window's edge
     system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
     measured = ToothDeviations(b=first_harmonic(75.0, tooth_phases(reference)[1], 202))
-    apart = np.abs(gaps(reference, system, states, measured) - gaps(reference, system, states))
+    apart = np.abs(delta_p_of(reference, system, states, measured) - delta_p_of(reference, system, states))
     assert apart.max() < 0.0375 * np.radians(0.286)
     middle = np.abs(np.mod(system.flanks.theta + np.pi / 2, np.pi) - np.pi / 2) < 0.02
     assert apart[0, : system.n_flanks][middle].max() < 0.0375 * np.radians(0.02)
@@ -114,7 +115,7 @@ def test_one_bad_tooth_is_felt_when_it_meshes(reference):
     bad[50] = 20.0  # um
     error = kinematic_error(drive, 80, states=states, teeth=ToothDeviations(g=bad), cross_check=None)
     system = contact_system(drive)
-    touched = gaps(drive, system, states, ToothDeviations(g=bad)) != system.delta_p
+    touched = delta_p_of(drive, system, states, ToothDeviations(g=bad)) != system.delta_p
     in_mesh = touched.any(axis=1)
     assert 60 < in_mesh.sum() < 70  # 33 positions in each of two zones
     still = error.rotation_arcsec[~in_mesh]
@@ -127,7 +128,7 @@ def test_one_bad_space_of_the_rigid_wheel_opens_the_flank_before_it(reference):
     system, states = contact_system(drive), pitch_locked_states(Kinematics.of(drive), np.arange(202))
     bad = np.zeros(202)
     bad[50] = 20.0  # um, along +theta
-    change = gaps(drive, system, states, ToothDeviations(b=bad)) - system.delta_p
+    change = delta_p_of(drive, system, states, ToothDeviations(b=bad)) - system.delta_p
     f = system.flanks
     met = np.abs(change[:, : system.n_flanks]) > 1e-12
     assert met.any(axis=1).sum() == 2 * 33  # positions in mesh
@@ -146,14 +147,14 @@ def test_a_run_out_moves_the_wheel_as_its_translation_does(reference):
     # at phi_h = 0 the minor axis, x1, lies along x; the system's x lies along the major axis, 90 deg on
     drive = changed(reference, **QUIET, tolerances__e_b=20.0, phases__phi_eb=90.0)
     system = contact_system(drive)
-    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    change = delta_p_of(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
     assert change == pytest.approx(0.02 * system.G[:, 0], abs=1e-15)
     f = system.flanks
     beta = 0.0  # the same direction, from the major axis
     moved = f.side * 0.02 * np.sin(beta - f.theta + f.side * f.alpha)
     assert change[: system.n_flanks] == pytest.approx(moved, abs=1e-15)
     # and so does a shift along the minor axis, against the system's y
-    along_x1 = system.gaps(np.array([[0.0, 0.0, 0.0, 0.0, 0.02, 0.0]]))[0] - system.delta_p
+    along_x1 = system.delta_p_of(StateGaps(np.array([[0.0, 0.0, 0.0, 0.0, 0.02, 0.0]])))[0] - system.delta_p
     assert along_x1 == pytest.approx(-0.02 * system.G[:, 1], abs=1e-15)
 
 
@@ -225,7 +226,7 @@ def test_the_cam_closes_the_balls_that_it_moves_towards(reference, direction):
     # at phi_h = 0 the major axis, where theta is 0, lies 90 deg from x
     drive = changed(reference, **{**QUIET, "tolerances__e_hb": 80.0}, phases__phi_hb=direction)
     system = contact_system(drive)
-    change = gaps(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
+    change = delta_p_of(drive, system, pitch_locked_states(Kinematics.of(drive), np.array([0])))[0] - system.delta_p
     towards = np.cos(system.ball_theta - np.radians(direction - 90))
     assert change[system.balls] == pytest.approx(-0.08 * towards, abs=1e-15)
     assert not change[: system.balls.start].any()

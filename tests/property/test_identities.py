@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from hdassist.error.cycle import kinematic_error
 from hdassist.model.contacts import CAM, contact_system
-from hdassist.model.deviations import deviation_scalars, gaps
+from hdassist.model.deviations import deviation_scalars
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve.answers import ARCSEC
-from tests.support import changed, rotation, solve_state, wind_up
+from tests.support import changed, delta_p_of, rotation, solve_state, wind_up
 
 micrometres = st.floats(-100, 100).map(lambda um: round(um, 3) * 1e-3)
 vectors = st.tuples(*[micrometres] * 4).map(np.array)
@@ -195,7 +195,7 @@ def test_turning_everything_by_an_angle_changes_nothing(reference, turn):
     one = deviation_scalars(reference, here.alpha_g, here.alpha_b)
     assert deviation_scalars(drive, there.alpha_g, there.alpha_b) == pytest.approx(one, abs=1e-12)
     system = contact_system(reference)
-    assert gaps(drive, system, there) == pytest.approx(gaps(reference, system, here), abs=1e-12)
+    assert delta_p_of(drive, system, there) == pytest.approx(delta_p_of(reference, system, here), abs=1e-12)
 
 
 def test_cycle_does_not_depend_on_where_it_starts(reference):

@@ -46,7 +46,7 @@ def test_engine_agrees_with_two_other_solvers(reference, fields, tau, beta, scal
     system = contact_system(changed(reference, **fields), tau, beta)
     formulation = formulate(system)
     delta_p = system.delta_p + system.deviation_map[:, :4] @ scalars
-    forces, free, _ = Engine(formulation, torque).solve(delta_p[None])
+    forces, free, _ = Engine(formulation, torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     for solver in ("CLARABEL", "OSQP"):
         others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
@@ -61,7 +61,7 @@ def test_engine_agrees_with_two_other_solvers_on_coned_flanks(reference, fields,
     system = contact_system(drive)
     formulation = formulate(system)
     delta_p = system.delta_p + system.deviation_map[:, :4] @ scalars
-    forces, free, _ = Engine(formulation, torque).solve(delta_p[None])
+    forces, free, _ = Engine(formulation, torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     for solver in ("CLARABEL", "OSQP"):
         others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
@@ -77,9 +77,9 @@ def test_many_states_at_once_are_what_each_is_alone(reference, stations, fields,
     formulation = formulate(system)
     scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY, 4))
     delta_p = system.delta_p + scalars @ system.deviation_map[:, :4].T
-    forces, free, _ = Engine(formulation, torque).solve(delta_p)
+    forces, free, _ = Engine(formulation, torque).forces(delta_p)
     assert residuals(system, delta_p, torque, forces, free).worst.max() <= TOLERANCE
-    others, same, _ = Engine(formulation, torque).solve(delta_p[: MANY - 1])
+    others, same, _ = Engine(formulation, torque).forces(delta_p[: MANY - 1])
     k = system.free_rotation
     assert same[:, k] * ARCSEC == pytest.approx(free[:-1, k] * ARCSEC, abs=1e-7)
     assert others == pytest.approx(forces[:-1], abs=1e-6 * forces.max())
@@ -90,8 +90,8 @@ def test_warm_answers_do_not_depend_on_their_order(reference):
     formulation = formulate(system)
     scalars = np.random.default_rng(1).uniform(-0.08, 0.08, (60, 4))
     delta_p = system.delta_p + scalars @ system.deviation_map[:, :4].T
-    there, free, _ = Engine(formulation, 80e3).solve(delta_p)
-    back, freed, _ = Engine(formulation, 80e3).solve(delta_p[::-1])
+    there, free, _ = Engine(formulation, 80e3).forces(delta_p)
+    back, freed, _ = Engine(formulation, 80e3).forces(delta_p[::-1])
     assert back[::-1] == pytest.approx(there, abs=1e-8 * there.max())
     assert freed[::-1, 0] * ARCSEC == pytest.approx(free[:, 0] * ARCSEC, abs=1e-8)
 
@@ -101,7 +101,7 @@ def test_symmetric_degenerate_states_are_solved(reference):
     system = contact_system(changed(reference, gears__j_n=0.0))
     formulation = formulate(system)
     for torque in (1e-3, 1.0, 1e3, -1e3, 1e5):
-        forces, free, _ = Engine(formulation, torque).solve(np.repeat(system.delta_p[None], 3, axis=0))
+        forces, free, _ = Engine(formulation, torque).forces(np.repeat(system.delta_p[None], 3, axis=0))
         assert (
             residuals(system, np.repeat(system.delta_p[None], 3, axis=0), torque, forces, free).worst.max() <= TOLERANCE
         )

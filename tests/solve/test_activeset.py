@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve.activeset import ActiveSet, solve_near
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import compile_programme
@@ -23,9 +23,9 @@ def formulation(system):
 
 def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system):
     data = compile_programme(formulation)
-    torque, delta_p = 80e3, system.gaps(np.array([[0.03, 0.01, 0.05, -0.02]]))
+    torque, delta_p = 80e3, system.delta_p_of(StateGaps(np.array([[0.03, 0.01, 0.05, -0.02]])))
     q, load = data.q_0 + data.Q @ formulation.gaps(delta_p[0]), data.load(torque)
-    forces, free, _ = Engine(formulation, torque).solve(delta_p)
+    forces, free, _ = Engine(formulation, torque).forces(delta_p)
     solved = forces[0] > 0
     one_more = solved.copy()
     one_more[np.argmin(solved)] = True
@@ -41,7 +41,7 @@ def test_a_model_is_set_up_once_for_many_states(formulation, system, monkeypatch
     monkeypatch.setattr(ActiveSet, "_set_up", lambda self, *a: made.append(1) or set_up(self, *a))
     data = compile_programme(formulation)
     solver = ActiveSet(formulation, data, 80e3, np.ones(len(data.q_0), dtype=bool))
-    few = system.gaps(np.outer(np.linspace(0, 1, 4), [0.03, 0.01, 0.05, -0.02]))
+    few = system.delta_p_of(StateGaps(np.outer(np.linspace(0, 1, 4), [0.03, 0.01, 0.05, -0.02])))
     assert solver.solve(few)[2] == len(made) == 0  # near each other: no model at all
     many = np.repeat(few, 3, axis=0)
     for _ in range(2):

@@ -8,18 +8,19 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.error.cycle import _formulations
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import ToothDeviations, gaps
+from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve import pivoting
 from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import ARCSEC, N_MM, solve_states
+from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.compiled import Compiled
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.pivoting import Reference, exchanged
+from hdassist.solve.sums import StateSums
 from tests.process import SMALL
-from tests.support import changed
+from tests.support import changed, delta_p_of
 
 EXACT = 1e-7  # arcsec
 
@@ -41,7 +42,7 @@ def formulation(system):
 
 @pytest.fixture(scope="module")
 def delta_p(small, system):
-    return gaps(small, system, pitch_locked_states(Kinematics.of(small), np.arange(200)))
+    return delta_p_of(small, system, pitch_locked_states(Kinematics.of(small), np.arange(200)))
 
 
 def one_by_one(formulation, torque, delta_p):
@@ -67,9 +68,10 @@ def cycle_one_by_one(drive, M_g, teeth=None):
     for rows, formulation in _formulations(drive, states):
         data = Engine(formulation, M_g * N_MM).data
         solver = ActiveSet(formulation, data, M_g * N_MM, np.ones(len(data.q_0), dtype=bool))
-        delta_p = gaps(drive, formulation.system, states.take(rows), teeth)
-        answers = solve_states(formulation.system, solver, M_g * N_MM, delta_p, str)
-        rotation[rows], share[rows] = answers.rotation_arcsec, answers.zone_share
+        delta_p = delta_p_of(drive, formulation.system, states.take(rows), teeth)
+        sums = StateSums.of(formulation.system, delta_p, M_g * N_MM, *solver.solve(delta_p))
+        assert sums.residuals.worst.max() <= TOLERANCE
+        rotation[rows], share[rows] = sums.rotation * ARCSEC, sums.moment / (M_g * N_MM)
     return rotation, share
 
 
@@ -77,9 +79,9 @@ def cycle_one_by_one(drive, M_g, teeth=None):
 def test_the_cycle_of_the_reference_drive(reference, torque):
     system = contact_system(reference)
     some = np.sort(np.random.default_rng(3).choice(20200, 300, replace=False))
-    delta_p = gaps(reference, system, pitch_locked_states(Kinematics.of(reference), some))
+    delta_p = delta_p_of(reference, system, pitch_locked_states(Kinematics.of(reference), some))
     formulation = formulate(system)
-    found = Engine(formulation, torque).solve(delta_p)
+    found = Engine(formulation, torque).forces(delta_p)
     assert found[2] == 0
     assert same(formulation, torque, delta_p, found)
     # without force is without force, to the last digit
@@ -125,23 +127,23 @@ def test_symmetric_states_in_which_contacts_just_touch(small, torque):
     # and next to them states that break the symmetry by next to nothing
     delta_p[::3] += system.deviation_map[:, :4] @ [0, 0, 1e-13, 1e-12]
     formulation = formulate(system)
-    assert same(formulation, torque, delta_p, Engine(formulation, torque).solve(delta_p))
+    assert same(formulation, torque, delta_p, Engine(formulation, torque).forces(delta_p))
 
 
 def test_answers_hang_neither_on_the_order_nor_on_the_batches(formulation, delta_p):
-    whole, free, _ = Engine(formulation, 4e3).solve(delta_p)
+    whole, free, _ = Engine(formulation, 4e3).forces(delta_p)
     order = np.random.default_rng(0).permutation(len(delta_p))
-    mixed, freed, _ = Engine(formulation, 4e3).solve(delta_p[order])
+    mixed, freed, _ = Engine(formulation, 4e3).forces(delta_p[order])
     assert mixed == pytest.approx(whole[order], abs=1e-8 * whole.max())
     assert freed[:, 0] * ARCSEC == pytest.approx(free[order, 0] * ARCSEC, abs=EXACT)
     solver = Engine(formulation, 4e3)
     for first, last in ((0, 100), (100, 101), (101, 101), (101, 170), (170, 200)):
-        forces, _, _ = solver.solve(delta_p[first:last])
+        forces, _, _ = solver.forces(delta_p[first:last])
         assert forces == pytest.approx(whole[first:last], abs=1e-8 * whole.max())
 
 
 def test_the_same_states_give_the_same_digits(formulation, delta_p):
-    (one, free, _), (other, freed, _) = (Engine(formulation, 4e3).solve(delta_p) for _ in range(2))
+    (one, free, _), (other, freed, _) = (Engine(formulation, 4e3).forces(delta_p) for _ in range(2))
     assert np.array_equal(one, other)
     assert np.array_equal(free, freed)
 
@@ -149,33 +151,33 @@ def test_the_same_states_give_the_same_digits(formulation, delta_p):
 def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, delta_p):
     for many in (False, True):
         engine = Engine(formulation, 4e3, many=many)
-        engine.solve(delta_p[: MANY - 1])
+        engine.forces(delta_p[: MANY - 1])
         assert (engine._pivoting is not None) is many
     alone = Engine(formulation, 4e3)
-    alone.solve(delta_p[:MANY])
+    alone.forces(delta_p[:MANY])
     assert alone._pivoting is not None
 
 
 def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, delta_p):
     fresh = Engine(formulation, 4e3)
-    alone = Engine(formulation, 4e3).solve(delta_p)
-    Engine(formulation, 4e3, like=fresh).solve(delta_p[50:])
-    like = Engine(formulation, 4e3, like=fresh).solve(delta_p)
+    alone = Engine(formulation, 4e3).forces(delta_p)
+    Engine(formulation, 4e3, like=fresh).forces(delta_p[50:])
+    like = Engine(formulation, 4e3, like=fresh).forces(delta_p)
     assert np.array_equal(like[0], alone[0])
 
 
 def test_another_torque_later(formulation, delta_p):
     solver = Engine(formulation, 4e3)
-    solver.solve(delta_p)
+    solver.forces(delta_p)
     for torque in (40e3, -1e3, 1e-3):
         solver.load(torque)
-        assert same(formulation, torque, delta_p, solver.solve(delta_p))
+        assert same(formulation, torque, delta_p, solver.forces(delta_p))
 
 
 @pytest.mark.parametrize("name", ["PIVOTS", "GREEDY"])
 def test_tableaux_made_anew_and_least_indices_lead_to_the_same(formulation, delta_p, monkeypatch, name):
     monkeypatch.setattr(pivoting, name, 0)
-    found = Engine(formulation, 4e3).solve(delta_p)
+    found = Engine(formulation, 4e3).forces(delta_p)
     assert found[2] == 0
     assert same(formulation, 4e3, delta_p, found)
 
@@ -187,7 +189,7 @@ def test_tableaux_made_anew_and_least_indices_lead_to_the_same(formulation, delt
 def test_states_given_up_are_counted_and_solved_one_by_one(formulation, delta_p, monkeypatch, name, value, all_of_them):
     # too many pivots, a pivot that would spoil the tableau, rounding
     monkeypatch.setattr(pivoting, name, value)
-    found = Engine(formulation, 4e3).solve(delta_p)
+    found = Engine(formulation, 4e3).forces(delta_p)
     assert found[2] == len(delta_p) if all_of_them else 0 < found[2] <= len(delta_p)
     assert same(formulation, 4e3, delta_p, found)
 
@@ -200,7 +202,7 @@ def test_a_walk_that_rounding_spoiled_is_given_up(formulation, delta_p, monkeypa
         return solved * (1 + 1e-3 * changed), changed
 
     monkeypatch.setattr(pivoting.Pivoting, "_walk", spoiled)
-    found = Engine(formulation, 4e3).solve(delta_p)
+    found = Engine(formulation, 4e3).forces(delta_p)
     assert found[2] > 0
     assert same(formulation, 4e3, delta_p, found)
 
@@ -209,16 +211,16 @@ def test_pivots_that_find_no_end_are_not_tried_for_ever(formulation, delta_p, mo
     monkeypatch.setattr(pivoting, "LIMIT", 0)
     reach, tried = pivoting.Pivoting._reach, []
     monkeypatch.setattr(pivoting.Pivoting, "_reach", lambda self, *a: tried.append(1) or reach(self, *a))
-    found = Engine(formulation, 4e3).solve(delta_p)
+    found = Engine(formulation, 4e3).forces(delta_p)
     assert len(tried) == pivoting.LOST < found[2]
     assert same(formulation, 4e3, delta_p, found)
 
 
 def test_a_state_that_is_no_number_spoils_no_other(formulation, delta_p):
-    expected, _, _ = Engine(formulation, 4e3).solve(delta_p)
+    expected, _, _ = Engine(formulation, 4e3).forces(delta_p)
     spoiled = delta_p.copy()
     spoiled[5, 3] = np.nan
-    forces, free, fallbacks = Engine(formulation, 4e3).solve(spoiled)
+    forces, free, fallbacks = Engine(formulation, 4e3).forces(spoiled)
     assert fallbacks == 1
     assert residuals(formulation.system, spoiled, 4e3, forces, free).worst[5] == np.inf
     others = np.arange(len(delta_p)) != 5
@@ -231,7 +233,7 @@ def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, delta_p, 
     assert Reference.at(data, none) is None
     assert Reference.at(data, one) is None
     monkeypatch.setattr(Reference, "at", lambda data, contact: None)
-    found = Engine(formulation, 4e3).solve(delta_p)
+    found = Engine(formulation, 4e3).forces(delta_p)
     assert found[2] == 0
     assert same(formulation, 4e3, delta_p, found)
 

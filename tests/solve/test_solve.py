@@ -10,8 +10,8 @@ import pytest
 from hdassist import kinematic_error, load_preset
 from hdassist.error.self_error import self_error
 from hdassist.errors import Fault, UntrustedError, UsageError
-from hdassist.model.contacts import ROTATION, contact_system
-from hdassist.model.deviations import gaps
+from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
+from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve import activeset, engine, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
@@ -21,6 +21,7 @@ from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_again, solve_through_cvxpy
 from tests.process import SMALL
 from tests.support import changed
@@ -73,13 +74,13 @@ def test_data_moved_to_a_neighbour_are_what_cvxpy_compiles_there(reference, form
 
 def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference, formulation, system):
     near = Engine(formulation, 80e3)
-    near.solve(system.delta_p[None])
+    near.forces(system.delta_p[None])
     other = contact_system(reference, tau=0.4, beta=0.2)
     engine = Engine(formulate(other), -5e3, like=near)
-    engine.solve(other.delta_p[None])
+    engine.forces(other.delta_p[None])
     engine.load(800e3)
-    forces, free, fallbacks = engine.solve(other.delta_p[None])
-    alone, freed, _ = Engine(formulate(other), 800e3).solve(other.delta_p[None])
+    forces, free, fallbacks = engine.forces(other.delta_p[None])
+    alone, freed, _ = Engine(formulate(other), 800e3).forces(other.delta_p[None])
     assert fallbacks == 0
     assert forces == pytest.approx(alone, abs=1e-8 * alone.max())
     assert free == pytest.approx(freed, abs=1e-12)
@@ -90,7 +91,7 @@ def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, pa
     # there is no second assembly that would go on with the old number
     stated, n = formulation.statement, len(system.delta_p)
     x = stated.forces
-    before = Engine(formulation, 80e3).solve(system.delta_p[None])
+    before = Engine(formulation, 80e3).forces(system.delta_p[None])
     objective, constraints = stated.problem.objective.expr, list(stated.problem.constraints)
     busiest = int(np.argmax(before[0][0, : system.n_flanks]))
     pick = np.zeros(n)
@@ -112,8 +113,8 @@ def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, pa
         with pytest.raises(UntrustedError, match="inequalities"):
             Engine(altered, 80e3)
         return
-    after = Engine(altered, 80e3).solve(system.delta_p[None])
-    many = Engine(altered, 80e3).solve(np.repeat(system.delta_p[None], MANY, axis=0))
+    after = Engine(altered, 80e3).forces(system.delta_p[None])
+    many = Engine(altered, 80e3).forces(np.repeat(system.delta_p[None], MANY, axis=0))
     assert many[1] * ARCSEC == pytest.approx(np.repeat(after[1] * ARCSEC, MANY, axis=0), abs=1e-7)
     assert abs(after[1][0, 0] - before[1][0, 0]) * ARCSEC > 0.01
     _, same = solve_through_cvxpy(altered, system.delta_p, 80e3, "CLARABEL")
@@ -130,7 +131,7 @@ def test_every_state_can_go_through_cvxpy(reference, solver):
 
 def test_an_unknown_solver_is_an_error(formulation, system):
     with pytest.raises(UsageError, match="nosuch") as error:
-        ThroughCvxpy(formulation, 80e3, "nosuch").solve(system.delta_p[None])
+        ThroughCvxpy(formulation, 80e3, "nosuch").solve(WITHOUT_DEVIATIONS)
     assert error.value.hint.startswith("there are: clarabel, ")
     assert "daqp" in error.value.hint
 
@@ -149,7 +150,7 @@ def test_a_solver_that_breaks_down_is_told_by_its_first_line(formulation, system
 def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(formulation, system):
     torques = np.array([80.0, -300.0, 800.0])
     delta_p = np.repeat(system.delta_p[None], 3, axis=0)
-    rotation = np.array([Engine(formulation, M_g * 1e3).solve(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
+    rotation = np.array([Engine(formulation, M_g * 1e3).forces(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
     # to the name of a solver that runs at its own settings, too
     found = solve_again(formulation, torques, delta_p, rotation + np.array([0.001, -0.004, 0.002]), "daqp", str)
     assert (found.solver, found.states) == ("DAQP", 3)
@@ -172,7 +173,7 @@ def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(for
     ],
 )
 def test_a_wrong_answer_has_no_certificate(formulation, system, residual, spoil):
-    forces, free, _ = Engine(formulation, 80e3).solve(system.delta_p[None])
+    forces, free, _ = Engine(formulation, 80e3).forces(system.delta_p[None])
     right = residuals(system, system.delta_p[None], 80e3, forces, free)
     assert getattr(right, residual)[0] < 1e-11
     wrong = residuals(system, system.delta_p[None], 80e3, *spoil(forces, free))
@@ -181,7 +182,7 @@ def test_a_wrong_answer_has_no_certificate(formulation, system, residual, spoil)
 
 def test_the_certificate_is_made_from_the_unscaled_system(system):
     # forces that are right for other gaps are not right for these
-    forces, free, _ = Engine(formulate(system), 80e3).solve(system.delta_p[None])
+    forces, free, _ = Engine(formulate(system), 80e3).forces(system.delta_p[None])
     moved = system.delta_p.copy()
     moved[np.argmax(forces[0])] += 1e-5
     assert residuals(system, moved[None], 80e3, forces, free).worst[0] > 1e-8
@@ -199,16 +200,18 @@ class Broken:
     def __init__(self, inner, spoiled):
         self.inner, self.spoiled = inner, spoiled
 
-    def solve(self, delta_p):
-        forces, free, fallbacks = self.inner.solve(delta_p)
+    def solve(self, gaps, pull=False):
+        system = self.inner._formulation.system
+        delta_p = system.delta_p_of(gaps)
+        forces, free, _ = self.inner.forces(delta_p)
         forces[self.spoiled] *= 1.001
-        return forces, free, fallbacks
+        return StateSums.of(system, delta_p, 80e3, forces, free)
 
 
 def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation):
-    delta_p = np.repeat(system.delta_p[None], 5, axis=0)
+    gaps = StateGaps(np.zeros((5, 0)))
     with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
-        solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, delta_p, lambda k: f"number {k}")
+        solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, gaps, lambda k: f"number {k}")
     assert error.value.exit_code == 5
     assert error.value.fault is Fault.UNTRUSTED_STATE
     assert "--solver clarabel" in error.value.hint
@@ -227,7 +230,7 @@ def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
 @pytest.mark.parametrize("failing", ["warm", "warm and cold", "all"])
 def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, failing):
     delta_p = system.delta_p + np.linspace(0, 1, 4)[:, None] * (system.deviation_map[:, :4] @ [0.03, 0, 0.05, 0])
-    expected = Engine(formulation, 80e3).solve(delta_p)[1]
+    expected = Engine(formulation, 80e3).forces(delta_p)[1]
     run, calls = ActiveSet._run, []
 
     def stubborn(self):
@@ -247,7 +250,7 @@ def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, faili
             raise UntrustedError("no")
 
         monkeypatch.setattr(activeset, "solve_through_cvxpy", refuse)
-    forces, free, fallbacks = Engine(formulation, 80e3).solve(delta_p)
+    forces, free, fallbacks = Engine(formulation, 80e3).forces(delta_p)
     assert fallbacks == 1
     if failing == "all":
         # nor is anything behind it tried: what makes one state hopeless makes its neighbours so
@@ -328,11 +331,11 @@ def test_progress_counts_every_state(reference, system, formulation):
     result = kinematic_error(reference, 80, states=states, cross_check=None, progress=seen.append)
     assert sum(seen) == 30 == result.certificate.states
     seen.clear()
-    delta_p = gaps(reference, system, states)
-    few = solve_states(system, Engine(formulation, 80e3), 80e3, delta_p, str, seen.append, chunk=7)
+    gaps = state_gaps(reference, system, states)
+    few = solve_states(system, Engine(formulation, 80e3), 80e3, gaps, str, seen.append, chunk=7)
     assert seen == [7, 7, 7, 7, 2]
     assert few.certificate.states == 30
-    whole = solve_states(system, Engine(formulation, 80e3), 80e3, delta_p, str)
+    whole = solve_states(system, Engine(formulation, 80e3), 80e3, gaps, str)
     assert whole.rotation_arcsec == pytest.approx(few.rotation_arcsec, abs=1e-9)
 
 
@@ -360,12 +363,12 @@ def test_a_neighbour_is_not_compiled_again(monkeypatch):
     near = LoadCase.of(drive, 4.0)
     softer = drive.with_values({"contact.c_t": 6.6e-5})
     alone = LoadCase.of(softer, 1.0)
-    expected = alone.solve(alone.system.delta_p[None], str)
+    expected = alone.solve(WITHOUT_DEVIATIONS, str)
 
     def refuse(*_):
         raise AssertionError("compiled again")
 
     monkeypatch.setattr(engine, "compile_programme", refuse)
     case = LoadCase(formulate(contact_system(softer)), 1.0, like=near)
-    found = case.solve(case.system.delta_p[None], str)
+    found = case.solve(WITHOUT_DEVIATIONS, str)
     assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=1e-7)

@@ -1,0 +1,61 @@
+"""Compiles the walk: the build hook of the package, and what finds the result again.
+
+One C source, no Python headers, one shared library for each instruction set; the wheel is `py3-none-PLATFORM`.
+Without a compiler, or with HDASSIST_PURE set, the wheel is pure Python and the numpy engine runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sysconfig
+from collections.abc import Sequence
+from pathlib import Path
+
+SOURCE = Path(__file__).parent / "walk.c"
+SUFFIX = ".dll" if os.name == "nt" else ".so"
+# comparisons with NaN and sums in their order stay as they are written: no -ffast-math
+FLAGS = ["-std=c11", "-O3", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC"]
+X86 = {1: ["-march=x86-64"], 3: ["-march=x86-64-v3"], 4: ["-march=x86-64-v4", "-mprefer-vector-width=512"]}
+
+
+def source_hash() -> str:
+    """SHA-256 of the source of the walk."""
+    return hashlib.sha256(SOURCE.read_bytes()).hexdigest()
+
+
+def library_name(level: int) -> str:
+    """File name of the library for an instruction set: 1 any machine, 3 AVX2, 4 AVX-512."""
+    return f"_walk_{level}{SUFFIX}"
+
+
+def development_folder() -> Path:
+    """Where an editable install keeps its libraries: a folder that git ignores and no wheel takes."""
+    return SOURCE.parents[2] / "build" / f"walk-{sysconfig.get_platform()}"
+
+
+def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
+    """Compile the walk into a folder; the libraries made, none where there is no compiler or it fails.
+
+    Arguments: more, further options of the compiler.
+    """
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if not compiler or os.environ.get("HDASSIST_PURE"):
+        return []
+    folder.mkdir(parents=True, exist_ok=True)
+    levels = X86 if platform.machine().lower() in ("x86_64", "amd64") else {1: []}
+    made = []
+    for level, flags in levels.items():
+        library = folder / library_name(level)
+        new = library.with_suffix(f".{os.getpid()}")  # replaced as a whole: another process may have the old one open
+        options = [*FLAGS, *flags, *more, f'-DWALK_SOURCE="{source_hash()}"']
+        command = [compiler, *options, str(SOURCE), "-o", str(new), "-lm"]
+        if subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode:
+            new.unlink(missing_ok=True)
+            return []
+        new.replace(library)
+        made.append(library)
+    return made

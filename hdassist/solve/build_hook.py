@@ -1,0 +1,44 @@
+"""Build hook of hatchling: the compiled walk goes into the wheel, and beside an editable install."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+
+def _build() -> Any:
+    """The module build.py, loaded by its path: the package can't be imported while it is built."""
+    spec = importlib.util.spec_from_file_location("walk_build", Path(__file__).parent / "build.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class WalkHook(BuildHookInterface[Any]):
+    """Compiles the walk where there is a compiler."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile into a folder of its own, and name the libraries as files of the wheel."""
+        build = _build()
+        if version == "editable":
+            build.compile_walk(build.development_folder())
+            return
+        self._folder = tempfile.mkdtemp()
+        made = build.compile_walk(Path(self._folder))
+        for library in made:
+            build_data["force_include"][str(library)] = f"hdassist/solve/{library.name}"
+        if made:
+            platform_tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+            build_data["pure_python"], build_data["tag"] = False, f"py3-none-{platform_tag}"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
+        """Leave nothing behind."""
+        if version != "editable":
+            shutil.rmtree(self._folder, ignore_errors=True)

@@ -1,0 +1,67 @@
+"""Sums over the contacts of solved states: all that analyses ask for but the forces themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.model.contacts import ContactSystem
+from hdassist.model.geometry import Array
+from hdassist.solve.certificate import Residuals, residuals
+
+
+@dataclass(frozen=True)
+class StateSums:
+    """Sums of states, shape (states,) unless said otherwise; NaN in a state that was given up.
+
+    rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force and edge_force
+    [N], greatest on a flank and on one at the edge of the window; residuals; pull [N], forces along the scalars of the
+    deviations, shape (states, scalars), where asked for; given_up, how many states the first way gave up.
+    """
+
+    rotation: Array
+    moment: Array
+    tooth_force: Array
+    edge_force: Array
+    residuals: Residuals
+    pull: Array | None
+    given_up: int
+
+    @classmethod
+    def of(
+        cls,
+        system: ContactSystem,
+        delta_p: Array,
+        torque: float,
+        forces: Array,
+        free: Array,
+        given_up: int = 0,
+        *,
+        pull: bool = False,
+    ) -> StateSums:
+        """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm].
+        """
+        flank = system.on_flanks(forces)
+        tangential = forces[:, : system.n_flanks] * system.lever
+        return cls(
+            rotation=free[:, system.free_rotation],
+            moment=np.stack([tangential[:, system.flanks.zone == zone].sum(axis=1) for zone in (0, 1)], axis=1),
+            tooth_force=flank.max(axis=1),
+            edge_force=flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0),
+            residuals=residuals(system, delta_p, torque, forces, free),
+            pull=forces @ system.deviation_map if pull else None,
+            given_up=given_up,
+        )
+
+    def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
+        """Put the sums of other states into some rows."""
+        for name in ("rotation", "moment", "tooth_force", "edge_force"):
+            getattr(self, name)[rows] = getattr(there, name)
+        for mine, theirs in zip(vars(self.residuals).values(), vars(there.residuals).values(), strict=True):
+            mine[rows] = theirs
+        if self.pull is not None and there.pull is not None:
+            self.pull[rows] = there.pull

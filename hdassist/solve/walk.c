@@ -1,0 +1,527 @@
+/* The walk over states of one contact system at one torque: principal pivots, sums and certificate of each state.
+ *
+ * At a fixed contact set the values (forces of contacts, gaps of the others, duals) are linear in the gaps without force.
+ * Of every candidate that changed sides, value and other (gap of a contact, force of the others) trade places by one
+ * principal pivot of a small dense tableau, which holds only candidates that change sides now and then; a state is solved
+ * where all its values are positive. The next state starts from the contact set of the one before.
+ * pivoting.py is the same in numpy, and the oracle of this file.
+ *
+ * States are given by deviation scalars s: gaps = delta_p + map' s (+ gaps of measured teeth). The certificate is made of
+ * D, G, C and these gaps alone, in mm, N and rad; all else is in the programme's units.
+ */
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FREEDOMS 9
+#define ZERO 1e-10       /* programme's units: a value this far below zero counts as zero */
+#define SMALLEST 1e-9    /* pivot, where those of the reference are one */
+#define REFINED 5e-13    /* a value that should be zero: beyond it answers are refined */
+#define INACCURATE 1e-9  /* a value that should be zero: beyond it the tableau is made anew */
+#define GREEDY 3         /* pivots a candidate, after which the least index goes first, which can't cycle (Murty) */
+#define LIMIT 30         /* pivots a candidate, after which a state is given up */
+#define LOST 8           /* states given up, after which no more are tried */
+#define REFRESH 1000     /* pivots, after which the tableau is made anew, against rounding */
+#define KEEP 30          /* states without a change of sides, after which a candidate leaves the tableau */
+#define SWEEP 16         /* states between two looks for such candidates */
+#define BATCH 64         /* states that are certified together */
+
+#if defined(__AVX512F__)
+#define WIDTH 8
+#elif defined(__AVX__)
+#define WIDTH 4
+#else
+#define WIDTH 2
+#endif
+#define ABREAST (WIDTH == 8 ? 8 : 4) /* states whose gaps are summed in registers */
+
+#define SIMD(clause) _Pragma(#clause)
+#define SUM(x) SIMD(omp simd reduction(+ : x))
+#define LEAST(x) SIMD(omp simd reduction(min : x))
+#define GREATEST(x) SIMD(omp simd reduction(max : x))
+
+typedef double vector __attribute__((vector_size(WIDTH * 8), aligned(8)));
+
+/* What the caller lends; it has to outlive the walk. M candidates, R = M + free values, p scalars. */
+typedef struct {
+    int32_t M, free, p, flanks, stations, columns, rotation;
+    const double *by_others;   /* (M, R) what another of each candidate adds to all values, scaled on both sides */
+    const double *law;         /* (1 + p, R) values at the reference: constant, and by a unit of each scalar; scaled */
+    const uint8_t *contact;    /* (M) whether the reference has contact */
+    const double *scale;       /* (M) by which values are multiplied and others divided */
+    const double *value_force; /* (M) force [N] of a value, 0 where it is a gap */
+    const double *other_force; /* (M) force [N] of an other, 0 where it is a gap */
+    const double *dual_unit;   /* (free) displacement [mm, rad] of a dual */
+    const double *D;           /* (M, M) mm/N */
+    const double *G;           /* (9, M) */
+    const double *C;           /* (9) N/mm, 0 where there is no support */
+    const int32_t *place;      /* (9) of a freedom among the free ones, -1 where it has a support */
+    const double *delta_p;     /* (M) mm */
+    const double *map;         /* (columns, M) gaps by a unit of each scalar of a drive; the first p are in use */
+    const double *lever;       /* (flanks, all stations) N*mm a N */
+    const int8_t *zone;        /* (flanks, all stations) mesh zone */
+    const uint8_t *edge;       /* (flanks, one each) whether it is the outermost of the window */
+    double torque;             /* N*mm */
+} contact_system;
+
+typedef struct {
+    double *rotation;    /* (states) rad */
+    double *moment;      /* (states, 2) N*mm of each mesh zone */
+    double *tooth_force; /* (states) N, greatest on a flank */
+    double *edge_force;  /* (states) N, greatest on a flank at the edge of the window */
+    double *residual;    /* (states, 4) negative force, negative gap, complementarity, equilibrium */
+    double *pull;        /* (states, columns) forces along the scalars, or NULL */
+    double *forces;      /* (states, M) N, or NULL */
+    double *free;        /* (states, free) mm, rad, or NULL */
+} answers;
+
+typedef struct {
+    const contact_system *system;
+    int n, padded;       /* candidates in the tableau; columns of a row */
+    int *candidate;      /* (n) */
+    int *position;       /* (M) in the tableau, or -1 */
+    uint8_t *changed;    /* (n) whether value and other have traded places */
+    long *last;          /* (n) state in which it did so last */
+    double *tableau;     /* (n, padded) */
+    double *row;         /* scratch of a pivot */
+    double *value;       /* (n) values in the tableau */
+    double *correction;  /* (n) of a refinement */
+    double *start;       /* (R) values at the reference */
+    double *all;         /* (R) values at the contact set */
+    double *panels;      /* D in panels of WIDTH columns */
+    double *force, *gap0, *gap, *free, *blocks; /* of a batch */
+    int *loaded;
+    long states, pivots, since_made;
+    int lost;
+} walk;
+
+static inline void add_multiple(int n, double a, const double *restrict x, double *restrict y) {
+    SIMD(omp simd)
+    for (int i = 0; i < n; i++) y[i] += a * x[i];
+}
+
+static inline const double *column(const walk *w, int candidate) {
+    return w->system->by_others + (size_t)candidate * (w->system->M + w->system->free);
+}
+
+/* Take a candidate into the tableau as it stands. Between candidates on the same side the tableau is symmetric, else
+ * antisymmetric. */
+static void take_in(walk *w, int candidate) {
+    const int n = w->n;
+    const size_t padded = w->padded;
+    double *new_row = w->tableau + n * padded;
+    for (int j = 0; j < n; j++) new_row[j] = w->changed[j] ? 0.0 : column(w, w->candidate[j])[candidate];
+    for (int k = 0; k < n; k++)
+        if (w->changed[k]) add_multiple(n, column(w, w->candidate[k])[candidate], w->tableau + k * padded, new_row);
+    double diagonal = column(w, candidate)[candidate];
+    for (int j = 0; j < n; j++) {
+        const int same = (w->system->contact[w->candidate[j]] ^ w->changed[j]) == w->system->contact[candidate];
+        w->tableau[j * padded + n] = same ? new_row[j] : -new_row[j];
+        if (w->changed[j]) diagonal += column(w, w->candidate[j])[candidate] * w->tableau[j * padded + n];
+    }
+    new_row[n] = diagonal;
+    w->candidate[n] = candidate;
+    w->position[candidate] = n;
+    w->changed[n] = 0;
+    w->last[n] = w->states;
+    w->n = n + 1;
+}
+
+static void leave_out(walk *w, int k) {
+    const int m = --w->n;
+    const size_t padded = w->padded;
+    w->position[w->candidate[k]] = -1;
+    if (k == m) return;
+    memcpy(w->tableau + k * padded, w->tableau + m * padded, sizeof(double) * (m + 1));
+    for (int i = 0; i <= m; i++) w->tableau[i * padded + k] = w->tableau[i * padded + m];
+    w->candidate[k] = w->candidate[m];
+    w->position[w->candidate[k]] = k;
+    w->changed[k] = w->changed[m];
+    w->last[k] = w->last[m];
+}
+
+/* Value and other of the candidate in row r trade places; values follow. 0 where the pivot is too small. */
+static int pivot(walk *w, int r, double *values) {
+    const int n = w->n;
+    const size_t padded = w->padded;
+    double *pivot_row = w->tableau + r * padded, *row = w->row;
+    if (!(pivot_row[r] > SMALLEST)) return 0;
+    const double inverse = 1 / pivot_row[r];
+    for (int j = 0; j < n; j++) row[j] = -pivot_row[j] * inverse;
+    row[r] = inverse;
+    const double other = values ? -values[r] * inverse : 0.0;
+    for (int i = 0; i < n; i++) {
+        if (i == r) continue;
+        double *target = w->tableau + i * padded;
+        const double a = target[r];
+        target[r] = 0;
+        add_multiple(n, a, row, target);
+        if (values) values[i] += a * other;
+    }
+    memcpy(pivot_row, row, sizeof(double) * n);
+    if (values) values[r] = other;
+    w->changed[r] ^= 1;
+    w->last[r] = w->states;
+    w->pivots++;
+    w->since_made++;
+    return 1;
+}
+
+/* Make the tableau anew from the reference, with the same candidates changed as far as pivots allow. */
+static void make_anew(walk *w) {
+    const int n = w->n;
+    int *candidate = w->loaded; /* scratch of the certificate, unused here */
+    uint8_t *wanted = w->changed + w->system->M;
+    long *last = w->last + w->system->M;
+    memcpy(candidate, w->candidate, sizeof(int) * n);
+    memcpy(wanted, w->changed, n);
+    memcpy(last, w->last, sizeof(long) * n);
+    w->n = 0;
+    for (int k = 0; k < n; k++) take_in(w, candidate[k]);
+    for (;;) {
+        int r = -1;
+        double greatest = SMALLEST;
+        for (int k = 0; k < n; k++) {
+            const double d = w->tableau[k * (size_t)w->padded + k];
+            if (w->changed[k] != wanted[k] && d > greatest) greatest = d, r = k;
+        }
+        if (r < 0 || !pivot(w, r, NULL)) break;
+    }
+    memcpy(w->last, last, sizeof(long) * n);
+    w->since_made = 0;
+}
+
+static void back_to_reference(walk *w) {
+    for (int k = 0; k < w->n; k++) w->position[w->candidate[k]] = -1;
+    w->n = 0;
+    w->since_made = 0;
+}
+
+static double product(int n, const double *restrict x, const double *restrict y) {
+    double sum = 0;
+    SUM(sum)
+    for (int k = 0; k < n; k++) sum += x[k] * y[k];
+    return sum;
+}
+
+/* Values in the tableau at its contact set, from those at the reference. */
+static void enter(walk *w) {
+    const int n = w->n;
+    double *value = w->value, *moved = w->row;
+    int any = 0;
+    for (int k = 0; k < n; k++) {
+        const double at_reference = w->start[w->candidate[k]];
+        value[k] = w->changed[k] ? 0.0 : at_reference;
+        moved[k] = w->changed[k] ? at_reference : 0.0;
+        any |= w->changed[k];
+    }
+    if (!any) return;
+    for (int i = 0; i < n; i++) value[i] -= product(n, w->tableau + i * (size_t)w->padded, moved);
+}
+
+static double least(int n, const double *x) {
+    double low = 0;
+    LEAST(low)
+    for (int i = 0; i < n; i++) low = x[i] < low ? x[i] : low;
+    return low;
+}
+
+static int first_below(int n, const double *x, double bound) {
+    for (int i = 0; i < n; i++)
+        if (x[i] <= bound) return i;
+    return -1;
+}
+
+/* What the others of changed candidates add to all values. */
+static void add_others(walk *w, const double *others) {
+    for (int k = 0; k < w->n; k++)
+        if (w->changed[k]) add_multiple(w->system->M + w->system->free, others[k], column(w, w->candidate[k]), w->all);
+}
+
+/* Greatest rounding error: values of what changed sides are zero in exact arithmetic, and none in the tableau negative. */
+static double off(const walk *w) {
+    double greatest = 0;
+    for (int k = 0; k < w->n; k++) {
+        const double x = w->all[w->candidate[k]], error = w->changed[k] ? fabs(x) : -x;
+        greatest = error > greatest ? error : greatest;
+    }
+    return greatest;
+}
+
+/* Find the contact set of the state whose values at the reference are in w->start; 0 where it is given up. */
+static int settle(walk *w) {
+    const int M = w->system->M, R = M + w->system->free;
+    long count = 0, made = 0;
+    for (;;) {
+        enter(w);
+        for (;;) {
+            const double low = least(w->n, w->value);
+            if (!(low < -ZERO)) break;
+            const int r = first_below(w->n, w->value, count < (long)GREEDY * w->n ? low : -ZERO);
+            if (++count > (long)LIMIT * (w->n > 20 ? w->n : 20)) {
+                w->lost++;
+                return 0;
+            }
+            if (!pivot(w, r, w->value)) return 0;
+        }
+        memcpy(w->all, w->start, sizeof(double) * R);
+        add_others(w, w->value);
+        double wrong = off(w);
+        if (wrong > REFINED) { /* one step of refinement: what should be zero is entered as one more start */
+            double *more = w->correction;
+            for (int k = 0; k < w->n; k++) w->row[k] = w->changed[k] ? w->all[w->candidate[k]] : 0.0;
+            for (int k = 0; k < w->n; k++) {
+                more[k] = w->changed[k] ? -product(w->n, w->tableau + k * (size_t)w->padded, w->row) : 0.0;
+                w->value[k] += more[k];
+            }
+            add_others(w, more);
+            wrong = off(w);
+        }
+        if (wrong > INACCURATE) {
+            if (made++) return 0;
+            make_anew(w);
+            continue;
+        }
+        const double *all = w->all;
+        if (!(least(M, all) < -ZERO)) return 1;
+        int more = 0;
+        for (int i = 0; i < M; i++)
+            if (all[i] < -ZERO && w->position[i] < 0) take_in(w, i), more = 1;
+        if (!more) return 1; /* what is negative is in the tableau, and within rounding */
+    }
+}
+
+/* Residuals of system (1) for a batch of states, each a share of its scale: from D, G, C and the gaps alone. */
+static void certify(walk *w, int states, double *residual) {
+    const contact_system *s = w->system;
+    const int M = s->M, panels = (M + WIDTH - 1) / WIDTH, groups = (states + ABREAST - 1) / ABREAST;
+    double a[BATCH][FREEDOMS], balance[BATCH][FREEDOMS], size[BATCH][FREEDOMS];
+    double *restrict gap = w->gap;
+    int *loaded = w->loaded, count = 0;
+    memset(gap, 0, sizeof(double) * M);
+    for (int j = 0; j < states; j++) {
+        const double *F = w->force + (size_t)j * M;
+        SIMD(omp simd)
+        for (int i = 0; i < M; i++) gap[i] += fabs(F[i]);
+    }
+    for (int i = 0; i < M; i++)
+        if (gap[i] != 0) loaded[count++] = i; /* a force of 0 closes no gap */
+    const int rows = count + FREEDOMS;
+    memset(w->blocks, 0, sizeof(double) * groups * rows * ABREAST);
+    for (int j = 0; j < states; j++) {
+        const double *F = w->force + (size_t)j * M, *free = w->free + (size_t)j * s->free;
+        double *block = w->blocks + (size_t)(j / ABREAST) * rows * ABREAST + j % ABREAST;
+        for (int l = 0; l < count; l++) block[l * ABREAST] = F[loaded[l]];
+        for (int f = 0; f < FREEDOMS; f++) {
+            const double *g = s->G + (size_t)f * M;
+            double sum = 0, sizes = 0;
+            SIMD(omp simd reduction(+ : sum, sizes))
+            for (int i = 0; i < M; i++) {
+                const double x = F[i] * g[i];
+                sum += x;
+                sizes += fabs(x);
+            }
+            a[j][f] = s->place[f] < 0 ? sum / s->C[f] : free[s->place[f]];
+            balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? s->torque : 0.0);
+            size[j][f] = sizes + (f == s->rotation ? fabs(s->torque) : 0.0);
+            block[(count + f) * ABREAST] = a[j][f];
+        }
+    }
+    for (int panel = 0; panel < panels; panel++) {
+        const int first = panel * WIDTH, wide = M - first < WIDTH ? M - first : WIDTH;
+        const double *D = w->panels + (size_t)panel * M * WIDTH;
+        double G[FREEDOMS][WIDTH] = {{0}};
+        for (int f = 0; f < FREEDOMS; f++)
+            for (int i = 0; i < wide; i++) G[f][i] = s->G[(size_t)f * M + first + i];
+        for (int group = 0; group < groups; group++) {
+            const double *x = w->blocks + (size_t)group * rows * ABREAST;
+            vector sum[ABREAST] = {{0}};
+            for (int l = 0; l < count; l++) {
+                const vector d = *(const vector *)(D + (size_t)loaded[l] * WIDTH);
+                for (int j = 0; j < ABREAST; j++) sum[j] += x[l * ABREAST + j] * d;
+            }
+            for (int f = 0; f < FREEDOMS; f++) {
+                const vector g = *(const vector *)G[f];
+                for (int j = 0; j < ABREAST; j++) sum[j] += x[(count + f) * ABREAST + j] * g;
+            }
+            for (int j = 0; j < ABREAST && group * ABREAST + j < states; j++) {
+                const size_t at = (size_t)(group * ABREAST + j) * M + first;
+                for (int i = 0; i < wide; i++) gap[at + i] = sum[j][i] + w->gap0[at + i];
+            }
+        }
+    }
+    for (int j = 0; j < states; j++) {
+        const double *F = w->force + (size_t)j * M, *g = gap + (size_t)j * M, *g0 = w->gap0 + (size_t)j * M;
+        double force = 2.3e-308, gap_size = 2.3e-308, pushed = 0, pulled = 0, both = 0, off = 0, finite = 0;
+        SIMD(omp simd reduction(max : force, gap_size, pushed, pulled, both) reduction(+ : finite))
+        for (int i = 0; i < M; i++) {
+            const double size_F = fabs(F[i]), size_0 = fabs(g0[i]), product = fabs(F[i] * g[i]);
+            force = size_F > force ? size_F : force;
+            gap_size = size_0 > gap_size ? size_0 : gap_size;
+            pulled = -F[i] > pulled ? -F[i] : pulled;
+            pushed = -g[i] > pushed ? -g[i] : pushed;
+            both = product > both ? product : both;
+            finite += size_F + size_0 + fabs(g[i]); /* comparisons pass over what is not a number; a sum does not */
+        }
+        for (int f = 0; f < FREEDOMS; f++) {
+            finite += fabs(balance[j][f]);
+            if (balance[j][f] != 0) {
+                const double share = fabs(balance[j][f]) / size[j][f];
+                off = share > off ? share : off;
+            }
+        }
+        double *r = residual + (size_t)j * 4;
+        r[0] = pulled / force, r[1] = pushed / gap_size, r[2] = both / (force * gap_size), r[3] = off;
+        if (!isfinite(finite))
+            for (int k = 0; k < 4; k++) r[k] = NAN;
+    }
+}
+
+/* Sums of the forces of one state. */
+static void sum_up(const contact_system *s, const double *F, size_t j, answers *out) {
+    double moment[2] = {0, 0}, greatest = 0, at_edge = 0;
+    for (int flank = 0, i = 0; flank < s->flanks; flank++) {
+        double force = 0;
+        for (int station = 0; station < s->stations; station++, i++) {
+            force += F[i];
+            moment[s->zone[i]] += F[i] * s->lever[i];
+        }
+        greatest = force > greatest ? force : greatest;
+        if (s->edge[flank] && force > at_edge) at_edge = force;
+    }
+    out->moment[2 * j] = moment[0], out->moment[2 * j + 1] = moment[1];
+    out->tooth_force[j] = greatest, out->edge_force[j] = at_edge;
+    if (out->pull)
+        for (int c = 0; c < s->columns; c++)
+            out->pull[j * s->columns + c] = product(s->M, F, s->map + (size_t)c * s->M);
+}
+
+static void give_up(const contact_system *s, size_t j, answers *out) {
+    out->rotation[j] = out->tooth_force[j] = out->edge_force[j] = NAN;
+    out->moment[2 * j] = out->moment[2 * j + 1] = NAN;
+    for (int k = 0; k < 4; k++) out->residual[4 * j + k] = NAN;
+    if (out->pull)
+        for (int c = 0; c < s->columns; c++) out->pull[j * s->columns + c] = NAN;
+    if (out->forces)
+        for (int i = 0; i < s->M; i++) out->forces[j * s->M + i] = NAN;
+    if (out->free)
+        for (int f = 0; f < s->free; f++) out->free[j * s->free + f] = NAN;
+}
+
+static void *room(size_t count, size_t size) {
+    const size_t bytes = (count * size + 63) / 64 * 64;
+    void *memory = aligned_alloc(64, bytes ? bytes : 64);
+    if (memory) memset(memory, 0, bytes);
+    return memory;
+}
+
+void walk_free(walk *w) {
+    if (!w) return;
+    void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->row, w->value, w->correction, w->start,
+                     w->all, w->panels, w->force, w->gap0, w->gap, w->free, w->blocks, w->loaded};
+    for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free(rooms[k]);
+    free(w);
+}
+
+/* NULL where memory is short. */
+walk *walk_new(const contact_system *s) {
+    walk *w = calloc(1, sizeof(walk));
+    if (!w) return NULL;
+    const size_t M = s->M, R = M + s->free, panels = (M + WIDTH - 1) / WIDTH;
+    w->system = s;
+    w->padded = (s->M + 7) / 8 * 8;
+    w->candidate = room(M, sizeof(int)), w->position = room(M, sizeof(int)), w->loaded = room(M, sizeof(int));
+    w->changed = room(2 * M, 1), w->last = room(2 * M, sizeof(long));
+    w->tableau = room(M * w->padded, sizeof(double));
+    w->row = room(M, sizeof(double)), w->value = room(M, sizeof(double)), w->correction = room(M, sizeof(double));
+    w->start = room(R, sizeof(double)), w->all = room(R, sizeof(double));
+    w->panels = room(panels * M * WIDTH, sizeof(double));
+    w->force = room(BATCH * M, sizeof(double)), w->gap0 = room(BATCH * M, sizeof(double));
+    w->gap = room(BATCH * M, sizeof(double)), w->free = room(BATCH * (size_t)s->free, sizeof(double));
+    w->blocks = room((BATCH + ABREAST) * (M + FREEDOMS), sizeof(double));
+    if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->row && w->value && w->correction &&
+          w->start && w->all && w->panels && w->force && w->gap0 && w->gap && w->free && w->blocks)) {
+        walk_free(w);
+        return NULL;
+    }
+    for (size_t i = 0; i < M; i++) w->position[i] = -1;
+    for (size_t k = 0; k < M; k++)
+        for (size_t i = 0; i < M; i++) w->panels[(i / WIDTH * M + k) * WIDTH + i % WIDTH] = s->D[k * M + i];
+    return w;
+}
+
+/* Solve states and certify each; how many were given up, whose answers are NaN.
+ * scalars: (states, p); tooth_gaps: (states, flanks and stations) added to the flanks' gaps, and tooth_values:
+ * (states, R) what they add to the values at the reference, both NULL without measured teeth. */
+long walk_solve(walk *w, long states, const double *scalars, const double *tooth_gaps, const double *tooth_values,
+                answers *out) {
+    const contact_system *s = w->system;
+    const int M = s->M, R = M + s->free, flanks = s->flanks * s->stations;
+    long given_up = 0, first = 0;
+    int held = 0;
+    w->lost = 0;
+    for (long j = 0; j < states; j++) {
+        double *F = w->force + (size_t)held * M, *gap0 = w->gap0 + (size_t)held * M, *free = w->free + (size_t)held * s->free;
+        w->states++;
+        if (w->since_made > REFRESH) make_anew(w);
+        if (w->states % SWEEP == 0)
+            for (int k = w->n - 1; k >= 0; k--)
+                if (!w->changed[k] && w->states - w->last[k] > KEEP) leave_out(w, k);
+        memcpy(w->start, s->law, sizeof(double) * R);
+        memcpy(gap0, s->delta_p, sizeof(double) * M);
+        for (int q = 0; q < s->p; q++) {
+            const double x = scalars[(size_t)j * s->p + q];
+            add_multiple(R, x, s->law + (size_t)(1 + q) * R, w->start);
+            add_multiple(M, x, s->map + (size_t)q * M, gap0);
+        }
+        if (tooth_gaps) {
+            add_multiple(R, 1.0, tooth_values + (size_t)j * R, w->start);
+            add_multiple(flanks, 1.0, tooth_gaps + (size_t)j * flanks, gap0);
+        }
+        double sum = 0;
+        SUM(sum)
+        for (int i = 0; i < R; i++) sum += w->start[i];
+        if (!isfinite(sum) || w->lost >= LOST || !settle(w)) {
+            back_to_reference(w);
+            given_up++;
+            memset(F, 0, sizeof(double) * M);
+            memset(free, 0, sizeof(double) * s->free);
+            give_up(s, j, out);
+        } else {
+            for (int i = 0; i < M; i++) F[i] = w->all[i] > 0 ? w->all[i] * s->value_force[i] : 0.0;
+            for (int k = 0; k < w->n; k++)
+                if (w->changed[k]) F[w->candidate[k]] = w->value[k] > 0 ? w->value[k] * s->other_force[w->candidate[k]] : 0.0;
+            for (int f = 0; f < s->free; f++) free[f] = w->all[M + f] * s->dual_unit[f];
+            out->rotation[j] = free[s->place[s->rotation]];
+            sum_up(s, F, j, out);
+            if (out->forces) memcpy(out->forces + (size_t)j * M, F, sizeof(double) * M);
+            if (out->free) memcpy(out->free + (size_t)j * s->free, free, sizeof(double) * s->free);
+        }
+        if (++held == BATCH || j == states - 1) {
+            certify(w, held, out->residual + 4 * (size_t)first);
+            for (long k = first; k <= j; k++)
+                if (isnan(out->rotation[k])) give_up(s, k, out);
+            first = j + 1;
+            held = 0;
+        }
+    }
+    return given_up;
+}
+
+/* The instruction set of this machine: 4 AVX-512, 3 AVX2, 1 any other. */
+int walk_level(void) {
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd"))
+        return 4;
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) return 3;
+#endif
+    return 1;
+}
+
+long walk_pivots(const walk *w) { return w->pivots; }
+
+/* SHA-256 of the source that this was compiled from, so that an old one is not taken for it. */
+const char *walk_source(void) { return WALK_SOURCE; }

@@ -1,0 +1,155 @@
+"""The compiled walk (walk.c): states of one contact system at one torque, solved, summed and certified in C."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdassist.model.contacts import ROTATION, StateGaps
+from hdassist.model.geometry import Array
+from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
+from hdassist.solve.certificate import Residuals
+from hdassist.solve.formulation import Formulation
+from hdassist.solve.pivoting import Reference
+from hdassist.solve.sums import StateSums
+
+INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
+
+
+class _System(ctypes.Structure):
+    """contact_system of walk.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_int32) for name in ("M", "free", "p", "flanks", "stations", "columns", "rotation")),
+        *((name, ctypes.c_void_p) for name in ("by_others", "law", "contact", "scale", "value_force", "other_force")),
+        *((name, ctypes.c_void_p) for name in ("dual_unit", "D", "G", "C", "place", "delta_p", "map", "lever")),
+        *((name, ctypes.c_void_p) for name in ("zone", "edge")),
+        ("torque", ctypes.c_double),
+    ]
+
+
+class _Answers(ctypes.Structure):
+    """answers of walk.c."""
+
+    _fields_ = [
+        (name, ctypes.c_void_p)
+        for name in ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull", "forces", "free")
+    ]
+
+
+@cache
+def library() -> tuple[Any, str]:
+    """The compiled walk for this machine, None where there is none, and words for which one it is or why not."""
+    for folder in (Path(__file__).parent, development_folder()):
+        if not (folder / library_name(1)).exists():
+            continue
+        try:
+            level = _load(folder / library_name(1)).walk_level()
+            found = _load(folder / library_name(level))
+        except OSError as error:
+            return None, f"the compiled walk can't be loaded: {error}"
+        if found.walk_source().decode() != source_hash():
+            return None, f"the compiled walk is older than {SOURCE.name}: install hdassist again"
+        return found, f"compiled walk, {INSTRUCTIONS[level]}"
+    return None, "numpy: no compiled walk in this installation (no C compiler when it was made)"
+
+
+def _load(path: Path) -> Any:
+    loaded = ctypes.CDLL(str(path))
+    pointer = ctypes.c_void_p
+    loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer], pointer
+    loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
+    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, pointer, pointer, pointer, pointer]
+    loaded.walk_solve.restype = loaded.walk_pivots.restype = ctypes.c_long
+    loaded.walk_pivots.argtypes = [pointer]
+    loaded.walk_source.restype = ctypes.c_char_p
+    return loaded
+
+
+class Walk:
+    """The compiled walk of one contact system at one torque.
+
+    Arguments: formulation; reference, the programme solved at one contact set; load, its right side, shape (free,).
+    """
+
+    def __init__(self, formulation: Formulation, reference: Reference, load: Array, torque: float) -> None:
+        self._library, _ = library()
+        self._formulation, self._reference = formulation, reference
+        system, units = formulation.system, formulation.units
+        M, stations = len(system.delta_p), len(system.face.fall)
+        contact = reference.contact
+        self._scale = 1 / np.sqrt(np.diag(reference.by_others))
+        by_others = reference.by_others * self._scale
+        by_others[:M] *= self._scale[:, None]
+        place = np.full(len(system.C), -1, dtype=np.int32)
+        place[~system.supported] = np.arange(len(load))
+        self._columns = system.deviation_map.shape[1]
+        self._law = np.empty((1 + self._columns, M + len(load)))
+        self._held = {  # the walk reads them as long as it lives
+            "by_others": by_others.T,
+            "law": self._law,
+            "contact": contact.astype(np.uint8),
+            "scale": self._scale,
+            "value_force": np.where(contact, units.force / self._scale, 0.0),
+            "other_force": np.where(contact, 0.0, units.force * self._scale),
+            "dual_unit": units.gap / units.load,
+            "D": system.D,
+            "G": system.G.T,
+            "C": system.C,
+            "place": place,
+            "delta_p": system.delta_p,
+            "map": system.deviation_map.T,
+            "lever": system.lever,
+            "zone": system.flanks.zone.astype(np.int8),
+            "edge": system.flanks.edge[::stations].astype(np.uint8),
+        }
+        self._held = {name: np.ascontiguousarray(array) for name, array in self._held.items()}
+        self._law = self._held["law"]
+        sizes = (M, len(load), self._columns, system.n_flanks // stations, stations, self._columns, ROTATION)
+        self._system = _System(*sizes, *(array.ctypes.data for array in self._held.values()), torque)
+        self.load(load, torque)
+        self._walk = self._library.walk_new(ctypes.byref(self._system))
+        if not self._walk:
+            raise MemoryError
+
+    def __del__(self) -> None:
+        if getattr(self, "_walk", None):
+            self._library.walk_free(self._walk)
+
+    def load(self, load: Array, torque: float) -> None:
+        """Go on with another torque [N*mm]; load, the programme's right side at it, shape (free,)."""
+        reference, system = self._reference, self._formulation.system
+        constant = reference.constant + reference.by_load @ load
+        self._law[0] = constant + reference.by_gaps @ self._formulation.gaps(system.delta_p)
+        self._law[1:] = self._formulation.gaps(system.deviation_map.T) @ reference.by_gaps.T
+        self._law[:, : len(self._scale)] *= self._scale
+        self._system.torque = torque
+
+    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+        """Sums and residuals of states; NaN where one was given up.
+
+        Arguments: gaps; pull, whether forces along the deviation scalars are asked for.
+        """
+        scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
+        count = len(scalars)
+        self._system.p = scalars.shape[1]
+        teeth = values = None
+        if gaps.at_flanks is not None:
+            teeth = np.ascontiguousarray(gaps.at_flanks, dtype=float)
+            values = self._formulation.gaps(teeth) @ self._reference.by_gaps[:, : teeth.shape[1]].T
+            values[:, : len(self._scale)] *= self._scale
+        rotation, tooth_force, edge_force = np.empty((3, count))
+        moment, residual = np.empty((count, 2)), np.empty((count, 4))
+        pulls = np.empty((count, self._columns)) if pull else None
+        out = _Answers(*(_address(a) for a in (rotation, moment, tooth_force, edge_force, residual, pulls)), None, None)
+        teeth_and_values = (_address(teeth), _address(values))
+        lost = self._library.walk_solve(self._walk, count, _address(scalars), *teeth_and_values, ctypes.byref(out))
+        return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, lost)
+
+
+def _address(array: Array | None) -> int | None:
+    return None if array is None else array.ctypes.data

@@ -1,0 +1,185 @@
+"""The compiled walk against the numpy engine, its oracle: the same states, the same sums, the same proof."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdassist import load_preset
+from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
+from hdassist.model.deviations import ToothDeviations, state_gaps
+from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
+from hdassist.preset.library import preset_names
+from hdassist.solve import walk
+from hdassist.solve.answers import ARCSEC, N_MM
+from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash
+from hdassist.solve.engine import Engine
+from hdassist.solve.formulation import formulate
+from tests.process import SMALL
+
+pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler: the numpy engine runs")
+
+SAME = 1e-9  # arcsec
+PROVEN = 5e-11  # residual of either engine, as a share of its scale
+
+
+def test_the_walk_is_compiled_and_of_this_source():
+    found, words = walk.library()
+    assert found, words
+
+
+def states_of(drive, count, teeth=None):
+    """Gaps of states spread over the cycle, in runs of neighbours as a walk meets them."""
+    kinematics = Kinematics.of(drive)
+    states = pitch_locked_states(kinematics)
+    order = neighbours_together(kinematics, states)
+    first = np.linspace(0, len(order) - 40, count // 40).astype(int)
+    rows = order[np.minimum(first[:, None] + np.arange(40), len(order) - 1).ravel()]
+    system = contact_system(drive)
+    return system, state_gaps(drive, system, states.take(rows), teeth)
+
+
+def assert_same(drive, M_g, count=200, teeth=None):
+    system, gaps = states_of(drive, count, teeth)
+    formulation = formulate(system)
+    compiled = Engine(formulation, M_g * N_MM, many=True)
+    plain = Engine(formulation, M_g * N_MM, compiled, many=True, compiled=False)
+    found, expected = (engine.solve(gaps, pull=True) for engine in (compiled, plain))
+    assert np.abs(found.rotation - expected.rotation).max() * ARCSEC < SAME
+    assert found.residuals.worst.max() < PROVEN
+    assert expected.residuals.worst.max() < PROVEN
+    scale = abs(M_g) * N_MM
+    assert found.moment == pytest.approx(expected.moment, abs=1e-10 * scale)
+    for name in ("tooth_force", "edge_force", "pull"):
+        there = getattr(expected, name)
+        assert getattr(found, name) == pytest.approx(there, abs=1e-9 * (1 + expected.tooth_force.max()))
+    assert found.given_up == expected.given_up == 0
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_both_engines_agree_on_every_preset(name):
+    drive = load_preset(name)
+    for M_g in drive.operation.M_g:
+        assert_same(drive, M_g)
+
+
+@pytest.mark.parametrize("stations", [3, 5])
+@pytest.mark.parametrize("sets", [[], ["mounting.fixed=flexspline"], ["bearing.N=23"]])
+def test_both_engines_agree_on_coned_flanks(stations, sets):
+    assert_same(load_preset(SMALL, [f"numerics.stations={stations}", *sets]), 4.0, 120)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    M_g=st.sampled_from([-8.0, -0.3, 0.3, 3.0, 9.0]),
+    soft=st.tuples(*[st.floats(-0.7, 0.7)] * 3),
+    j_n=st.floats(0, 15),
+    F_i2=st.floats(0, 80),
+    e_hb=st.floats(0, 80),
+    a_s2=st.floats(0, 6),
+    fixed=st.sampled_from(["rigid", "flexspline"]),
+)
+def test_both_engines_agree_on_random_drives(M_g, soft, j_n, F_i2, e_hb, a_s2, fixed):
+    small = load_preset(SMALL)
+    names = ("C_1", "C_2", "C_3")
+    supports = {
+        f"supports.{name}": small.number(f"supports.{name}") * 10**x for name, x in zip(names, soft, strict=True)
+    }
+    values = supports | {"gears.j_n": j_n, "tolerances.F_i2": F_i2, "tolerances.e_hb": e_hb, "harmonics.a_s2": a_s2}
+    assert_same(load_preset(SMALL, [f"mounting.fixed={fixed}"]).with_values(values), M_g, 80)
+
+
+def test_both_engines_agree_on_measured_teeth():
+    small = load_preset(SMALL)
+    rng = np.random.default_rng(1)
+    teeth = ToothDeviations(rng.normal(0, 4, small.gears.z_g), rng.normal(0, 4, small.gears.z_b))
+    assert_same(small, 4.0, 120, teeth)
+
+
+def test_every_instruction_set_of_this_machine_gives_the_same_answers(monkeypatch):
+    best = walk.library()[0]
+    folder = development_folder() if (development_folder() / library_name(1)).exists() else Path(walk.__file__).parent
+    levels = [level for level in X86 if (folder / library_name(level)).exists() and level <= best.walk_level()]
+    small = load_preset(SMALL)
+    for level in levels:
+        monkeypatch.setattr(walk, "library", lambda level=level: (walk._load(folder / library_name(level)), ""))
+        assert_same(small, 4.0, 80)
+
+
+def test_another_torque_needs_no_other_walk():
+    system, gaps = states_of(load_preset(SMALL), 80)
+    formulation = formulate(system)
+    engine = Engine(formulation, 4e3, many=True)
+    engine.solve(gaps)
+    for torque in (1e3, -2e3):
+        engine.load(torque)
+        alone = Engine(formulation, torque, many=True, compiled=False).solve(gaps)
+        assert np.abs(engine.solve(gaps).rotation - alone.rotation).max() * ARCSEC < SAME
+
+
+def test_a_state_that_is_not_a_number_has_no_answer_and_spoils_no_other():
+    system, gaps = states_of(load_preset(SMALL), 120)
+    formulation = formulate(system)
+    expected = Engine(formulation, 4e3, many=True).solve(gaps)
+    scalars = gaps.scalars.copy()
+    scalars[7, 1], scalars[100, 0] = np.nan, np.inf
+    found = walk_of(Engine(formulation, 4e3, many=True)).solve(StateGaps(scalars), pull=True)
+    bad = np.isin(np.arange(len(scalars)), [7, 100])
+    assert found.given_up == 2
+    assert np.isnan(found.rotation[bad]).all()
+    assert np.isinf(found.residuals.worst[bad]).all()
+    assert np.isnan(found.pull[bad]).all()
+    assert found.rotation[~bad] == pytest.approx(expected.rotation[~bad], abs=SAME / ARCSEC)
+
+
+def test_states_that_no_contact_set_solves_are_given_up_soon():
+    system, gaps = states_of(load_preset(SMALL), 120)
+    G = system.G.copy()
+    G[:, ROTATION] = -np.abs(G[:, ROTATION])  # flanks that only push one way, and a torque that pushes so, too
+    formulation = formulate(replace(system, G=G))
+    engine = Engine(formulation, 4e3, many=True)
+    found = walk_of(engine)
+    engine.load(-4e3)
+    found.load(engine.data.load(-4e3), -4e3)
+    sums = found.solve(gaps)
+    assert sums.given_up == len(gaps)
+    assert np.isnan(sums.rotation).all()
+
+
+def walk_of(engine):
+    """The compiled walk of an engine, made by its first state."""
+    engine.solve(WITHOUT_DEVIATIONS)
+    return engine._walk
+
+
+def test_a_library_of_another_source_is_not_used(monkeypatch):
+    walk.library.cache_clear()
+    monkeypatch.setattr(walk, "source_hash", lambda: "0" * 64)
+    try:
+        found, words = walk.library()
+        assert found is None
+        assert "older than walk.c" in words
+    finally:
+        walk.library.cache_clear()
+
+
+def test_the_source_compiles_without_a_warning_and_names_itself(tmp_path):
+    made = compile_walk(tmp_path, ["-Wall", "-Wextra", "-Werror"])
+    assert made
+    loaded = ctypes.CDLL(str(made[0]))
+    loaded.walk_source.restype = ctypes.c_char_p
+    assert loaded.walk_source().decode() == source_hash()
+
+
+@pytest.mark.parametrize("variable", [{"CC": "/bin/false"}, {"CC": "no-such-compiler"}, {"HDASSIST_PURE": "1"}])
+def test_without_a_compiler_nothing_is_made(tmp_path, monkeypatch, variable):
+    for name, value in variable.items():
+        monkeypatch.setenv(name, value)
+    assert compile_walk(tmp_path) == []
