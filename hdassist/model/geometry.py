@@ -17,7 +17,8 @@ from hdassist.model.nominal import NominalCurve, Shape, nominal_shape
 from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
-BISECTIONS = 60  # halvings when looking for a radius: beyond double precision
+ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
+CONVERGED = 1e-15  # of a radius, its last change
 ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
 
 
@@ -187,9 +188,12 @@ def _lowest_active_radius(geometry: Geometry, theta: Array, side: Array) -> tupl
     shape = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)  # once: it takes most of the time
     reaches = flank_point(geometry, high, theta, side, shape)[0] >= geometry.r_ab
     inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
-    below, above = low.copy(), high.copy()
-    for _ in range(BISECTIONS):
-        middle = (below + above) / 2
-        over = flank_point(geometry, middle, theta, side, shape)[0] >= geometry.r_ab
-        above, below = np.where(over, middle, above), np.where(over, below, middle)
-    return np.where(inside, low, above), reaches
+    radius = high
+    for _ in range(ROUNDS):
+        before, radius = (
+            radius,
+            np.clip(radius + geometry.r_ab - flank_point(geometry, radius, theta, side, shape)[0], low, high),
+        )
+        if np.max(np.abs(radius - before)) <= CONVERGED * geometry.r_ag:
+            break
+    return np.where(inside, low, radius), reaches

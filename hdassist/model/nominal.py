@@ -18,7 +18,8 @@ NominalCurve = Literal["linear", "inextensible"]
 Shape = tuple[Array, Array, Array]
 
 HARMONICS = 32  # of the arc length; the eighth is below 1e-16 of the first for any wave a drive could have
-ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round
+ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
+CONVERGED = 1e-15  # rad, the last change of an angle
 
 
 def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "linear") -> Shape:
@@ -44,7 +45,9 @@ def _inextensible(theta: Array, W_0: float, r_m: float) -> Shape:
     phi = np.asarray(theta, dtype=float)
     for _ in range(ROUNDS):
         # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
-        phi = theta - np.sin(phi[..., None] * k) @ ripple / r_m
+        before, phi = phi, theta - np.sin(phi[..., None] * k) @ ripple / r_m
+        if np.max(np.abs(phi - before), initial=0) < CONVERGED:
+            break
     radius, slope = r_0 + wave * np.cos(2 * phi), -2 * wave * np.sin(2 * phi)
     return radius - r_m, r_m * (phi - theta), -np.arctan2(slope, radius)
 

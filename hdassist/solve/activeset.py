@@ -12,8 +12,8 @@ from scipy.linalg import lapack
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import proven
-from hdassist.solve.compiled import ZERO, Compiled
 from hdassist.solve.formulation import Formulation
+from hdassist.solve.pivoting import ZERO
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
 SOLVED = 1  # exit flag of daqp
@@ -30,37 +30,39 @@ LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
 class ActiveSet:
     """Warm active-set solver (DAQP) of the states of one contact system.
 
-    Arguments: formulation; data, its compiled programme; torque [N*mm] on the flexspline; contact, candidates
-    thought to carry force, shape (M,).
+    Arguments: formulation; torque [N*mm] on the flexspline; contact, candidates thought to carry force, shape (M,), by
+    default all.
     """
 
-    def __init__(self, formulation: Formulation, data: Compiled, torque: float, contact: NDArray[np.bool_]) -> None:
-        self._formulation, self._data = formulation, data
-        self.contact = contact
-        n, rows = len(data.q_0), len(data.b_0)
+    def __init__(self, formulation: Formulation, torque: float, contact: NDArray[np.bool_] | None = None) -> None:
+        self._formulation = formulation
+        rows, n = formulation.A.shape
+        self.contact = np.ones(n, dtype=bool) if contact is None else contact
         # held here, because the solver may read them as long as it lives
         self._upper = np.full(n + rows, np.inf)
-        self._lower = np.concatenate([data.lower, np.zeros(rows)])
+        self._lower = np.zeros(n + rows)
         self._model: Any = None  # daqp.Model, once one is set up
         self.load(torque)
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]; what was factored stays."""
-        self._torque = torque
-        rows = slice(len(self._data.q_0), None)
-        self._upper[rows] = self._lower[rows] = self._data.load(torque)
+        self._torque, self._right = torque, self._formulation.right_side(torque)
+        self._upper[-len(self._right) :] = self._lower[-len(self._right) :] = self._right
         if self._model:
             self._model.update(bupper=self._upper, blower=self._lower)
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Solve states as StateSolver says: warm, else from scratch, else by an interior-point method.
+        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the warm way gave up.
+
+        A state is solved warm, else from scratch, else by an interior-point method; one that nothing solves has an
+        answer without proof, or NaN.
 
         What makes one state hopeless makes its neighbours so, and each costs all three ways: the first one that nothing
         solves is the last one tried.
         """
-        data, formulation = self._data, self._formulation
-        q = data.q_0 + formulation.gaps(delta_p) @ data.Q.T
-        forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(data.b_0)))
+        formulation = self._formulation
+        q = formulation.gaps(delta_p)
+        forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(self._right)))
         fallbacks = 0
         for k in range(len(q)):
             first_way = None if len(q) > FEW or self._model else self._near(q[k])
@@ -79,7 +81,7 @@ class ActiveSet:
         return forces, free, fallbacks
 
     def _near(self, q: Array) -> tuple[Array, Array] | None:
-        answer = solve_near(self._data, q, self._data.load(self._torque), self.contact)
+        answer = solve_near(self._formulation, q, self._right, self.contact)
         if answer:
             self.contact = answer[0] > 0
         return answer
@@ -90,10 +92,10 @@ class ActiveSet:
 
     def _set_up(self, q: Array, contact: NDArray[np.bool_]) -> tuple[Array, Array] | None:
         sense = np.where(contact, 0, ACTIVE_LOWER)
-        sense = np.concatenate([sense, np.full(len(self._data.b_0), ALWAYS_ACTIVE)]).astype(np.int32)
+        sense = np.concatenate([sense, np.full(len(self._right), ALWAYS_ACTIVE)]).astype(np.int32)
         self._model = daqp.Model()
         self._model.settings = SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
-        flag, _ = self._model.setup(self._data.P, q, self._data.A, self._upper, self._lower, sense)
+        flag, _ = self._model.setup(self._formulation.P, q, self._formulation.A, self._upper, self._lower, sense)
         if flag < 0:  # coefficients too far apart to be factored
             self._model = None
             return None
@@ -110,33 +112,36 @@ class ActiveSet:
         try:
             return solve_through_cvxpy(self._formulation, delta_p, self._torque, LAST_RESORT)
         except UntrustedError:
-            return np.full(len(delta_p), np.nan), np.full(len(self._data.b_0), np.nan)
+            return np.full(len(delta_p), np.nan), np.full(len(self._right), np.nan)
 
 
-def solve_near(data: Compiled, q: Array, load: Array, contact: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+def solve_near(
+    formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
+) -> tuple[Array, Array] | None:
     """Forces, shape (M,), and duals, shape (free,), of one state; None where the method gives up.
 
     Sets of candidates change sides until none has to: a primal-dual active-set method (Hintermueller, Ito, Kunisch
     2003, doi 10.1137/S1052623401383558). It needs no set-up and so serves where every state has matrices of its own;
     it may cycle, and is given up then.
-    Arguments: data, the compiled programme; q, its linear term, shape (M,), and load, its right side, shape (free,);
+    Arguments: formulation; gaps, shape (M,); right side of the equilibrium, shape (free,);
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
-    M, free = len(q), len(load)
+    P, A = formulation.P, formulation.A
+    free, M = A.shape
     for _ in range(STEPS):
         inside = np.flatnonzero(contact)
         n = len(inside)
         system = np.zeros((n + free, n + free))
-        system[:n, :n] = data.P[np.ix_(inside, inside)]
-        system[n:, :n] = across = data.A[:, inside]
+        system[:n, :n] = P[np.ix_(inside, inside)]
+        system[n:, :n] = across = A[:, inside]
         system[:n, n:] = across.T
-        _, _, found, failed = lapack.dgesv(system, np.concatenate([-q[inside], load]), overwrite_a=1, overwrite_b=1)
+        _, _, found, failed = lapack.dgesv(system, np.concatenate([-gaps[inside], right]), overwrite_a=1, overwrite_b=1)
         if failed or not np.all(np.isfinite(found)):
             return None
         forces = np.zeros(M)
         forces[inside] = found[:n]
-        gaps = data.P[:, inside] @ found[:n] + q + data.A.T @ found[n:]
-        leave, enter = contact & (forces < -ZERO), ~contact & (gaps < -ZERO)
+        closing = P[:, inside] @ found[:n] + gaps + A.T @ found[n:]
+        leave, enter = contact & (forces < -ZERO), ~contact & (closing < -ZERO)
         if not (leave.any() or enter.any()):
             return np.maximum(forces, 0), found[n:]
         contact = contact ^ leave ^ enter

@@ -1,69 +1,80 @@
-"""The programme as cvxpy compiles it: the data that every engine runs."""
+"""The engines run the formulation's own data: proven to be, bit for bit, what cvxpy compiles of it.
+
+What cvxpy hands a solver is P, A, gaps and load as they were stated, whatever their numbers. So it is compiled and
+compared once for each version of cvxpy, of the statement, and of the set of free freedoms; that it held is kept in the
+user's cache.
+The tests compile every preset, `hdassist doctor` compiles anew.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
+from platformdirs import user_cache_path
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
+from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
 
-ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
+_proven: set[str] = set()  # keys, in this process
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """The programme as cvxpy hands it to a solver, dense, for any gaps and torque.
+def cache_folder() -> Path:
+    """Folder of the user's cache, which may be emptied at any time."""
+    return user_cache_path("hdassist")
 
-    minimise 1/2 x' P x + (q_0 + Q gaps)' x subject to A x = b_0 + torque b_1, lower <= x; torque in N*mm.
+
+def require_compiled_as_stated(formulation: Formulation, folder: Path | None = None) -> None:
+    """Make sure that cvxpy compiles this formulation to the data that the engines run.
+
+    Arguments: folder, where it is kept that it does, by default the user's cache.
+    Raises UntrustedError where it compiles to something else.
     """
-
-    P: Array
-    q_0: Array
-    Q: Array
-    A: Array
-    b_0: Array
-    b_1: Array
-    lower: Array
-
-    def load(self, torque: float) -> Array:
-        """Right side of the equilibrium rows at a torque [N*mm], shape (free,)."""
-        return self.b_0 + torque * self.b_1
-
-    def moved(self, here: Formulation, there: Formulation) -> Compiled:
-        """The data of a neighbouring system of the same shape: P and A move as the coefficients stated do.
-
-        The load's unit moves with the stiffness of a tooth.
-        """
-        units = (here.units.force * here.units.load) / (there.units.force * there.units.load)
-        return replace(self, P=self.P + (there.P - here.P), A=self.A + (there.A - here.A), b_1=self.b_1 * units)
+    key = _key(formulation)
+    if key in _proven:
+        return
+    kept = (folder or cache_folder()) / f"compiled-{key[:16]}"
+    with suppress(OSError):
+        if kept.read_bytes() == key.encode():
+            _proven.add(key)
+            return
+    if wrong := list(differences(formulation)):
+        raise UntrustedError(
+            f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
+            "install the versions that hdassist was tested with (hdassist doctor)",
+        )
+    _proven.add(key)
+    with suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_bytes(key.encode())
 
 
-def compile_programme(formulation: Formulation) -> Compiled:
-    """Let cvxpy compile the programme; gaps and torque stay open, gaps in the formulation's unit.
-
-    Raises UntrustedError where the programme has rows other than equilibrium and bounds.
-    """
+def differences(formulation: Formulation) -> Iterator[str]:
+    """Names of what cvxpy compiles to other data than stated, at two torques and gaps."""
     stated = formulation.statement
-    stated.gaps.value = np.zeros(stated.gaps.size)
-    b = []
-    for torque in (0.0, 1.0):
-        stated.load.value = formulation.load(torque)
+    for torque, gap in ((0.0, 0.0), (1e3, 1.0)):
+        stated.gaps.value = gaps = gap * np.arange(1.0, stated.gaps.size + 1)
+        stated.load.value = load = formulation.load(torque)
         data, _, _ = stated.problem.get_problem_data("DAQP")
-        b.append(np.array(data["b"], dtype=float))
-    if data["F"].shape[0]:
-        raise UntrustedError("the programme has inequalities that the engine does not read")
-    program = data["param_prob"]
-    first = program.param_id_to_col[stated.gaps.id]
-    return Compiled(
-        P=data["P"].toarray(),
-        q_0=np.array(data["q"], dtype=float),
-        # the tensor's last row is the objective's constant
-        Q=program.q[:-1, first : first + stated.gaps.size].toarray(),
-        A=data["A"].toarray(),
-        b_0=b[0],
-        b_1=b[1] - b[0],
-        lower=np.array(data["lower_bounds"], dtype=float),
-    )
+        expected: dict[str, Array | None] = {"P": formulation.P, "q": gaps, "A": formulation.A, "b": -load}
+        expected |= {"lower_bounds": np.zeros(len(gaps)), "upper_bounds": None}
+        if data["F"].shape[0]:
+            yield "further rows"
+        for name, value in expected.items():
+            found = data[name]
+            found = found.toarray() if hasattr(found, "toarray") else found
+            same = found is None if value is None else found is not None and np.array_equal(found, value)
+            if not same:
+                yield name
+
+
+def _key(formulation: Formulation) -> str:
+    source = Path(statement.__file__).read_bytes()
+    free = np.flatnonzero(~formulation.system.supported).tolist()
+    return hashlib.sha256(f"{version('cvxpy')} {free} ".encode() + source).hexdigest()

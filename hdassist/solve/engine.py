@@ -1,4 +1,4 @@
-"""The fast solver of many states, on the data that cvxpy compiles."""
+"""The fast solver of many states, on the data of the formulation."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.compiled import Compiled, compile_programme
+from hdassist.solve.compiled import require_compiled_as_stated
 from hdassist.solve.formulation import Formulation
-from hdassist.solve.pivoting import Flags, Pivoting, Reference
+from hdassist.solve.pivoting import Pivoting, Reference
 from hdassist.solve.sums import StateSums
 from hdassist.solve.walk import Walk, library
 
@@ -24,10 +24,10 @@ CARRIES = 1e-9  # of the greatest force: more is contact
 class Engine:
     """Solves many states by principal pivots, few states and what those give up by DAQP.
 
-    Arguments: formulation; torque [N*mm] on the flexspline; like, the engine of a neighbouring system, whose
-    compiled data and contact set this one takes over where the shapes are the same, and whose reference where system
-    and torque are the same; many, whether many states will come, in batches however small; compiled, whether the walk
-    in C may run, as it does where it is there.
+    Arguments: formulation; torque [N*mm] on the flexspline; like, the engine of a neighbouring system, whose contact
+    set this one takes over where the shapes are the same, and whose reference where system and torque are; many,
+    whether many states will come, in batches however small; compiled, whether the walk in C may run, as it does where
+    it is there. Raises UntrustedError where cvxpy compiles the formulation to other data.
     """
 
     def __init__(
@@ -39,15 +39,12 @@ class Engine:
         many: bool = False,
         compiled: bool = True,
     ) -> None:
-        near = like if like is not None and like.data.A.shape == formulation.A.shape else None
-        self._formulation, self._torque = formulation, torque
-        self.data: Compiled = (
-            near.data.moved(near._formulation, formulation) if near else compile_programme(formulation)
-        )
-        contact: Flags = near._one_by_one.contact if near else np.ones(len(self.data.q_0), dtype=bool)
-        self._one_by_one: ActiveSet = ActiveSet(formulation, self.data, torque, contact)
-        same = near and near._formulation is formulation and near._torque == torque
-        self._same = near if same else None
+        require_compiled_as_stated(formulation)
+        near: Engine | None = like if like is not None and like._formulation.A.shape == formulation.A.shape else None
+        self._formulation: Formulation = formulation
+        self._torque = torque
+        self._one_by_one: ActiveSet = ActiveSet(formulation, torque, near._one_by_one.contact if near else None)
+        self._same = near if near and near._formulation is formulation and near._torque == torque else None
         self._pivoting: Pivoting | None = None
         self._walk: Walk | None = None
         self._compiled = compiled and library()[0] is not None
@@ -58,13 +55,13 @@ class Engine:
         self._torque = torque
         self._one_by_one.load(torque)
         if self._walk:
-            self._walk.load(self.data.load(torque), torque)
+            self._walk.load(torque)
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as StateSolver says."""
         if self._walk is None and self._compiled and self._worth_reference(len(gaps)):
             assert self._reference
-            self._walk = Walk(self._formulation, self._reference, self.data.load(self._torque), self._torque)
+            self._walk = Walk(self._formulation, self._reference, self._torque)
         if self._walk is None:
             return self._sums(gaps, self.forces, pull)
         sums = self._walk.solve(gaps, pull=pull)
@@ -84,10 +81,10 @@ class Engine:
             self._pivoting = Pivoting(self._reference)
         if self._pivoting is None:
             return self._one_by_one.solve(delta_p)
-        load, found = self.data.load(self._torque), []
+        right, found = self._formulation.right_side(self._torque), []
         for first in range(0, max(len(delta_p), 1), AT_ONCE):
             part = self._formulation.gaps(delta_p[first : first + AT_ONCE])
-            found.append(self._formulation.answer(*self._pivoting.solve(part, load)))
+            found.append(self._formulation.answer(*self._pivoting.solve(part, right)))
         forces, free = (np.concatenate(each) for each in zip(*found, strict=True))
         given_up = np.flatnonzero(np.isnan(forces[:, 0]))
         if len(given_up):
@@ -104,12 +101,9 @@ class Engine:
 
     @cached_property
     def _reference(self) -> Reference | None:
-        """The drive without deviations, so that it does not hang on the states asked for; None where it is no use."""
+        """The drive without deviations, so that it does not depend on the states asked for; None where it is no use."""
         if self._same:
             return self._same._reference
-        if self.data.lower.any():
-            return None
-        system = self._formulation.system
-        everywhere = np.ones(len(self.data.q_0), dtype=bool)
-        forces, _, _ = ActiveSet(self._formulation, self.data, self._torque, everywhere).solve(system.delta_p[None])
-        return Reference.at(self.data, forces[0] > CARRIES * forces[0].max())
+        formulation = self._formulation
+        forces, _, _ = ActiveSet(formulation, self._torque).solve(formulation.system.delta_p[None])
+        return Reference.at(formulation.P, formulation.A, forces[0] > CARRIES * forces[0].max())

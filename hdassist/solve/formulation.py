@@ -13,12 +13,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
-from hdassist.solve.cvx import cp
+
+if TYPE_CHECKING:
+    import cvxpy as cp
 
 MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 
@@ -66,7 +69,9 @@ class Formulation:
 
     @cached_property
     def statement(self) -> Statement:
-        """The programme in cvxpy; stated when first asked for."""
+        """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
+        from hdassist.solve.cvx import cp
+
         forces = cp.Variable(len(self.P), name="F", nonneg=True)
         gaps = cp.Parameter(len(self.P), name="delta_p")
         load = cp.Parameter(len(self.A), name="b")
@@ -83,6 +88,10 @@ class Formulation:
         """Load of a torque on the flexspline [N*mm], in units of the programme, shape (free,)."""
         free = ~self.system.supported
         return np.asarray(self.system.load(torque)[free] / (self.units.force * self.units.load))
+
+    def right_side(self, torque: float) -> Array:
+        """Right side of the equilibrium rows A x = -load at a torque [N*mm], shape (free,)."""
+        return -self.load(torque)
 
     def answer(self, forces: Array, duals: Array) -> tuple[Array, Array]:
         """Forces [N] and displacements of the free freedoms [mm, rad] of a solution in units of the programme."""

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dger
 
 from hdassist.model.geometry import Array
-from hdassist.solve.compiled import ZERO, Compiled
 
 Flags = NDArray[np.bool_]
 
+ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
 ABREAST = 32  # states that a tableau carries along
 INACCURATE = 1e-8  # in the programme's units: a state that rounding spoils by more is given up
 PIVOTS = 1000  # after which a tableau is made anew, against rounding
@@ -33,48 +33,47 @@ SMALLEST = 1e-9  # pivot, where those of the reference are one and others were 1
 
 @dataclass(frozen=True)
 class Reference:
-    """The programme solved for the values at one contact set, for any gaps and any load.
+    """The programme solved for the values at one contact set, for any gaps and any right side.
 
-    values = constant + by_gaps gaps + by_load load + by_others others: values, shape (M + free,), are forces of
+    values = at_gaps(gaps) + by_right right + by_others others: values, shape (M + free,), are forces of
     contacts, gaps of the rest, and the duals; others, shape (M,), are the gaps of contacts and forces of the rest,
     all zero as long as the set holds. All in the programme's units.
     """
 
     contact: Flags
-    constant: Array
-    by_gaps: Array
-    by_load: Array
+    by_right: Array
     by_others: Array
 
     @cached_property
-    def _plain(self) -> Flags:
-        """Gaps, shape (M,), that are but a value of their own: those of candidates without contact."""
-        return np.asarray((self.by_gaps == np.eye(*self.by_gaps.shape)).all(axis=0))
+    def _by_contacts(self) -> Array:
+        return np.ascontiguousarray(-self.by_others[:, self.contact].T)
 
-    @cached_property
-    def _by_rest(self) -> Array:
-        return np.ascontiguousarray(self.by_gaps[:, ~self._plain].T)
+    def at_gaps(self, gaps: Array) -> Array:
+        """What gaps, shape (states, M), add to the values, shape (states, M + free)."""
+        found = gaps[:, self.contact] @ self._by_contacts
+        found[:, np.flatnonzero(~self.contact)] += gaps[:, ~self.contact]  # a gap that is open is a value of its own
+        return np.asarray(found)
 
-    def values(self, gaps: Array, load: Array) -> Array:
-        """Values, shape (states, M + free), at gaps, shape (states, M), and a load, others being zero."""
-        plain = np.flatnonzero(self._plain)
-        found = gaps[:, ~self._plain] @ self._by_rest
-        found += self.constant + self.by_load @ load
-        found[:, plain] += gaps[:, plain]
+    def values(self, gaps: Array, right: Array) -> Array:
+        """Values, shape (states, M + free), at gaps, shape (states, M), and a right side, others being zero."""
+        found = self.at_gaps(gaps) + self.by_right @ right
         found[np.isnan(gaps.sum(axis=1))] = np.nan  # no part of such a state is known
         return np.asarray(found)
 
     @classmethod
-    def at(cls, data: Compiled, contact: Flags) -> Reference | None:
-        """Reference at a contact set, shape (M,); None where that set does not hold the parts in place."""
-        M, free = len(data.q_0), len(data.b_0)
+    def at(cls, P: Array, A: Array, contact: Flags) -> Reference | None:
+        """Reference at a contact set, shape (M,), of the programme with P and A.
+
+        None where that set does not hold the parts in place.
+        """
+        free, M = A.shape
         inside, outside = np.flatnonzero(contact), np.flatnonzero(~contact)
         n = len(inside)
         system = np.zeros((n + free, n + free))
-        system[:n, :n] = data.P[np.ix_(inside, inside)]
-        system[n:, :n] = data.A[:, inside]
-        system[:n, n:] = data.A[:, inside].T
-        coupling = np.vstack([data.P[np.ix_(inside, outside)], data.A[:, outside]])
+        system[:n, :n] = P[np.ix_(inside, inside)]
+        system[n:, :n] = A[:, inside]
+        system[:n, n:] = A[:, inside].T
+        coupling = np.vstack([P[np.ix_(inside, outside)], A[:, outside]])
         right = np.hstack([np.eye(n + free), coupling])
         try:
             # solved for and refined, not multiplied by the inverse: that cost two digits of the rotation
@@ -86,18 +85,15 @@ class Reference:
         if not np.allclose(system @ inverse, np.eye(n + free), rtol=0, atol=INVERSE):
             return None
         known = np.concatenate([inside, M + np.arange(free)])
-        by_others, by_load = np.zeros((M + free, M)), np.zeros((M + free, free))
+        by_others, by_right = np.zeros((M + free, M)), np.zeros((M + free, free))
         by_others[np.ix_(known, inside)] = inverse[:, :n]
         by_others[np.ix_(known, outside)] = -across
         by_others[np.ix_(outside, inside)] = across[:n].T
-        by_others[np.ix_(outside, outside)] = data.P[np.ix_(outside, outside)] - coupling.T @ across
-        by_load[known], by_load[outside] = inverse[:, n:], across[n:].T
-        by_linear = np.zeros((M + free, M))
-        by_linear[:, inside] = -by_others[:, inside]
-        by_linear[outside, outside] = 1
+        by_others[np.ix_(outside, outside)] = P[np.ix_(outside, outside)] - coupling.T @ across
+        by_right[known], by_right[outside] = inverse[:, n:], across[n:].T
         if not np.all(np.diag(by_others) > 0):
             return None  # no pivots to start from
-        return cls(contact, by_linear @ data.q_0, by_linear @ data.Q, by_load, by_others)
+        return cls(contact, by_right, by_others)
 
 
 class Pivoting:
@@ -115,15 +111,15 @@ class Pivoting:
         self._lost = 0  # states that no end was found for
         self._take(np.flatnonzero(self._changed))
 
-    def solve(self, gaps: Array, load: Array) -> tuple[Array, Array]:
+    def solve(self, gaps: Array, right: Array) -> tuple[Array, Array]:
         """Forces, shape (states, M), and duals, shape (states, free), NaN where a state is given up.
 
-        Arguments: gaps without force, shape (states, M); load, shape (free,); all in the programme's units.
+        Arguments: gaps without force, shape (states, M); right side, shape (free,); all in the programme's units.
         """
         reference = self._reference
         M = len(reference.contact)
-        start = reference.values(gaps, load)
-        forces, duals = np.empty(gaps.shape), np.empty((len(gaps), len(load)))
+        start = reference.values(gaps, right)
+        forces, duals = np.empty(gaps.shape), np.empty((len(gaps), len(right)))
         rows = np.arange(len(gaps))
         if not len(self._swing):
             self._take(np.flatnonzero(start[:, :M].min(axis=0, initial=0) < -ZERO))

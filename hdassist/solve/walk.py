@@ -73,10 +73,10 @@ def _load(path: Path) -> Any:
 class Walk:
     """The compiled walk of one contact system at one torque.
 
-    Arguments: formulation; reference, the programme solved at one contact set; load, its right side, shape (free,).
+    Arguments: formulation; reference, the programme solved at one contact set; torque [N*mm].
     """
 
-    def __init__(self, formulation: Formulation, reference: Reference, load: Array, torque: float) -> None:
+    def __init__(self, formulation: Formulation, reference: Reference, torque: float) -> None:
         self._library, _ = library()
         self._formulation, self._reference = formulation, reference
         system, units = formulation.system, formulation.units
@@ -86,9 +86,10 @@ class Walk:
         by_others = reference.by_others * self._scale
         by_others[:M] *= self._scale[:, None]
         place = np.full(len(system.C), -1, dtype=np.int32)
-        place[~system.supported] = np.arange(len(load))
+        free = len(formulation.A)
+        place[~system.supported] = np.arange(free)
         self._columns = system.deviation_map.shape[1]
-        self._law = np.empty((1 + self._columns, M + len(load)))
+        self._law = np.empty((1 + self._columns, M + free))
         self._held = {  # the walk reads them as long as it lives
             "by_others": by_others.T,
             "law": self._law,
@@ -109,9 +110,9 @@ class Walk:
         }
         self._held = {name: np.ascontiguousarray(array) for name, array in self._held.items()}
         self._law = self._held["law"]
-        sizes = (M, len(load), self._columns, system.n_flanks // stations, stations, self._columns, ROTATION)
+        sizes = (M, free, self._columns, system.n_flanks // stations, stations, self._columns, ROTATION)
         self._system = _System(*sizes, *(array.ctypes.data for array in self._held.values()), torque)
-        self.load(load, torque)
+        self.load(torque)
         self._walk = self._library.walk_new(ctypes.byref(self._system))
         if not self._walk:
             raise MemoryError
@@ -120,12 +121,12 @@ class Walk:
         if getattr(self, "_walk", None):
             self._library.walk_free(self._walk)
 
-    def load(self, load: Array, torque: float) -> None:
-        """Go on with another torque [N*mm]; load, the programme's right side at it, shape (free,)."""
+    def load(self, torque: float) -> None:
+        """Go on with another torque [N*mm]."""
         reference, system = self._reference, self._formulation.system
-        constant = reference.constant + reference.by_load @ load
-        self._law[0] = constant + reference.by_gaps @ self._formulation.gaps(system.delta_p)
-        self._law[1:] = self._formulation.gaps(system.deviation_map.T) @ reference.by_gaps.T
+        gaps = self._formulation.gaps(np.vstack([system.delta_p, system.deviation_map.T]))
+        self._law[:] = reference.at_gaps(gaps)
+        self._law[0] += reference.by_right @ self._formulation.right_side(torque)
         self._law[:, : len(self._scale)] *= self._scale
         self._system.torque = torque
 
@@ -140,7 +141,8 @@ class Walk:
         teeth = values = None
         if gaps.at_flanks is not None:
             teeth = np.ascontiguousarray(gaps.at_flanks, dtype=float)
-            values = self._formulation.gaps(teeth) @ self._reference.by_gaps[:, : teeth.shape[1]].T
+            rest = len(self._scale) - teeth.shape[1]
+            values = self._reference.at_gaps(self._formulation.gaps(np.pad(teeth, [(0, 0), (0, rest)])))
             values[:, : len(self._scale)] *= self._scale
         rotation, tooth_force, edge_force = np.empty((3, count))
         moment, residual = np.empty((count, 2)), np.empty((count, 4))

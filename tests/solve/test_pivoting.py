@@ -1,7 +1,5 @@
 """Many states by principal pivots, against the same states one by one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from hdassist.solve import pivoting
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.compiled import Compiled
 from hdassist.solve.engine import MANY, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.pivoting import Reference, exchanged
@@ -46,8 +43,7 @@ def delta_p(small, system):
 
 
 def one_by_one(formulation, torque, delta_p):
-    data = Engine(formulation, torque).data
-    return ActiveSet(formulation, data, torque, np.ones(len(data.q_0), dtype=bool)).solve(delta_p)
+    return ActiveSet(formulation, torque).solve(delta_p)
 
 
 def same(formulation, torque, delta_p, found):
@@ -66,8 +62,7 @@ def cycle_one_by_one(drive, M_g, teeth=None):
     states = pitch_locked_states(Kinematics.of(drive))
     rotation, share = np.empty(len(states)), np.empty((len(states), 2))
     for rows, formulation in _formulations(drive, states):
-        data = Engine(formulation, M_g * N_MM).data
-        solver = ActiveSet(formulation, data, M_g * N_MM, np.ones(len(data.q_0), dtype=bool))
+        solver = ActiveSet(formulation, M_g * N_MM)
         delta_p = delta_p_of(drive, formulation.system, states.take(rows), teeth)
         sums = StateSums.of(formulation.system, delta_p, M_g * N_MM, *solver.solve(delta_p))
         assert sums.residuals.worst.max() <= TOLERANCE
@@ -228,33 +223,26 @@ def test_a_state_that_is_no_number_spoils_no_other(formulation, delta_p):
 
 
 def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, delta_p, monkeypatch):
-    data = Engine(formulation, 4e3).data
-    none, one = np.zeros(len(data.q_0), dtype=bool), np.arange(len(data.q_0)) == 3
-    assert Reference.at(data, none) is None
-    assert Reference.at(data, one) is None
-    monkeypatch.setattr(Reference, "at", lambda data, contact: None)
+    P, A = formulation.P, formulation.A
+    none, one = np.zeros(len(P), dtype=bool), np.arange(len(P)) == 3
+    assert Reference.at(P, A, none) is None
+    assert Reference.at(P, A, one) is None
+    monkeypatch.setattr(Reference, "at", lambda P, A, contact: None)
     found = Engine(formulation, 4e3).forces(delta_p)
     assert found[2] == 0
     assert same(formulation, 4e3, delta_p, found)
 
 
-def test_bounds_other_than_zero_are_left_to_the_other_solver(formulation, system):
-    solver = Engine(formulation, 4e3)
-    solver.data = replace(solver.data, lower=np.full(len(system.delta_p), 0.5))
-    assert solver._reference is None
-
-
 def test_a_reference_solves_the_programme_at_its_contact_set(formulation, delta_p):
-    solver = Engine(formulation, 4e3)
-    data, (forces, free, _) = solver.data, one_by_one(formulation, 4e3, delta_p[:1])
+    forces, free, _ = one_by_one(formulation, 4e3, delta_p[:1])
     contact = forces[0] > 1e-9 * forces.max()
-    reference = Reference.at(data, contact)
-    values = reference.constant + reference.by_gaps @ formulation.gaps(delta_p[0]) + reference.by_load @ data.load(4e3)
+    gaps, right = formulation.gaps(delta_p[:1]), formulation.right_side(4e3)
+    values = Reference.at(formulation.P, formulation.A, contact).values(gaps, right)[0]
     M = len(contact)
     solved, dual = formulation.answer(values[:M] * contact, values[M:])
     assert solved == pytest.approx(forces[0], abs=1e-8 * forces.max())
     assert dual == pytest.approx(free[0], abs=1e-12)
-    gap = data.P @ (values[:M] * contact) + data.q_0 + data.Q @ formulation.gaps(delta_p[0]) + data.A.T @ values[M:]
+    gap = formulation.P @ (values[:M] * contact) + gaps[0] + formulation.A.T @ values[M:]
     assert gap == pytest.approx(values[:M] * ~contact, abs=1e-8)
 
 
@@ -274,7 +262,5 @@ def test_exchanged_twice_is_what_it_was():
 def test_candidates_that_are_one_and_the_same_are_no_reference():
     # two springs side by side in the same place: which of them carries is not determined, so there is no pivot
     one = np.ones((2, 2))
-    data = Compiled(P=one, q_0=np.zeros(2), Q=np.eye(2), A=one[:1], b_0=np.zeros(1), b_1=np.ones(1), lower=np.zeros(2))
-    assert Reference.at(data, np.array([True, False])) is None
-    apart = replace(data, P=one + np.eye(2))
-    assert Reference.at(apart, np.array([True, True])) is not None
+    assert Reference.at(one, one[:1], np.array([True, False])) is None
+    assert Reference.at(one + np.eye(2), one[:1], np.array([True, True])) is not None

@@ -7,23 +7,21 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from hdassist import kinematic_error, load_preset
+from hdassist import kinematic_error, load_preset, preset_names
 from hdassist.error.self_error import self_error
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.solve import activeset, engine, throughcvxpy
+from hdassist.solve import activeset, compiled, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
-from hdassist.solve.compiled import compile_programme
-from hdassist.solve.engine import MANY, Engine
+from hdassist.solve.compiled import differences, require_compiled_as_stated
+from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_again, solve_through_cvxpy
-from tests.process import SMALL
 from tests.support import changed
 
 
@@ -49,27 +47,12 @@ def test_the_programme_is_dpp(formulation):
     assert {p.name() for p in problem.parameters()} == {"delta_p", "b"}
 
 
-def test_the_engine_runs_what_cvxpy_compiles(formulation, system):
-    data, stated = compile_programme(formulation), formulation.statement
-    rng = np.random.default_rng(0)
-    for torque in (80e3, -300e3):
-        delta_p = system.delta_p + rng.uniform(-0.1, 0.1, len(system.delta_p))
-        stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
-        handed, _, _ = stated.problem.get_problem_data("DAQP")
-        assert handed["P"].toarray() == pytest.approx(data.P, abs=0)
-        assert handed["A"].toarray() == pytest.approx(data.A, abs=0)
-        assert data.q_0 + data.Q @ formulation.gaps(delta_p) == pytest.approx(handed["q"], rel=1e-14)
-        assert data.b_0 + torque * data.b_1 == pytest.approx(handed["b"], rel=1e-14)
-
-
-@pytest.mark.parametrize("path", ["contact.c_t", "supports.C_1", "cam.W_0"])
-def test_data_moved_to_a_neighbour_are_what_cvxpy_compiles_there(reference, formulation, path):
-    moved = reference.with_values({path: 1.05 * reference.value(path)})
-    there = formulate(contact_system(moved, tau=0.3, beta=0.7))
-    moved, compiled = compile_programme(formulation).moved(formulation, there), compile_programme(there)
-    for name in ("P", "q_0", "Q", "A", "b_0", "b_1", "lower"):
-        scale = np.abs(getattr(compiled, name)).max()
-        assert getattr(moved, name) == pytest.approx(getattr(compiled, name), rel=0, abs=1e-14 * scale)
+@pytest.mark.parametrize("name", preset_names())
+def test_the_engine_runs_what_cvxpy_compiles(name):
+    drive = load_preset(name)
+    assert list(differences(formulate(contact_system(drive)))) == []
+    some = changed(drive, supports__C_1=0.0, numerics__stations=3)
+    assert list(differences(formulate(contact_system(some, tau=0.3, beta=0.7)))) == []
 
 
 def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference, formulation, system):
@@ -86,16 +69,14 @@ def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference,
     assert free == pytest.approx(freed, abs=1e-12)
 
 
-@pytest.mark.parametrize("part", ["quadratic", "linear", "equality", "bound"])
-def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, part):
-    # there is no second assembly that would go on with the old number
+@pytest.mark.parametrize(
+    ("part", "wrong"), [("quadratic", "P"), ("linear", "q"), ("equality", "A"), ("bound", "further rows")]
+)
+def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path, monkeypatch, part, wrong):
+    # the statement is what everything runs: data that differ from what it compiles to are refused
     stated, n = formulation.statement, len(system.delta_p)
-    x = stated.forces
-    before = Engine(formulation, 80e3).forces(system.delta_p[None])
+    x, pick = stated.forces, np.eye(n)[3]
     objective, constraints = stated.problem.objective.expr, list(stated.problem.constraints)
-    busiest = int(np.argmax(before[0][0, : system.n_flanks]))
-    pick = np.zeros(n)
-    pick[busiest] = 1.0
     if part == "quadratic":
         objective = objective + cp.quad_form(x, cp.psd_wrap(np.diag(pick)))
     elif part == "linear":
@@ -108,17 +89,29 @@ def test_a_coefficient_changed_in_cvxpy_moves_the_engine(formulation, system, pa
     problem = cp.Problem(cp.Minimize(objective), constraints)
     altered = replace(formulation)
     altered.__dict__["statement"] = replace(stated, problem=problem, equilibrium=constraints[0])
-    if part == "bound":
-        # a row that the engine does not know is refused, not dropped
-        with pytest.raises(UntrustedError, match="inequalities"):
-            Engine(altered, 80e3)
-        return
-    after = Engine(altered, 80e3).forces(system.delta_p[None])
-    many = Engine(altered, 80e3).forces(np.repeat(system.delta_p[None], MANY, axis=0))
-    assert many[1] * ARCSEC == pytest.approx(np.repeat(after[1] * ARCSEC, MANY, axis=0), abs=1e-7)
-    assert abs(after[1][0, 0] - before[1][0, 0]) * ARCSEC > 0.01
-    _, same = solve_through_cvxpy(altered, system.delta_p, 80e3, "CLARABEL")
-    assert same[0] * ARCSEC == pytest.approx(after[1][0, 0] * ARCSEC, abs=1e-3)
+    monkeypatch.setattr(compiled, "_proven", set())
+    with pytest.raises(UntrustedError, match=f"other data than stated: .*{wrong}"):
+        require_compiled_as_stated(altered, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formulation, tmp_path, monkeypatch):
+    def anew():
+        monkeypatch.setattr(compiled, "_proven", set())
+        require_compiled_as_stated(formulation, tmp_path)
+
+    compilations = []
+    monkeypatch.setattr(compiled, "differences", lambda _: compilations.append(1) or [])
+    anew()
+    anew()
+    assert len(compilations) == 1
+    (kept,) = tmp_path.iterdir()
+    kept.write_text("something else")
+    anew()
+    assert len(compilations) == 2
+    monkeypatch.setattr(compiled, "version", lambda _: "99")
+    anew()
+    assert len(compilations) == 3
 
 
 @pytest.mark.parametrize("solver", ["daqp", "clarabel", "osqp", "highs", "scs"])
@@ -280,16 +273,15 @@ def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, m
     def counting(self):
         x, _, flag, info = self._model.solve()
         assert flag == activeset.SOLVED
-        steps.append(info["iterations"] / (len(x) + len(self._data.b_0)))
+        steps.append(info["iterations"] / (len(x) + len(self._right)))
         return x, info["lam"][len(x) :]
 
     monkeypatch.setattr(ActiveSet, "_run", counting)
     for support in (0.0, 1.0, 1e9):
         system = contact_system(changed(reference, supports__C_1=support, supports__C_3=support))
-        everywhere = np.ones_like(system.delta_p, dtype=bool)
         formulation = formulate(system)
         for torque in (1.0, 80e3, 3e6):
-            solver = ActiveSet(formulation, compile_programme(formulation), torque, everywhere)
+            solver = ActiveSet(formulation, torque)
             solver.solve(np.repeat(system.delta_p[None], 8, axis=0))
     assert max(steps) < activeset.ITERATIONS / 3
 
@@ -356,19 +348,3 @@ def test_a_torque_that_no_contact_can_hold_has_no_answer(system):
     with pytest.raises(UntrustedError, match="CLARABEL could not solve a state: infeasible") as error:
         solve_through_cvxpy(one_way, system.delta_p, -80e3, "CLARABEL")
     assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
-
-
-def test_a_neighbour_is_not_compiled_again(monkeypatch):
-    drive = load_preset(SMALL)
-    near = LoadCase.of(drive, 4.0)
-    softer = drive.with_values({"contact.c_t": 6.6e-5})
-    alone = LoadCase.of(softer, 1.0)
-    expected = alone.solve(WITHOUT_DEVIATIONS, str)
-
-    def refuse(*_):
-        raise AssertionError("compiled again")
-
-    monkeypatch.setattr(engine, "compile_programme", refuse)
-    case = LoadCase(formulate(contact_system(softer)), 1.0, like=near)
-    found = case.solve(WITHOUT_DEVIATIONS, str)
-    assert found.rotation_arcsec == pytest.approx(expected.rotation_arcsec, abs=1e-7)

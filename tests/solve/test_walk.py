@@ -147,7 +147,7 @@ def test_states_that_no_contact_set_solves_are_given_up_soon():
     engine = Engine(formulation, 4e3, many=True)
     found = walk_of(engine)
     engine.load(-4e3)
-    found.load(engine.data.load(-4e3), -4e3)
+    found.load(-4e3)
     sums = found.solve(gaps)
     assert sums.given_up == len(gaps)
     assert np.isnan(sums.rotation).all()
