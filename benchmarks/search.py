@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.machine import seconds
 from hdassist import Drive, kinematic_error, load_preset, preset_names
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.mounting.positions import rotated
 
@@ -43,8 +43,8 @@ def measure(quick: bool) -> dict:
     drive = load_preset("vzp160")
     found = []
     for M_g in drive.operation.M_g:
-        ready = CycleSearch(drive, M_g)
-        whole = seconds(lambda M_g=M_g: CycleSearch(drive, M_g).extremes(drive), 2 if quick else ROUNDS)
+        ready = ErrorMap(drive, M_g)
+        whole = seconds(lambda M_g=M_g: ErrorMap(drive, M_g).extremes(drive), 2 if quick else ROUNDS)
         alone = seconds(lambda ready=ready: ready.extremes(drive), 2 if quick else ROUNDS)
         states = ready.extremes(drive).certificate.states
         found.append({"M_g": M_g, "s": whole, "without_set_up_s": alone, "states": states})
@@ -66,10 +66,10 @@ def _hard() -> Iterable[Case]:
     """Cam offsets from none to large, each with the wheel where the error is least and where it is greatest."""
     drive = load_preset("vzp160")
     for M_g in drive.operation.M_g:
-        search = CycleSearch(drive, M_g)
+        search = ErrorMap(drive, M_g)
         for e_hb in OFFSETS:
             turned = [rotated(drive.with_values({"tolerances.e_hb": e_hb}), 360 * k / HOLES) for k in range(HOLES)]
-            values = [search.extremes(there).F_ior_arcsec for there in turned]
+            values = [search.extremes(there).first for there in turned]
             for place in (np.argmin(values), np.argmax(values)):
                 yield Case("hard cases", turned[place], M_g)
 
@@ -86,7 +86,7 @@ def _random(seed: int) -> Case:
             "random drives", load_preset(name).with_values(values), float(np.exp(rng.uniform(*np.log([low, high]))))
         )
         try:
-            CycleSearch(case.drive, case.M_g).extremes(case.drive)
+            ErrorMap(case.drive, case.M_g).extremes(case.drive)
         except UntrustedError:
             continue
         return case
@@ -95,7 +95,7 @@ def _random(seed: int) -> Case:
 def _compare(case: Case) -> dict[str, float]:
     """What the search, and looks at every so many-th state, miss of the full cycle [arcsec and its share]."""
     full = kinematic_error(case.drive, case.M_g, cross_check=None)
-    found = CycleSearch(case.drive, case.M_g).extremes(case.drive)
+    found = ErrorMap(case.drive, case.M_g).extremes(case.drive)
     told = {
         "F_ior": full.F_ior_arcsec,
         "search": full.F_ior_arcsec - found.F_ior_arcsec,

@@ -47,14 +47,14 @@ class Compared:
 
 def compare(task: Task) -> Compared:
     from hdassist import kinematic_error
-    from hdassist.error.search import CycleSearch
+    from hdassist.error.error_map import ErrorMap
     from hdassist.errors import UntrustedError
     from tests.searched_drives import searched_drive
 
     drive, M_g = searched_drive(*task)
     try:
         full = kinematic_error(drive, M_g, cross_check=None)
-        found = CycleSearch(drive, M_g).extremes(drive)
+        found = ErrorMap(drive, M_g).extremes(drive)
     except UntrustedError:
         return Compared(*task)
     return Compared(*task, full.F_ior_arcsec, found.F_ior_arcsec, found.certificate.states)

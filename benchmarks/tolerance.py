@@ -60,7 +60,7 @@ def compare(task) -> list[Drawn]:
     import numpy as np
 
     from hdassist import kinematic_error
-    from hdassist.error.search import CycleSearch
+    from hdassist.error.error_map import ErrorMap
     from hdassist.mounting.positions import merit, rotated
 
     case, made, first, last = task
@@ -77,8 +77,8 @@ def compare(task) -> list[Drawn]:
         best = loss = None
         if k % EVERY == 0:
             best = [e - v for e, v in zip(every_state(turned), record["best_F_ior_arcsec"], strict=True)]
-            searches = [CycleSearch(drive, M_g) for M_g in made.torques]
-            all_ = np.array([[s.extremes(rotated(drive, r)).F_ior_arcsec for r in made.rotations] for s in searches])
+            searches = [ErrorMap(drive, M_g) for M_g in made.torques]
+            all_ = np.array([[s.extremes(rotated(drive, r)).first for r in made.rotations] for s in searches])
             values = merit(all_, all_[:, 0])
             loss = float(values[made.rotations.index(record["best_rotation_deg"])] / values.min() - 1)
         found.append(Drawn(case, k, exact, missed, best, loss))

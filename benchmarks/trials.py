@@ -82,7 +82,7 @@ def truth(task: tuple[str, int]) -> tuple[str, int, list[float]]:
     import numpy as np
 
     from hdassist.error.cycle import place
-    from hdassist.error.search import Torus
+    from hdassist.error.error_map import Torus
     from hdassist.model.deviations import gaps
     from hdassist.model.kinematics import Kinematics, pitch_locked_states
     from hdassist.mounting.positions import rotated

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
+from hdassist.error.error_map import SEARCHED
 from hdassist.error.rests_on import Effect, rests_on, weighed
-from hdassist.error.search import SEARCHED
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states

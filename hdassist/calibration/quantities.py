@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from hdassist.calibration.targets import Target
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.self_error import self_error
 from hdassist.error.stiffness import Stiffness, Twist, stiffness
 from hdassist.error.trace import trace
@@ -61,7 +61,7 @@ class Quantities:
 
     def __init__(self, drive: Drive, accuracy: Accuracy) -> None:
         self._drive, self._accuracy = drive, accuracy
-        self._searches: dict[float, CycleSearch] = {}
+        self._maps: dict[float, ErrorMap] = {}
         self._F_ior: dict[tuple[float, float], float] = {}
         self._self_errors: dict[float, float] = {}
         self._stiffnesses: dict[tuple[float | None, float | None], Stiffness] = {}
@@ -110,9 +110,9 @@ class Quantities:
         if key not in self._F_ior:
             there = rotated(self._drive, key[1] - phase_deg(self._drive))
             if searchable(self._drive):
-                if M_g not in self._searches:
-                    self._searches[M_g] = CycleSearch(self._drive, M_g)
-                self._F_ior[key] = self._searches[M_g].extremes(there).F_ior_arcsec
+                if M_g not in self._maps:
+                    self._maps[M_g] = ErrorMap(self._drive, M_g)
+                self._F_ior[key] = self._maps[M_g].many_extremes(Batch.of(there)).first
             else:
                 self._F_ior[key] = kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
         return self._F_ior[key]

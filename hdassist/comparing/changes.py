@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from hdassist.comparing.fields import Difference
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.error_map import extremes_of, searchable
 from hdassist.errors import HdassistError
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import listed, unknowns
@@ -171,8 +170,5 @@ def _F_ior(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
 
 
 def _solved(M_g: float, drive: Drive) -> tuple[float, Certificate]:
-    if not searchable(drive):
-        error = kinematic_error(drive, M_g, cross_check=None)
-        return error.F_ior_arcsec, error.certificate
-    found = CycleSearch(drive, M_g).extremes(drive)
-    return found.F_ior_arcsec, found.certificate
+    (found,) = extremes_of(drive, [M_g])
+    return found.first, found.certificate

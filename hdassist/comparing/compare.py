@@ -12,8 +12,7 @@ from hdassist.comparing.findings import BY_CHANCE, TOLD, Conclusion, Explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
 from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Record, rms, solved_curve
 from hdassist.comparing.vectors import VECTORS
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import CycleSearch, worth_searching
+from hdassist.error.error_map import extremes_of
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import curve_of
@@ -243,15 +242,13 @@ class _SolvedStates:
 
     def __init__(self, drive: Drive, M_g: float) -> None:
         self.drive, self._M_g = drive, M_g
-        self._search = CycleSearch(drive, M_g) if worth_searching(drive) else None
         self.certificate = EMPTY
 
     def F_ior(self, drive: Drive) -> float:
         """F'_ior [arcsec] over the full cycle."""
-        search = self._search
-        found = search.extremes(drive) if search else kinematic_error(drive, self._M_g, cross_check=None)
+        (found,) = extremes_of(drive, [self._M_g])
         self.certificate += found.certificate
-        return found.F_ior_arcsec
+        return found.first
 
     def curve(self, drive: Drive, turns: Array, alignment: Alignment) -> Array:
         """Error as the file has it [arcsec], up to a constant, at the rig's cam angles [turns]."""

@@ -10,11 +10,10 @@ from operator import add
 from typing import Any
 
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.nearby import Nearby
+from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.rests_on import Effect, rests_on
-from hdassist.error.search import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.sensitivity import SLOPES, Sensitivity, sensitivity
+from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, uncertain_deviations, unknown_ranges
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, names, unknowns
@@ -135,7 +134,7 @@ class DesignCheck:
 def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = DRAWS) -> int:
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and drawn_range(drive, draws) else 0
-    searched = SLOPES + drawn * SEARCHED if searchable(drive) and not measured else 0
+    searched = drawn * SEARCHED if searchable(drive) and not measured else 0
     return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
 
 
@@ -165,22 +164,20 @@ def check(
     error = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed)
     jobs: list[Callable[[], Any]] = [partial(error, M_g, progress=told) for M_g in torques]
     jobs.append(partial(self_error, drive, torques, progress=told))
-    if searchable(drive) and not measured:
-        jobs.append(partial(Nearby, drive, torques))
     results = []
     for result in (executor.map if executor else map)(_run, jobs):
         results.append(result)
-        if progress and (executor or isinstance(result, Nearby)):
+        if progress and executor:
             progress(_states(result))
-    errors, (own, *near) = results[: len(torques)], results[len(torques) :]
+    *errors, own = results
     unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
     over: tuple[UnknownRange, ...] = ()
     effects: tuple[Effect, ...] = ()
     slopes: Sequence[Sensitivity | None] = [None] * len(torques)
-    for known in near:  # one, where the cycle can be searched
-        slopes = sensitivity(known, executor=executor, progress=progress)
+    if searchable(drive) and not measured:
+        slopes = sensitivity(drive, errors)
         over = unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
-        effects = rests_on(drive, torques, near=known, executor=executor, progress=progress)
+        effects = rests_on(drive, torques, executor=executor, progress=progress)
     held = [drive.limit(M_g) for M_g in torques]
     open_ = bool(unknown) or bool(over)
     rows = zip(torques, errors, own, held, slopes, [open_] * len(torques), over or [None] * len(torques), strict=True)
@@ -191,8 +188,6 @@ def _run(job: Callable[[], Any]) -> Any:
     return job()
 
 
-def _states(result: KinematicError | list[SelfError] | Nearby) -> int:
-    if isinstance(result, Nearby):
-        return sum(proof.states for proof in result.certificates)
+def _states(result: KinematicError | list[SelfError]) -> int:
     parts = result if isinstance(result, list) else [result]
     return sum(part.certificate.states for part in parts)

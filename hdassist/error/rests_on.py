@@ -11,8 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from hdassist.error.nearby import Nearby
-from hdassist.error.search import searchable
+from hdassist.error.error_map import extremes_of, searchable
 from hdassist.errors import HdassistError
 from hdassist.model.assumed import Assumption, assumptions
 from hdassist.model.contacts import StateGaps, contact_system
@@ -116,28 +115,28 @@ def rests_on(
     *,
     most: int = MOST,
     known: Weighed | None = None,
-    near: Nearby | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> tuple[Effect, ...]:
     """The assumptions that move F'_ior of a drive most, the greatest first.
 
     A few states tell which these are; what they do is searched. Empty where nothing is assumed, or the cycle cannot be
-    searched (rolling balls). Arguments: torques [N*m]; most, how many assumptions; known, what the few states say, and
-    near, the drive at these torques, where they were solved before; executor and progress as in weighed. Raises what
+    searched (rolling balls). Arguments: torques [N*m]; most, how many assumptions; known, what the few states say,
+    where they were solved before; executor and progress as in weighed. Raises what
     that does.
     """
     known = known or weighed(drive, torques, executor=executor, progress=progress)
     if known is None:
         return ()
-    near = near or Nearby(drive, torques)
+    asked = tuple(torques)
+    at, _ = _searched(asked, drive)
     chosen = known.heaviest(most)
     goals = [(known.assumed[k].path, float(end)) for k in chosen for end in known.ends[k]]
-    found = list((executor.map if executor else map)(partial(_searched, near), goals))
+    found = list((executor.map if executor else map)(partial(_at_end, drive, asked), goals))
     effects = []
     for k, (low, (down, proof)), (high, (up, other)) in zip(chosen, found[::2], found[1::2], strict=True):
-        states = sum((*proof, *other), EMPTY)
-        effects.append(Effect(known.assumed[k], (low, high), np.column_stack([down, up]), near.F_ior_arcsec, states))
+        states = proof + other
+        effects.append(Effect(known.assumed[k], (low, high), np.column_stack([down, up]), at, states))
         if progress:
             progress(states.states)
     return tuple(sorted(effects, key=lambda effect: -effect.share))
@@ -185,6 +184,11 @@ def _in_few_states(torques: Sequence[float], like: LoadCase, drive: Drive) -> tu
     return ranges, sum((answers.certificate for answers in found), EMPTY)
 
 
-def _searched(near: Nearby, end: tuple[str, float]) -> tuple[float, tuple[Array, list[Certificate]]]:
+def _at_end(drive: Drive, torques: Sequence[float], end: tuple[str, float]) -> tuple[float, tuple[Array, Certificate]]:
     """F'_ior [arcsec], shape (torques,), as far on the way to a value of a field, by path, as there is a drive."""
-    return reached(near.drive, *end, near.F_ior)
+    return reached(drive, *end, partial(_searched, torques))
+
+
+def _searched(torques: Sequence[float], drive: Drive) -> tuple[Array, Certificate]:
+    found = extremes_of(drive, torques)
+    return np.array([each.first for each in found]), sum((each.certificate for each in found), EMPTY)

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from hdassist.error.nearby import Nearby
-from hdassist.model.geometry import Array
-from hdassist.solve.answers import Certificate, Progress
+from hdassist.error.cycle import KinematicError, place
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import state_gaps
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import LoadCase
 
-SLOPES = 2500  # states solved for a drive near which others are, and its slopes, at a torque, about
 MICROMETRE = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # in the unit of each field
+STEP = 0.1  # micrometres to both sides, so that no contact set changes much
 
 
 @dataclass(frozen=True)
 class Sensitivity:
     """Change of F'_ior [arcsec per um] with the flank clearance j_n, the wave W_0 and the bearing clearance g_b.
 
-    Differences over a micrometre to both sides; clearances that are less than that, to one side.
+    Differences over STEP to both sides; where a clearance is less than that, to one side.
     """
 
     j_n: float
@@ -29,30 +33,32 @@ class Sensitivity:
     certificate: Certificate
 
 
-def sensitivity(
-    known: Nearby, *, executor: Executor | None = None, progress: Progress | None = None
-) -> tuple[Sensitivity, ...]:
+def sensitivity(drive: Drive, extremes: Sequence[KinematicError]) -> tuple[Sensitivity, ...]:
     """Sensitivity of a drive at each of its torques.
 
-    Arguments: known, the drive and what is near; executor, to spread the work over (any concurrent.futures executor;
-    the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where an answer
-    cannot be trusted.
+    F'_ior is the difference of two states, which stay the extremes where a length moves a little: so those two are
+    solved at lengths STEP away. Arguments: extremes, the error at each torque. Raises UntrustedError where an
+    answer cannot be trusted.
     """
-    slopes, proofs = [], known.certificates
-    for slope, more in (executor.map if executor else map)(partial(_slope, known), MICROMETRE):
-        slopes.append(slope)
-        proofs = [proof + part for proof, part in zip(proofs, more, strict=True)]
-        if progress:
-            progress(sum(part.states for part in more))
-    columns = np.transpose(slopes).tolist()
-    return tuple(Sensitivity(j_n, W_0, g_b, proof) for (j_n, W_0, g_b), proof in zip(columns, proofs, strict=True))
+    slopes = np.empty((len(extremes), len(MICROMETRE)))
+    proofs = [EMPTY] * len(extremes)
+    for column, (path, micrometre) in enumerate(MICROMETRE.items()):
+        value = drive.number(path)
+        ends = (max(value - STEP * micrometre, 0.0), value + STEP * micrometre)
+        found = [_range_of_extremes(drive.with_values({path: end}), extremes) for end in ends]
+        width = (ends[1] - ends[0]) / micrometre
+        for row, ((less, proof), (more, other)) in enumerate(zip(*found, strict=True)):
+            slopes[row, column] = (more - less) / width
+            proofs[row] += proof + other
+    return tuple(Sensitivity(row[0], row[1], row[2], proof) for row, proof in zip(slopes.tolist(), proofs, strict=True))
 
 
-def _slope(known: Nearby, path: str) -> tuple[Array, list[Certificate]]:
-    """Change of F'_ior [arcsec per um] with a length, by its path, shape (torques,), and the proof of each."""
-    value, micrometre = known.drive.value(path), MICROMETRE[path]
-    more, proofs = known.F_ior(known.drive.with_values({path: value + micrometre}))
-    if value < micrometre:
-        return more - known.F_ior_arcsec, proofs
-    less, others = known.F_ior(known.drive.with_values({path: value - micrometre}))
-    return (more - less) / 2, [proof + other for proof, other in zip(proofs, others, strict=True)]
+def _range_of_extremes(drive: Drive, extremes: Sequence[KinematicError]) -> list[tuple[float, Certificate]]:
+    """Difference [arcsec] of the states that are the extremes at each torque, in a drive that differs a little."""
+    formulation, found = formulate(contact_system(drive)), []
+    for error in extremes:
+        states = error.states.take(np.array([error.at_max, error.at_min]))
+        case = LoadCase(formulation, error.M_g)
+        answers = case.solve(state_gaps(drive, case.system, states), partial(place, states, error.M_g))
+        found.append((error.kinematics.error_sign * float(-np.diff(answers.rotation_arcsec)[0]), answers.certificate))
+    return found

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
 
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.error_map import extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.deviations import deviations_of
 from hdassist.preset.fields import Drive, field_table
@@ -101,5 +101,5 @@ def _ends(task: _Task) -> tuple[float, tuple[list[float], list[float]], Certific
 
 
 def _at(drive: Drive, torques: Sequence[float]) -> tuple[list[float], Certificate]:
-    searches = [CycleSearch(drive, M_g).extremes(drive) for M_g in torques]
-    return [each.F_ior_arcsec for each in searches], sum((each.certificate for each in searches), EMPTY)
+    found = extremes_of(drive, torques)
+    return [each.first for each in found], sum((each.certificate for each in found), EMPTY)

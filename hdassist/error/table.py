@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from hdassist.error.search import SEARCHED, CycleSearch
+from hdassist.error.error_map import SEARCHED, Batch, ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of
@@ -141,6 +141,19 @@ class ErrorTable:
         return np.asarray(np.ptp(rotation, axis=-1) + self.offset)
 
 
+def estimates(table: ErrorTable, error_map: ErrorMap, batch: Batch) -> Array:
+    """Rotation [arcsec] at the points of a map, of drives whose deviations a table spans, shape (drives, k, l).
+
+    The table's contact system may differ a little from theirs.
+    """
+    points = error_map.state(error_map.points())
+    there = error_map.states.take(points.ravel())
+    # one by one, so that arrays stay in the cache
+    rows = (np.array([row]) for row in range(len(batch)))
+    found = [table.rotation(batch.scalars(row, there.alpha_g, there.alpha_b)) for row in rows]
+    return np.reshape(found, (len(batch), *points.shape))
+
+
 def turns(count: int = TURNS) -> tuple[Array, Array]:
     """Angles alpha_g, alpha_b [rad] of the wheels that stand for the cycle, shape (count**2,) each."""
     angles = 2 * np.pi * np.arange(count) / count
@@ -247,6 +260,6 @@ def _searched(task: tuple[Drive, float, Sequence[Drive]]) -> tuple[list[float], 
     drive, M_g, span = task
     if not span:
         return [], EMPTY
-    search = CycleSearch(drive, M_g)
-    found = [search.extremes(other) for other in span]
-    return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
+    error_map = ErrorMap(drive, M_g)
+    found = [error_map.many_extremes(Batch.of(other)) for other in span]
+    return [f.first for f in found], sum((f.certificate for f in found), EMPTY)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import DEVIATIONS
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import draw, unknowns
@@ -95,6 +95,6 @@ def unknown_ranges(
 
 def _searched(task: tuple[float, Sequence[Drive]]) -> tuple[list[float], Certificate]:
     M_g, drives = task
-    search = CycleSearch(drives[0], M_g)
-    found = [search.extremes(drive) for drive in drives]
-    return [each.F_ior_arcsec for each in found], sum((each.certificate for each in found), EMPTY)
+    error_map = ErrorMap(drives[0], M_g)
+    found = [error_map.many_extremes(Batch.of(drive)) for drive in drives]
+    return [each.first for each in found], sum((each.certificate for each in found), EMPTY)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.search import searchable
+from hdassist.error.error_map import searchable
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import DEVIATIONS
 from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
@@ -253,8 +253,8 @@ def _refined(drive: Drive, executor: Executor) -> Iterator[Curve]:
 
 def _searched(task: tuple[Drive, float, Sequence[float]]) -> list[float]:
     drive, M_g, rotations = task
-    search = CycleSearch(drive, M_g)
-    return [search.extremes(rotated(drive, rotation)).F_ior_arcsec for rotation in rotations]
+    error_map = ErrorMap(drive, M_g)
+    return [error_map.many_extremes(Batch.of(rotated(drive, rotation))).first for rotation in rotations]
 
 
 def _every_state(task: tuple[Drive, float, float]) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hdassist.comparing import page as compare_page
 from hdassist.comparing.compare import Comparison, RecordConvention, compare, zero_of
-from hdassist.error.search import searchable
+from hdassist.error.error_map import searchable
 from hdassist.error.trace import Trace, trace
 from hdassist.errors import UntrustedError
 from hdassist.explorer.answers import Compared, Turned

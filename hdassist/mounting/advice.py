@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 
-from hdassist.error.nearby import Nearby
-from hdassist.error.search import SEARCHED, searchable
-from hdassist.error.sensitivity import SLOPES, Sensitivity, sensitivity
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.error_map import SEARCHED, searchable
+from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, unknown_turn, unknowns
@@ -140,7 +140,7 @@ def estimate_states(
     curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured)
     if measured or not searchable(drive) or unknown_turn(drive):
         return curve
-    others = 2 * SLOPES + SEARCHED * len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS)
+    others = SEARCHED * len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS)
     return curve + len(torques) * (others + sample_states(drive, samples, len(rotations) + 1))
 
 
@@ -201,7 +201,7 @@ def advise(
         )
     others = tuple(alternatives(drive, torques, executor=executor, progress=progress))
     chosen = Advice(drive, curve, sampled, others, (), ()).chosen
-    here, there = _slopes(drive, torques, (curve.current, chosen), executor, progress)
+    here, there = _slopes(drive, torques, (curve.current, chosen), executor)
     held = stays_best(drive, curve, chosen, executor=executor, progress=progress)
     return Advice(drive, curve, sampled, others, here, there, None, unknown, held, needed)
 
@@ -211,13 +211,15 @@ def _slopes(
     torques: Sequence[float],
     positions: Sequence[Position],
     executor: Executor | None,
-    progress: Progress | None,
 ) -> list[tuple[Sensitivity, ...]]:
     if not searchable(drive):
         return [() for _ in positions]
     turned = [rotated(drive, position.rotation_deg) for position in positions]
-    known = (executor.map if executor else map)(partial(Nearby, torques=torques), turned)
-    return [sensitivity(each, executor=executor, progress=progress) for each in known]
+    return list((executor.map if executor else map)(partial(_sensitivity, torques), turned))
+
+
+def _sensitivity(torques: Sequence[float], drive: Drive) -> tuple[Sensitivity, ...]:
+    return sensitivity(drive, [kinematic_error(drive, M_g, cross_check=None) for M_g in torques])
 
 
 def _apart(one: Position, other: Position) -> float:

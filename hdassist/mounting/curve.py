@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import SEARCHED, WORTH, CycleSearch, searchable, worth_searching
+from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, searchable
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
@@ -32,6 +32,7 @@ SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is so
 GROUP = 6  # positions that one task searches
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
 FREE_POSITIONS = 12  # positions tried under alternatives where the seat has no holes
+HOLES = 24  # positions of which every state is solved
 PROVEN = 2  # positions where every state is solved
 
 _Task = TypeVar("_Task")
@@ -48,7 +49,7 @@ def curve_states(
 ) -> int:
     """Number of states that a mounting curve solves, about, for a progress bar."""
     cycle = Kinematics.of(drive).cycle_states
-    if every_state or measured or not worth_searching(drive):
+    if every_state or measured or not searchable(drive) or len(rotations_deg) <= HOLES:
         return len(torques) * len(rotations_deg) * cycle
     return len(torques) * (len(rotations_deg) * SEARCHED + PROVEN * cycle)
 
@@ -60,7 +61,7 @@ def mounting_curve(
     *,
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
-    search_from: int = WORTH,
+    proposed_from: int = HOLES + 1,
     weights: Sequence[float] | None = None,
     cross_check: str | None = "CLARABEL",
     seed: int = 0,
@@ -69,8 +70,9 @@ def mounting_curve(
 ) -> MountingCurve:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
-    Extremes are searched for; where the wheel stands and at the recommended position every state is solved then,
-    and should a search have missed more than SEARCH_TOLERANCE there, everywhere. An interrupt ends the work early:
+    Of the holes of a seat every state is solved. Of more positions extremes are proposed by a grid of states and
+    proven; where the wheel stands and at the recommended position every state is solved then, and should more than
+    SEARCH_TOLERANCE have been missed there, everywhere. An interrupt ends the work early:
     the curve has what was done, if the present position was.
 
     Where the seat has no holes, every valley of the curve is searched for its bottom and that position added.
@@ -79,8 +81,8 @@ def mounting_curve(
     no position is added.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    every_state, solve all states of all positions; search_from, states of a cycle from which on it is searched; weights
-    of the torques in the choice of the best position, one each; executor, to spread the work over (any
+    every_state, solve all states of all positions; proposed_from, positions from which on extremes are proposed;
+    weights of the torques in the choice of the best position, one each; executor, to spread the work over (any
     concurrent.futures executor; the numbers do not depend on it); progress, told how many states were solved. Raises
     UsageError where the present position is not the first or weights are not one positive number a torque,
     UntrustedError where an answer cannot be trusted.
@@ -92,7 +94,7 @@ def mounting_curve(
         drive, tuple(torques), np.array(rotations_deg, dtype=float), measured,
         None if weights is None else tuple(weights), cross_check, seed, executor, progress,
     )  # fmt: skip
-    if every_state or measured or not worth_searching(drive, search_from):
+    if every_state or measured or not searchable(drive) or len(rotations_deg) < proposed_from:
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
         job.search()
@@ -261,9 +263,9 @@ def _coarse_first(count: int) -> list[int]:
 
 def _searched(task: tuple[Drive, float, Array]) -> tuple[list[float], Certificate]:
     drive, M_g, rotations = task
-    search = CycleSearch(drive, M_g)
-    found = [search.extremes(rotated(drive, rotation)) for rotation in rotations]
-    return [f.F_ior_arcsec for f in found], sum((f.certificate for f in found), EMPTY)
+    error_map = ErrorMap(drive, M_g)
+    found = [error_map.many_extremes(Batch.of(rotated(drive, rotation))) for rotation in rotations]
+    return [f.first for f in found], sum((f.certificate for f in found), EMPTY)
 
 
 _Valley = tuple[Drive, tuple[float, ...], tuple[float, ...] | None, tuple[float, ...], float, float]
@@ -272,13 +274,13 @@ _Valley = tuple[Drive, tuple[float, ...], tuple[float, ...] | None, tuple[float,
 def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
     """Rotation [deg] at the bottom of a valley of the merit, F'_ior there at each torque."""
     drive, torques, weights, now, middle, step = task
-    searches = [CycleSearch(drive, M_g) for M_g in torques]
+    maps = [ErrorMap(drive, M_g) for M_g in torques]
     proofs: list[Certificate] = []
 
     def at(rotation: float) -> list[float]:
-        found = [search.extremes(rotated(drive, rotation)) for search in searches]
+        found = [error_map.many_extremes(Batch.of(rotated(drive, rotation))) for error_map in maps]
         proofs.extend(f.certificate for f in found)
-        return [f.F_ior_arcsec for f in found]
+        return [f.first for f in found]
 
     answer = minimize_scalar(
         lambda rotation: float(merit(np.array(at(rotation)), np.array(now), weights)),

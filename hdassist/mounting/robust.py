@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from hdassist.error.search import SEARCHED, CycleSearch, searchable
+from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, searchable
 from hdassist.error.table import DEVIATIONS
 from hdassist.errors import UsageError
 from hdassist.model.unknown import draw
@@ -82,6 +82,6 @@ def sample_states(drive: Drive, samples: int, positions: int) -> int:
 def _searched(task: tuple[Drive, Sequence[float], Sequence[float]]) -> tuple[list[list[float]], Certificate]:
     """F'_ior [arcsec] of a drive, a row a torque, with its wheel turned, and their proof."""
     drive, torques, rotations = task
-    searches = [CycleSearch(drive, M_g) for M_g in torques]
-    found = [[search.extremes(rotated(drive, rotation)) for rotation in rotations] for search in searches]
-    return [[f.F_ior_arcsec for f in row] for row in found], sum((f.certificate for row in found for f in row), EMPTY)
+    maps = [ErrorMap(drive, M_g) for M_g in torques]
+    found = [[each.many_extremes(Batch.of(rotated(drive, rotation))) for rotation in rotations] for each in maps]
+    return [[f.first for f in row] for row in found], sum((f.certificate for row in found for f in row), EMPTY)

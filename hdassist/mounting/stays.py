@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from hdassist.error.error_map import searchable
 from hdassist.error.rests_on import MOST, reached
-from hdassist.error.search import searchable
 from hdassist.model.assumed import Assumption, assumptions
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import deviation_scalars

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.error.proposed import Batch, Indices, ProposedSearch
-from hdassist.error.search import searchable
-from hdassist.error.table import ErrorTable, Mesh, error_tables
+from hdassist.error.error_map import Batch, ErrorMap, Indices, searchable
+from hdassist.error.table import ErrorTable, Mesh, error_tables, estimates
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import carried
@@ -126,19 +125,19 @@ class Production:
         values = self.draws.values(first, last)
         rows = ({path: float(column[k]) for path, column in values.items()} for k in range(last - first))
         read = list(zip(self._searches, self.tables, strict=True))
-        found = [[np.ptp(s.estimates(t, batch), axis=(1, 2)) for s, t in read] for batch in map(self._batch, rows)]
+        found = [[np.ptp(estimates(t, s, batch), axis=(1, 2)) for s, t in read] for batch in map(self._batch, rows)]
         return np.array(found)
 
     def _answer(self, drawn: dict[str, float]) -> Record:
         searches = self._searches if not self.draws.moves_system else self._searches_of(self._moved(drawn))
         batch = self._batch(drawn)
-        estimates = [s.estimates(table, batch) for s, table in zip(searches, self.tables, strict=True)]
-        near = np.array([np.ptp(maps, axis=(1, 2)) for maps in estimates])
+        proposed = [estimates(table, s, batch) for s, table in zip(searches, self.tables, strict=True)]
+        near = np.array([np.ptp(maps, axis=(1, 2)) for maps in proposed])
         exact, proof = np.full(near.shape, np.nan), EMPTY
         while len(rows := self._promising(near, exact)):
             part = batch.take(rows)
             for t, search in enumerate(searches):
-                found = search.extremes(part, estimates[t][rows])
+                found = search.many_extremes(part, proposed[t][rows])
                 exact[t, rows] = found.F_ior_arcsec
                 proof += found.certificate
         best = int(np.nanargmin(self._merit(exact, exact[:, 0])))
@@ -187,12 +186,12 @@ class Production:
         return formulate(contact_system(self.drive))
 
     @cached_property
-    def _searches(self) -> list[ProposedSearch]:
-        return [ProposedSearch(self.drive, table.M_g, self._nominal) for table in self.tables]
+    def _searches(self) -> list[ErrorMap]:
+        return [ErrorMap(self.drive, table.M_g, self._nominal) for table in self.tables]
 
-    def _searches_of(self, drive: Drive) -> list[ProposedSearch]:
+    def _searches_of(self, drive: Drive) -> list[ErrorMap]:
         formulation = formulate(contact_system(drive))
-        return [ProposedSearch(drive, s.M_g, formulation, like=s.fresh) for s in self._searches]
+        return [ErrorMap(drive, s.M_g, formulation, like=s.fresh) for s in self._searches]
 
     def __getstate__(self) -> dict[str, Any]:
         """What goes to another process: what can be made there anew stays here."""

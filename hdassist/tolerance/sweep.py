@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import CycleSearch, worth_searching
+from hdassist.error.error_map import extremes_of
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import told
@@ -86,14 +85,10 @@ class Sweep:
 
 def _solved(M_g: float, drive: Drive) -> dict[str, Any]:
     """F'_ior of a drive at a torque, with its proof: as `check` has it, searched where that is worth it."""
-    if worth_searching(drive):
-        found = CycleSearch(drive, M_g).extremes(drive)
-        F_ior, proof = found.F_ior_arcsec, found.certificate
-    else:
-        error = kinematic_error(drive, M_g, cross_check=None)
-        F_ior, proof = error.F_ior_arcsec, error.certificate
+    (found,) = extremes_of(drive, [M_g])
+    proof = found.certificate
     return {
-        "F_ior_arcsec": F_ior,
+        "F_ior_arcsec": found.first,
         "window_deg": drive.numerics.window,
         "states": proof.states,
         "max_residual": proof.max_residual,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdassist.error.search import searchable
+from hdassist.error.error_map import searchable
 from hdassist.error.table import DEVIATIONS, Mesh
 from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset

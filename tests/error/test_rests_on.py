@@ -7,8 +7,8 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
+from hdassist.error.error_map import ErrorMap
 from hdassist.error.rests_on import rests_on, weighed
-from hdassist.error.search import CycleSearch
 from hdassist.model.assumed import assumptions
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.positions import rotated, seat_positions
@@ -91,7 +91,7 @@ def test_the_spread_is_that_of_drives_drawn_from_the_ranges():
     drawn = []
     for _ in range(40):
         there = drive.with_values({path: float(rng.uniform(*ends)) for path, ends in ranges.items()})
-        drawn.append(np.log(CycleSearch(there, 4.0).extremes(there).F_ior_arcsec))
+        drawn.append(np.log(ErrorMap(there, 4.0).extremes(there).first))
     found = weighed(drive, (4.0,))
     assert found is not None
     assert found.spread == pytest.approx(np.std(drawn), rel=0.3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import KNOWN, ErrorTable, Mesh, Reach, error_tables, turns
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
@@ -48,8 +48,8 @@ def table(small: Drive) -> ErrorTable:
 def test_finds_what_a_search_finds_on_drives_it_has_not_seen(small: Drive, table: ErrorTable) -> None:
     drives = drawn(small, 40, 2)
     found = table.F_ior(np.array([deviation_scalars(d, *turns()) for d in drives]))
-    search = CycleSearch(small, 4.0)
-    missed = found - [search.extremes(d).F_ior_arcsec for d in drives]
+    search = ErrorMap(small, 4.0)
+    missed = found - [search.extremes(d).first for d in drives]
     assert table.standard_error < 0.03 * np.mean(found)
     assert np.sqrt(np.mean(missed**2)) < 1.5 * table.standard_error
     assert np.abs(missed).max() < 5 * table.standard_error
@@ -83,8 +83,8 @@ def test_harmonics_and_a_run_out_are_slopes_whose_error_is_measured(small: Drive
     wide = error_tables([(small, span)], (4.0,))[0][0]
     assert wide.reach.others == (4, 5, 6, 7)
     drives = oval(drawn(small, 15, 2), 4)
-    search = CycleSearch(small, 4.0)
-    exact = np.array([search.extremes(d).F_ior_arcsec for d in drives])
+    search = ErrorMap(small, 4.0)
+    exact = np.array([search.extremes(d).first for d in drives])
     missed = [wide.F_ior(deviation_scalars(d, *turns())) for d in drives] - exact
     plain = [d.with_values({"harmonics.a_b2": 0.0, "harmonics.a_g2": 0.0, "tolerances.e_b": 0.0}) for d in drives]
     without = [table.F_ior(deviation_scalars(d, *turns())) for d in plain] - exact

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UsageError
 from hdassist.model.unknown import draw
 from hdassist.mounting.advice import Advice, advise
@@ -71,9 +71,9 @@ def test_bad_weights(weights):
 def test_a_free_angle_is_as_good_as_brute_force_in_one_degree_steps():
     drive = load_preset(SMALL, ["mounting.holes=0"])
     curve = mounting_curve(drive, [4.0], seat_positions(drive, free_step=15.0), cross_check=None)
-    search = CycleSearch(drive, 4.0)
+    search = ErrorMap(drive, 4.0)
     around = np.arange(-20, 21) + round(curve.recommended.rotation_deg)
-    brute = min(search.extremes(rotated(drive, float(r))).F_ior_arcsec for r in around)
+    brute = min(search.extremes(rotated(drive, float(r))).first for r in around)
     assert curve.recommended.F_ior_arcsec[0] <= brute + 0.05
     # no position of the coarse curve is better, and the bottom of the valley is none of them
     assert curve.recommended.F_ior_arcsec[0] <= curve.F_ior_arcsec[0, :24].min()
@@ -208,8 +208,8 @@ def test_what_cannot_be_sampled_is_said():
 def test_a_run_out_mark_ends_near_the_direction_of_the_cam_offset():
     """The centre of the teeth, shifted towards the mark, then follows the cam's: what an assembler would expect."""
     drive = load_preset("vzp160", ["mounting.mark_kind=runout", "phases.xi_b=75", "phases.phi_hb=40"])
-    search = CycleSearch(drive, 800.0)
+    search = ErrorMap(drive, 800.0)
     turns = np.arange(12) * 30.0
-    best = turns[int(np.argmin([search.extremes(rotated(drive, t)).F_ior_arcsec for t in turns]))]
+    best = turns[int(np.argmin([search.extremes(rotated(drive, t)).first for t in turns]))]
     away = (75 + best - 40 + 180) % 360 - 180
     assert abs(away) <= 45

@@ -8,7 +8,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.comparing.sheet import SAMPLES
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.explorer.questions import Effort
 from hdassist.model.unknown import listed
 from hdassist.mounting.advice import advise
@@ -43,10 +43,10 @@ def by_table() -> tuple[Drive, MountingCurve, Losses]:
 
 def require_searched(drive: Drive, found: Losses, open_: dict[str, tuple[float, float]], some: slice) -> None:
     """F'_ior of samples is what searches find of their drives, within the standard error that is told."""
-    cloud, search = cloud_of(drive, (4.0,), open_, 64), CycleSearch(drive, 4.0)
+    cloud, search = cloud_of(drive, (4.0,), open_, 64), ErrorMap(drive, 4.0)
     samples = listed(drive, {path: of[:, 0] for path, of in cloud.values.items()}, 64)[some]
     exact = np.array([
-        [search.extremes(rotated(sample, r)).F_ior_arcsec for r in found.rotations_deg] for sample in samples
+        [search.extremes(rotated(sample, r)).first for r in found.rotations_deg] for sample in samples
     ])  # fmt: skip
     missed = found.F_ior_arcsec[0, some] - exact
     told = found.standard_error_arcsec[0]

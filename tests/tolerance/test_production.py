@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, load_preset
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import merit, rotated
 from hdassist.tolerance.production import Production, Record
@@ -35,8 +35,8 @@ def records(production: Production) -> list[Record]:
 
 def searched(small: Drive, record: Record, rotations: tuple[float, ...]) -> np.ndarray:
     drive = small.with_values(record["values"])
-    searches = [CycleSearch(drive, M_g) for M_g in TORQUES]
-    return np.array([[s.extremes(rotated(drive, r)).F_ior_arcsec for r in rotations] for s in searches])
+    searches = [ErrorMap(drive, M_g) for M_g in TORQUES]
+    return np.array([[s.extremes(rotated(drive, r)).first for r in rotations] for s in searches])
 
 
 def test_as_built_and_best_are_what_searches_of_all_positions_find(
@@ -80,9 +80,7 @@ def test_stiffnesses_scatter_by_their_own_uncertainty() -> None:
     production = Production.of(drive, Draws(scatters(drive, "fixed"), 1), (4.0,), mounting=False).tabled()
     for record in production.records(0, 3):
         moved = drive.with_values(record["values"])
-        assert record["F_ior_arcsec"][0] == pytest.approx(
-            CycleSearch(moved, 4.0).extremes(moved).F_ior_arcsec, abs=0.01
-        )
+        assert record["F_ior_arcsec"][0] == pytest.approx(ErrorMap(moved, 4.0).extremes(moved).first, abs=0.01)
     assert len({record["values"]["contact.c_t"] for record in production.records(0, 3)}) == 3
 
 
@@ -106,9 +104,9 @@ def test_quantiles_of_one_tolerance_are_those_of_its_distribution() -> None:
     production = Production.of(drive, draws, (4.0,), mounting=False).tabled()
     summary = Summary.of((4.0,), [None], [0.0], positions=1)
     summary.add(production.records(0, 64))
-    search = CycleSearch(drive, 4.0)
+    search = ErrorMap(drive, 4.0)
     sizes = np.linspace(0, 30, 31)
-    F_ior = [search.extremes(drive.with_values({"tolerances.e_hb": float(s)})).F_ior_arcsec for s in sizes]
+    F_ior = [search.extremes(drive.with_values({"tolerances.e_hb": float(s)})).first for s in sizes]
     assert np.all(np.diff(F_ior[1:]) > 0), "a quantile of the error is the error of a quantile"
     for share in (0.25, 0.5, 0.75):
         expected = np.interp(30 * share, sizes, F_ior)

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from hdassist import load_preset
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import ErrorTable, Mesh, Reach, turns
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import deviation_scalars
@@ -61,8 +61,8 @@ def cloud() -> Prior:
 def measured(size: float, direction: float) -> tuple[float, ...]:
     """F'_ior [arcsec] in each hole, by search."""
     drive = load_preset(SMALL).with_values({"tolerances.e_hb": size, "phases.phi_hb": direction})
-    search = CycleSearch(drive, M_G)
-    return tuple(search.extremes(rotated(drive, r)).F_ior_arcsec for r in POSITIONS)
+    search = ErrorMap(drive, M_G)
+    return tuple(search.extremes(rotated(drive, r)).first for r in POSITIONS)
 
 
 def direction_of(cloud: Prior) -> np.ndarray:
@@ -274,8 +274,8 @@ def test_deviations_that_are_not_given_are_drawn_over_what_they_may_be() -> None
 def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     drive = told("mounting.fixed=flexspline", "tolerances.e_hb=0", "tolerances.e_hg=30")
     truth = drive.with_values({"tolerances.e_hg": 45.0, "phases.phi_hg": 130.0})
-    search = CycleSearch(truth, M_G)
-    tried = [Trial(r, search.extremes(rotated(truth, r)).F_ior_arcsec) for r in POSITIONS[::2]]
+    search = ErrorMap(truth, M_G)
+    tried = [Trial(r, search.extremes(rotated(truth, r)).first) for r in POSITIONS[::2]]
     found = prior_of(drive, (), RIG, **FEW)
     off = (direction_of(found)[drawn(found, tried, [0.0]).places] - 130 + 180) % 360 - 180
     assert abs(off.mean()) < 2 * off.std() < 60
@@ -285,7 +285,7 @@ def test_an_error_of_the_seat_is_noise_that_grows_with_the_value() -> None:
     """Against drives whose wheel is really displaced, its teeth along the radius as well."""
     reseat, drive = 1.0, told()
     seated = prior_of(drive, (), Rig(M_G, 1e-3, reseat), samples=1536, mesh=Mesh((25, 9, 9, 9), 0, 24))
-    search, turn = CycleSearch(drive, M_G), (0, 90, 180, 270)
+    search, turn = ErrorMap(drive, M_G), (0, 90, 180, 270)
     for low, high in ((12, 16), (20, 40)):
         some = np.argwhere((seated.F_ior_arcsec > low) & (seated.F_ior_arcsec < high))[:60:12]
         found, assumed = [], []
@@ -293,7 +293,7 @@ def test_an_error_of_the_seat_is_noise_that_grows_with_the_value() -> None:
             values = {path: float(of[sample, direction]) for path, of in seated.values.items()}
             # each component of the centre by reseat
             off = [{"tolerances.e_b": float(np.sqrt(2) * reseat), "phases.phi_eb": float(a)} for a in turn]
-            found.append(np.var([search.extremes(drive.with_values({**values, **one})).F_ior_arcsec for one in off]))
+            found.append(np.var([search.extremes(drive.with_values({**values, **one})).first for one in off]))
             assumed.append(seated.noise(seated.F_ior_arcsec[sample, direction]) ** 2)
         assert 0.5 < np.sqrt(np.median(assumed) / np.median(found)) < 2
     firm, loose = (

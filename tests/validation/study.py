@@ -5,7 +5,7 @@ from __future__ import annotations
 from scipy.optimize import brentq
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.error.search import CycleSearch, searchable
+from hdassist.error.error_map import ErrorMap, searchable
 from tests.support import changed
 
 TITLE = "How far to trust it"
@@ -20,7 +20,7 @@ POINTS = ((80.0, 0.0), (80.0, 180.0), (800.0, 0.0), (800.0, 180.0))
 def F_ior(drive: Drive, M_g: float, phase: float) -> float:
     there = changed(drive, phases__xi_b=phase)
     if searchable(there):
-        return CycleSearch(there, M_g).extremes(there).F_ior_arcsec
+        return ErrorMap(there, M_g).extremes(there).first
     return kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.error.self_error import self_error
 from hdassist.model import geometry
 from hdassist.model.contacts import contact_system
@@ -25,7 +25,7 @@ def refined(*fields: str) -> Drive:
 
 @cache
 def F_ior(M_g: float, *fields: str) -> float:
-    return CycleSearch(refined(*fields), M_g).extremes(refined(*fields)).F_ior_arcsec
+    return ErrorMap(refined(*fields), M_g).extremes().first
 
 
 def finer(words: str, M_g: float, *fields: str) -> Case:
@@ -37,13 +37,13 @@ def finer(words: str, M_g: float, *fields: str) -> Case:
 
 def worst_change(M_g: float) -> float:
     """The change of F'_ior [arcsec] with all of it finer that is greatest in size, over xi_b in steps of 15 deg."""
-    usual, fine = ((drive, CycleSearch(drive, M_g)) for drive in (refined(), refined(*FINER)))
+    usual, fine = ((drive, ErrorMap(drive, M_g)) for drive in (refined(), refined(*FINER)))
     changes = [at_phase(*fine, phase) - at_phase(*usual, phase) for phase in np.arange(0.0, 360.0, 15.0)]
     return max(changes, key=abs)
 
 
-def at_phase(drive: Drive, search: CycleSearch, phase: float) -> float:
-    return search.extremes(changed(drive, phases__xi_b=phase)).F_ior_arcsec
+def at_phase(drive: Drive, search: ErrorMap, phase: float) -> float:
+    return search.extremes(changed(drive, phases__xi_b=phase)).first
 
 
 def strided() -> float:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from hdassist.error.self_error import self_error
 from hdassist.error.stiffness import stiffness
 from hdassist.model.contacts import contact_system
@@ -68,7 +68,7 @@ def test_one_wave_meshing(full_cycle, M_g, phase, share):
 )
 def test_extremes_over_the_phase(reference, M_g, phase, expected):
     drive = changed(reference, phases__xi_b=float(phase))
-    assert CycleSearch(drive, M_g).extremes(drive).F_ior_arcsec == pytest.approx(expected, abs=0.05 + REL * expected)
+    assert ErrorMap(drive, M_g).extremes(drive).first == pytest.approx(expected, abs=0.05 + REL * expected)
 
 
 @pytest.mark.parametrize(("phi_g0", "expected"), [(20, 20.02), (100, 27.24), (300, 8.90)])

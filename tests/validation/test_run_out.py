@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdassist.error.search import CycleSearch
+from hdassist.error.error_map import ErrorMap
 from tests.support import changed
 
 HOLES = 12
@@ -15,9 +15,9 @@ def by_hole(reference):
     found = {}
     for M_g in (80.0, -80.0):
         wheel = changed(reference, tolerances__F_i2=0.0, tolerances__e_b=37.5)
-        search = CycleSearch(wheel, M_g)
+        search = ErrorMap(wheel, M_g)
         turned = [changed(wheel, phases__phi_eb=180.0 + 360 * k / HOLES) for k in range(HOLES)]
-        found[M_g] = [search.extremes(drive).F_ior_arcsec for drive in turned]
+        found[M_g] = [search.extremes(drive).first for drive in turned]
     return found
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.proposed import Batch, ProposedSearch
+from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.table import ErrorTable, Mesh, error_tables
+from hdassist.error.table import estimates as estimates_of
 from hdassist.model.contacts import contact_system
 from hdassist.preset.fields import Drive
 from hdassist.solve.formulation import formulate
@@ -43,9 +44,9 @@ def exact(small: Drive, batch: Batch) -> np.ndarray:
 
 
 def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray) -> None:
-    search = ProposedSearch(small, 1.0, formulate(contact_system(small)))
-    estimates = search.estimates(table, batch)
-    found = search.extremes(batch, estimates)
+    search = ErrorMap(small, 1.0, formulate(contact_system(small)))
+    estimates = estimates_of(table, search, batch)
+    found = search.many_extremes(batch, estimates)
     read = np.ptp(estimates, axis=(1, 2))
     assert np.abs(read - exact).max() > 0.5, "the table alone is worse, or this shows nothing"
     assert np.abs(found.F_ior_arcsec - exact).max() < 1e-6
@@ -54,9 +55,9 @@ def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: B
 
 
 def test_the_states_are_the_extremes(small: Drive, table: ErrorTable, batch: Batch) -> None:
-    search = ProposedSearch(small, 1.0, formulate(contact_system(small)))
+    search = ErrorMap(small, 1.0, formulate(contact_system(small)))
     one = batch.take(np.array([5]))
-    found = search.extremes(one, search.estimates(table, one))
+    found = search.many_extremes(one, estimates_of(table, search, one))
     drive = small.with_values({p: float(v[5]) for p, v in batch.columns.items()})
     error = kinematic_error(drive, 1.0, cross_check=None)
     assert {int(found.at_max[0]), int(found.at_min[0])} == {error.at_max, error.at_min}
@@ -66,13 +67,13 @@ def test_a_drive_has_the_same_digits_alone_and_with_its_table_from_another_drive
     small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray
 ) -> None:
     softer = small.with_values({"contact.c_t": 6.6e-5})
-    like = ProposedSearch(small, 1.0, formulate(contact_system(small)))
-    search = ProposedSearch(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
+    like = ErrorMap(small, 1.0, formulate(contact_system(small)))
+    search = ErrorMap(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
     rows = np.array([2, 7])
     part = batch.take(rows)
-    found = search.extremes(part, search.estimates(table, part)).F_ior_arcsec
-    again = ProposedSearch(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
-    assert (again.extremes(part, again.estimates(table, part)).F_ior_arcsec == found).all()
+    found = search.many_extremes(part, estimates_of(table, search, part)).F_ior_arcsec
+    again = ErrorMap(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
+    assert (again.many_extremes(part, estimates_of(table, again, part)).F_ior_arcsec == found).all()
     for row, value in zip(rows, found, strict=True):
         drive = softer.with_values({p: float(v[row]) for p, v in batch.columns.items()})
         assert value == pytest.approx(kinematic_error(drive, 1.0, cross_check=None).F_ior_arcsec, abs=1e-6)

@@ -1,36 +1,38 @@
-"""F'_ior of very many drives that differ in their deviations alone: a table proposes where, states prove how much.
+"""The error over all tooth positions, at one torque: of a drive, or of many that differ in their deviations alone.
 
-The table of the error (table.py) is good to some tenths of an arc second, enough to tell where on the torus of tooth
-positions (search.py) the extremes may be. There states are solved: one on each hill that may be the highest, as far as
-the table missed the others; then around those that are near the highest, as long as a neighbour is higher. So an
-extreme is a state of the cycle, solved and proven, higher than all around it. That no hill was overlooked is not
-proven; `python -m benchmarks.tolerance` compares with every state of random drives.
+In state j each wheel stands j of its pitches on in the cam's frame, so the state is the point (j mod z_b, j mod z_g)
+of a torus on which the error is continuous: neighbours there have nearly the same deviations, however far apart they
+lie in the cycle. Of one drive every state is solved. Of very many, estimates of their error (a grid of states, or a
+table, table.py) propose where the extremes may be, and states there prove how much they are: one on each hill that may
+be the highest, as far as the estimates missed the others; then around those that are near the highest, as long as a
+neighbour is higher. So an extreme is a state of the cycle, solved and proven, higher than all around it. That no hill
+was overlooked is not proven; `python -m benchmarks.proposals` compares with every state of random drives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import place
-from hdassist.error.search import lattice
-from hdassist.error.table import ErrorTable
-from hdassist.model.contacts import StateGaps
+from hdassist.error.cycle import kinematic_error, place
+from hdassist.errors import UsageError
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import scalars_of
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.formulation import Formulation
+from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 
 Indices = NDArray[np.int64]
 
-READ = 40  # positions of each wheel at which the error is estimated, at most
+READ = 40  # positions of each wheel at which estimates of the error are read, at most
+GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
 BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
 HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others
@@ -39,6 +41,8 @@ SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDE = 2  # steps to the states of the first look around
+SHORT = 4000  # states of a cycle below which all are solved
+SEARCHED = 3800  # states that proposals solve of a drive, about
 
 
 @dataclass(frozen=True)
@@ -71,35 +75,73 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class ManyExtremes:
-    """F'_ior of drives [arcsec], and the states j of the greatest and of the least rotation, shape (drives,) each."""
+class Extremes:
+    """F'_ior of drives [arcsec], and the states j of the greatest and of the least error, shape (drives,) each."""
 
     F_ior_arcsec: Array
     at_max: Indices
     at_min: Indices
     certificate: Certificate
 
+    @property
+    def first(self) -> float:
+        """F'_ior of the first drive [arcsec]."""
+        return float(self.F_ior_arcsec[0])
 
-class ProposedSearch:
-    """The search for extremes of many drives at one torque, led by estimates of their error.
 
-    Arguments: drive, what they have in common; M_g, the torque [N*m]; formulation, of the contact system that they
-    share; like, a load case to start from.
+def searchable(drive: Drive) -> bool:
+    """Whether the error is continuous on the torus: rolling balls do not come back with the wheels."""
+    return drive.bearing.ball_motion == "locked"
+
+
+class ErrorMap:
+    """The error of drives that share a contact system, at one torque, over all tooth positions.
+
+    Arguments: drive, what they have in common; M_g, the torque [N*m]; formulation of the contact system, where it is
+    there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
     """
 
-    def __init__(self, drive: Drive, M_g: float, formulation: Formulation, like: LoadCase | None = None) -> None:
-        self.M_g = M_g
-        # never solves a state: every search starts from it alike and so gives the same digits
-        self.fresh = LoadCase(formulation, M_g, like=like)
+    def __init__(
+        self, drive: Drive, M_g: float, formulation: Formulation | None = None, like: LoadCase | None = None
+    ) -> None:
+        if not searchable(drive):
+            raise UsageError("with rolling balls every state has to be solved", "set bearing.ball_motion=locked")
+        self.drive, self.M_g = drive, M_g
+        # never solves a state: every answer starts from it alike and so gives the same digits
+        self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
         kinematics = Kinematics.of(drive)
+        self.sign = kinematics.error_sign
         self.states = pitch_locked_states(kinematics)
-        self.board, self.finest = lattice(kinematics)
+        self.board, self.finest = _lattice(kinematics)
+        self._order = neighbours_together(kinematics, self.states)
 
-    @cached_property
-    def points(self) -> Indices:
-        """Points of the torus at which the error is estimated, shape (k, l, 2)."""
+    def rotation(self, drive: Drive, places: Indices | None = None) -> tuple[Array, Certificate]:
+        """Rotation [arcsec] of a drive in states j, by default all of the cycle, shape (states,), and the proof.
+
+        Raises UntrustedError where an answer cannot be trusted.
+        """
+        there = self.states.take(self._order if places is None else places)
+        case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
+        scalars = Batch.of(drive).scalars(np.zeros(1, dtype=np.int64), there.alpha_g, there.alpha_b)
+        answers = case.solve(StateGaps(scalars), partial(place, there, self.M_g))
+        rotation = answers.rotation_arcsec
+        if places is None:
+            rotation[self._order] = answers.rotation_arcsec.copy()
+        return rotation, answers.certificate
+
+    def extremes(self, drive: Drive | None = None) -> Extremes:
+        """Extremes of a drive, by default the map's own, from every state of its cycle.
+
+        Raises UntrustedError where an answer cannot be trusted.
+        """
+        rotation, proof = self.rotation(drive or self.drive)
+        at_max, at_min = np.argmax(self.sign * rotation), np.argmin(self.sign * rotation)
+        return Extremes(np.array([np.ptp(rotation)]), np.array([at_max]), np.array([at_min]), proof)
+
+    def points(self, count: int = READ) -> Indices:
+        """Points of the torus at which the error is estimated, at most so many around each wheel, shape (k, l, 2)."""
         lines = [
-            np.linspace(0, z, max(min(READ, z // 2) // BLOCK, 1) * BLOCK, endpoint=False).astype(np.int64)
+            np.linspace(0, z, max(min(count, z // 2) // BLOCK, 1) * BLOCK, endpoint=False).astype(np.int64)
             for z in self.board.shape
         ]
         return self.to_lattice(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1))
@@ -114,30 +156,51 @@ class ProposedSearch:
         """States j at points, shape (..., 2)."""
         return np.asarray(self.board[tuple(np.moveaxis(point % self.board.shape, -1, 0))])
 
-    def estimates(self, table: ErrorTable, batch: Batch) -> Array:
-        """Rotation [arcsec] of drives as a table that spans their deviations has it, shape (drives, k, l).
+    def many_extremes(self, batch: Batch, estimates: Array | None = None) -> Extremes:
+        """Extremes of drives, solved and proven where estimates propose them.
 
-        The table's contact system may differ a little from theirs.
-        """
-        points = self.state(self.points)
-        there = self.states.take(points.ravel())
-        # one by one, so that arrays stay in the cache
-        rows = (np.array([row]) for row in range(len(batch)))
-        found = [table.rotation(batch.scalars(row, there.alpha_g, there.alpha_b)) for row in rows]
-        return np.reshape(found, (len(batch), *points.shape))
-
-    def extremes(self, batch: Batch, estimates: Array) -> ManyExtremes:
-        """Extremes of drives, solved and proven.
-
-        Arguments: batch, the drives; estimates of their rotation [arcsec] at the points, shape (drives, k, l). Raises
-        UntrustedError where an answer cannot be trusted.
+        Arguments: batch, the drives; estimates of their rotation [arcsec] at points of the map, shape (drives, k, l),
+        by default solved on a grid of GRID. Raises UntrustedError where an answer cannot be trusted.
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
+        if estimates is None:
+            estimates = solved.at_points()
         solved.climb(solved.promising(_hills(estimates, self)))
-        value, rows = solved.value, np.arange(len(batch))
+        value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
-        return ManyExtremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
+        return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
+
+
+def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
+    """Extremes of one drive of many at torques [N*m], proposed by a grid of states, proven by states there.
+
+    Every state is solved where the balls roll, or the cycle is short. Raises UntrustedError where an answer cannot be
+    trusted.
+    """
+    if not searchable(drive) or Kinematics.of(drive).cycle_states < SHORT:
+        errors = [kinematic_error(drive, M_g, cross_check=None) for M_g in torques]
+        return [
+            Extremes(np.array([e.F_ior_arcsec]), np.array([e.at_max]), np.array([e.at_min]), e.certificate)
+            for e in errors
+        ]
+    formulation, like, found = formulate(contact_system(drive)), None, []
+    for M_g in torques:
+        error_map = ErrorMap(drive, M_g, formulation, like)
+        like = error_map.fresh
+        found.append(error_map.many_extremes(Batch.of(drive)))
+    return found
+
+
+def _lattice(kinematics: Kinematics) -> tuple[Indices, int]:
+    """States j by their coordinates, shape (z_b, z_g), -1 where there is none; steps from one to the next along each.
+
+    Where both numbers of teeth are even, k and l of every state are both even or both odd: steps of two.
+    """
+    j = np.arange(kinematics.cycle_states)
+    board = np.full((kinematics.z_b, kinematics.z_g), -1, dtype=np.int64)
+    board[j % kinematics.z_b, j % kinematics.z_g] = j
+    return board, 2 if board[0, 1] < 0 else 1
 
 
 @dataclass(frozen=True)
@@ -164,7 +227,7 @@ class _Hills:
         return np.asarray(best[self.row, side])
 
 
-def _hills(maps: Array, search: ProposedSearch) -> _Hills:
+def _hills(maps: Array, search: ErrorMap) -> _Hills:
     """The highest point of each block of maps, shape (drives, k, l), and of what is upside down.
 
     Between the points of a map they lie where a parabola through their neighbours has its top.
@@ -198,12 +261,21 @@ def _hills(maps: Array, search: ProposedSearch) -> _Hills:
 class _Solved:
     """States of drives that are solved so far: value, the rotation [arcsec], shape (drives, states), NaN elsewhere."""
 
-    def __init__(self, search: ProposedSearch, batch: Batch, case: LoadCase) -> None:
+    def __init__(self, search: ErrorMap, batch: Batch, case: LoadCase) -> None:
         self._search, self._batch, self._case = search, batch, case
         self.value = np.full((len(batch), len(search.states)), np.nan)
         self.certificate = EMPTY
         f = search.finest
         self._around = np.array([(0, 0), (1, 1), (f, 0), (1, -1), (0, -f), (-1, -1), (-f, 0), (-1, 1), (0, f)])
+
+    def at_points(self) -> Array:
+        """Rotation [arcsec] at the points of the map, shape (drives, k, l)."""
+        points = self._search.points(GRID)
+        there_and_back = points.copy()
+        there_and_back[1::2] = points[1::2, ::-1]  # so that neighbours follow each other
+        rows = np.arange(len(self._batch))[:, None, None]
+        self._at(rows, there_and_back[None])
+        return np.asarray(self.value[rows, self._search.state(points)[None]])
 
     def promising(self, hills: _Hills) -> _Hills:
         """Hills near the highest of their drive, after one state was solved on each that may be it."""
