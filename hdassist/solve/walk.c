@@ -42,6 +42,7 @@
 #define GREATEST(x) SIMD(omp simd reduction(max : x))
 
 typedef double vector __attribute__((vector_size(WIDTH * 8), aligned(8)));
+typedef int64_t bits __attribute__((vector_size(WIDTH * 8), aligned(8)));
 
 /* What the caller lends; it has to outlive the walk. M candidates, R = M + free values, p scalars. */
 typedef struct {
@@ -99,6 +100,23 @@ typedef struct {
 static inline void add_multiple(int n, double a, const double *restrict x, double *restrict y) {
     SIMD(omp simd)
     for (int i = 0; i < n; i++) y[i] += a * x[i];
+}
+
+/* Sum of products, and of their sizes where asked for. Lanes are added in one order wherever the arrays begin in memory: a
+ * compiler left to itself peels loops by alignment, and the last digits of an answer would depend on it. */
+static double product(int n, const double *restrict x, const double *restrict y, double *sizes) {
+    vector sum = {0}, size = {0};
+    int k = 0;
+    for (; k + WIDTH <= n; k += WIDTH) {
+        const vector z = *(const vector *)(x + k) * *(const vector *)(y + k);
+        sum += z;
+        if (sizes) size += (vector)((bits)z & INT64_MAX); /* without its sign */
+    }
+    double total = 0, total_size = 0;
+    for (int lane = 0; lane < WIDTH; lane++) total += sum[lane], total_size += size[lane];
+    for (; k < n; k++) total += x[k] * y[k], total_size += fabs(x[k] * y[k]);
+    if (sizes) *sizes = total_size;
+    return total;
 }
 
 static inline const double *column(const walk *w, int candidate) {
@@ -198,12 +216,6 @@ static void back_to_reference(walk *w) {
     w->since_made = 0;
 }
 
-static double product(int n, const double *restrict x, const double *restrict y) {
-    double sum = 0;
-    SUM(sum)
-    for (int k = 0; k < n; k++) sum += x[k] * y[k];
-    return sum;
-}
 
 /* Values in the tableau at its contact set, from those at the reference. */
 static void enter(walk *w) {
@@ -217,7 +229,7 @@ static void enter(walk *w) {
         any |= w->changed[k];
     }
     if (!any) return;
-    for (int i = 0; i < n; i++) value[i] -= product(n, w->tableau + i * (size_t)w->padded, moved);
+    for (int i = 0; i < n; i++) value[i] -= product(n, w->tableau + i * (size_t)w->padded, moved, NULL);
 }
 
 static double least(int n, const double *x) {
@@ -272,7 +284,7 @@ static int settle(walk *w) {
             double *more = w->correction;
             for (int k = 0; k < w->n; k++) w->row[k] = w->changed[k] ? w->all[w->candidate[k]] : 0.0;
             for (int k = 0; k < w->n; k++) {
-                more[k] = w->changed[k] ? -product(w->n, w->tableau + k * (size_t)w->padded, w->row) : 0.0;
+                more[k] = w->changed[k] ? -product(w->n, w->tableau + k * (size_t)w->padded, w->row, NULL) : 0.0;
                 w->value[k] += more[k];
             }
             add_others(w, more);
@@ -314,14 +326,8 @@ static void certify(walk *w, int states, double *residual) {
         double *block = w->blocks + (size_t)(j / ABREAST) * rows * ABREAST + j % ABREAST;
         for (int l = 0; l < count; l++) block[l * ABREAST] = F[loaded[l]];
         for (int f = 0; f < FREEDOMS; f++) {
-            const double *g = s->G + (size_t)f * M;
-            double sum = 0, sizes = 0;
-            SIMD(omp simd reduction(+ : sum, sizes))
-            for (int i = 0; i < M; i++) {
-                const double x = F[i] * g[i];
-                sum += x;
-                sizes += fabs(x);
-            }
+            double sizes;
+            const double sum = product(M, F, s->G + (size_t)f * M, &sizes);
             a[j][f] = s->place[f] < 0 ? sum / s->C[f] : free[s->place[f]];
             balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? s->torque : 0.0);
             size[j][f] = sizes + (f == s->rotation ? fabs(s->torque) : 0.0);
@@ -394,7 +400,7 @@ static void sum_up(const contact_system *s, const double *F, size_t j, answers *
     out->tooth_force[j] = greatest, out->edge_force[j] = at_edge;
     if (out->pull)
         for (int c = 0; c < s->columns; c++)
-            out->pull[j * s->columns + c] = product(s->M, F, s->map + (size_t)c * s->M);
+            out->pull[j * s->columns + c] = product(s->M, F, s->map + (size_t)c * s->M, NULL);
 }
 
 static void give_up(const contact_system *s, size_t j, answers *out) {

@@ -89,7 +89,7 @@ def every_state():
 
 
 def test_searched_curves_are_those_of_every_state(every_state):
-    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, search_from=0, cross_check=None)
+    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, proposed_from=0, cross_check=None)
     assert searched.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=0.01)
     # what the advice rests on is proven: the present and the recommended position
     for torque in range(2):
@@ -103,7 +103,7 @@ def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     real = making._searched
     monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
     some = slice(None, None, 3)
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], search_from=0, cross_check=None)
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], proposed_from=0, cross_check=None)
     assert curve.every_state.all()
     assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, some], abs=1e-9)
 
