@@ -1,10 +1,6 @@
 from __future__ import annotations
 
-import os
 from pathlib import Path
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # before numpy: as the command has it, whose last digits would differ otherwise
 
 import pytest
 from hypothesis import settings
