@@ -110,7 +110,7 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
 def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
     """The advice of `hdassist trials`; told on the way, how far it is."""
     torques = {*asked.drive.operation.M_g, trial_entry.rig_of(asked.drive, asked.rig).M_g}
-    progress, samples = _in_shares(len(torques) * MESH.states, tell), asked.effort.trial_samples
+    progress, samples = _in_shares(len(torques) * MESH.states(asked.drive), tell), asked.effort.trial_samples
     with workers(asked.effort.jobs) as executor:
         yield _trials_advised(
             trial_entry.advice(

@@ -90,8 +90,8 @@ class Production:
 
     @property
     def table_states(self) -> int:
-        """States that tables take, about."""
-        return READ_MESH.states * len(self.torques) * 3  # each at the torque, and on both sides of it for slopes
+        """States that tables take, about: each at the torque, and on both sides of it for slopes."""
+        return READ_MESH.states(self.drive) * len(self.torques) * 3
 
     def records(self, first: int, last: int) -> list[Record]:
         """Records of drives first to last - 1, whatever else is or was computed.
