@@ -29,7 +29,8 @@ def main() -> None:
     from hdassist.error.nearby import Nearby
     from hdassist.error.search import CycleSearch
     from hdassist.errors import HdassistError
-    from hdassist.preset.library import load_preset, preset_names
+    from hdassist.loading.load import load_preset
+    from hdassist.preset.library import preset_names
 
     print(
         f"{'preset':18} {'M_g':>6} {'values':>6}  {'off by, arcsec: median, 95 %, worst':36} {'worst share':>11}  cost"

@@ -16,6 +16,7 @@ from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.errors import UsageError
+from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.orders import parse_orders
@@ -23,7 +24,6 @@ from hdassist.measuring.uncertainty import parse_stated
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import Line
-from hdassist.preset.library import load_preset
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles

@@ -14,9 +14,9 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, searchable
 from hdassist.errors import HdassistError
 from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import listed, unknowns
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.rules import conflicts
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.window import in_wide_enough_window
 
@@ -154,8 +154,7 @@ class _Run:
 def _is_drive(moved: Sequence[Drive], before: Sequence[Drive]) -> bool:
     """Whether drives that were moved go together, and leave no more unknown than before: a direction, say."""
     return all(
-        not any(conflicts({path: drive.value(path) for path in field_table()}))
-        and len(unknowns(drive)) <= len(unknowns(other))
+        first_conflict(drive) is None and len(unknowns(drive)) <= len(unknowns(other))
         for drive, other in zip(moved, before, strict=True)
     )
 

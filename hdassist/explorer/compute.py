@@ -38,6 +38,7 @@ from hdassist.explorer.questions import (
 from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import unknown_turn, unknowns
 from hdassist.mounting import card_render
 from hdassist.mounting import page as mount_page
@@ -48,7 +49,6 @@ from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_po
 from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
-from hdassist.preset.rules import conflicts
 from hdassist.solve.answers import Progress
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
@@ -168,7 +168,7 @@ def _moving(drive: Drive) -> Iterator[str]:
             continue
         value = stepped(info, drive.number(path))
         there = drive.with_values({path: value})
-        if drive.allows(path, value) and not any(conflicts({each: there.value(each) for each in field_table()})):
+        if drive.allows(path, value) and first_conflict(there) is None:
             yield path
 
 

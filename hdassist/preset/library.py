@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError, Fault
 from hdassist.textfile import STDIN, open_at_once, reason, standard_input
-
-if TYPE_CHECKING:
-    from hdassist.preset.fields import Drive
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
@@ -24,22 +19,10 @@ def preset_names() -> list[str]:
     return sorted(_library())
 
 
-def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
-    """Load a drive.
-
-    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95".
-    Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
-    UsageError: a bad override.
-    """
-    from hdassist.preset.load import load_text  # costs 0.1 s that a help text should not wait for
-
-    text, file = read_preset(name_or_path)
-    return load_text(text, file, overrides)
-
-
 def read_preset(name_or_path: str) -> tuple[bytes, str]:
     """Bytes of a preset, and the name that messages give it.
 
+    Argument: a name from the library, a path, or "-" for standard input.
     Raises DataError: no such preset, or a file that cannot be read.
     """
     if name_or_path == "-":

@@ -123,7 +123,7 @@ class DriveOptions(OptionGroup):
 
     def load(self, preset: str, *more: str) -> Drive:
         """The drive of a preset with the overrides, and more of them. Raises DataError, PresetError or UsageError."""
-        from hdassist.preset.library import load_preset
+        from hdassist.loading.load import load_preset
 
         return load_preset(preset, [*self.overrides, *more])
 

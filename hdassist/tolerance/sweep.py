@@ -13,10 +13,10 @@ import numpy as np
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.search import CycleSearch, worth_searching
 from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import told
 from hdassist.preset.fields import Drive
-from hdassist.preset.load import load_text
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.tolerance.results import Record
 from hdassist.tolerance.vary import TORQUE, Axis, grid_rows

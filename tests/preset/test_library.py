@@ -11,8 +11,9 @@ import pytest
 
 from hdassist.calibration.targets import read_targets
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.loading.load import load_preset
 from hdassist.preset.fields import field_table, measures
-from hdassist.preset.library import load_preset, preset_names, read_preset
+from hdassist.preset.library import preset_names, read_preset
 
 ROOT = Path(__file__).parents[2]
 
