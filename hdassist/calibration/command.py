@@ -23,7 +23,7 @@ def command(
     ] = None,
     evaluations: Annotated[int, typer.Option(min=8, help="Drives that the global search may compute.")] = 400,
     jobs: o.Jobs = 0,
-    seed: o.Seed = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the global search.")] = 0,
     drives: o.DriveOptions,
     options: o.AnswerOptions,
 ) -> None:

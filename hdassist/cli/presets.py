@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hdassist.cli.help import Command
 from hdassist.errors import HdassistError, PresetError
 from hdassist.terminal import options as o
 
@@ -191,7 +192,7 @@ GivenStiffness = Annotated[
 ]
 
 
-@app.command()
+@app.command(cls=Command)
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")],
     *,
