@@ -353,7 +353,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         warnings=tuple(trials_page.warnings(advice, texts())),
         settled=advice.settled,
         why_not="" if advice.settled else "the trials do not settle it",
-        next_deg=advice.next[0],
+        next_deg=advice.to_measure_next[0],
         curve=Curve(tuple(drive.operation.M_g), tuple(places), drive.mounting.holes),
         sealed=_sealed(advice),
     )

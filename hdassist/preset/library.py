@@ -56,8 +56,16 @@ def _library() -> dict[str, Traversable]:
 
 
 def _unknown(name: str, names: list[str]) -> DataError:
-    close = difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
+    beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and _is_file(file)]
+    close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
     library = f"{hint}in the library: {', '.join(sorted(names))}"
     return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except OSError:  # a name that is too long
+        return False
