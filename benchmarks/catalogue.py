@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdassist import Drive, Stiffness, load_preset, stiffness
-from hdassist.preset.load import load_text
+from hdassist.loading.load import load_text
+from hdassist.loading.write_similar import similar_preset
 from hdassist.preset.similarity import Entry, Wish
-from hdassist.preset.write_similar import similar_preset
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/presets.md"

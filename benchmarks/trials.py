@@ -258,8 +258,8 @@ def page(n: int, found: dict[tuple[str, int], dict[str, float]], costs: list[dic
 COLUMNS = (
     "- *good*: the recommended hole loses less than 5 % against the best of the twelve (target after six: 90);",
     "- *sine*: the same of the hole at the bottom of a sine through the values;",
-    "- *settled*: drives in which the tool says that it is settled; *wrong*: those that are not good all the same",
-    "  (target: at most 5 of 100 settled);",
+    "- *settled*: drives in which a hole is good with 90 %, those unlike the preset's, which wait for a repeat, too;",
+    "  *wrong*: those that are not good all the same (target: at most 5 of 100 settled);",
     "- *loss*: of the recommended hole, on the mean; *inside*: F'_ior of the twelve holes within their 5 % and 95 %",
     "  quantiles (target: 88, but for D2);",
     "- *unlike*: drives of which the tool says that the values are unlike the preset's;",

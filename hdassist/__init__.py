@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from hdassist.error.stiffness import Stiffness, stiffness
     from hdassist.error.trace import Trace, trace
     from hdassist.errors import HdassistError
+    from hdassist.loading.load import load_preset
     from hdassist.model.deviations import ToothDeviations
     from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
     from hdassist.mounting.curve import mounting_curve
     from hdassist.mounting.positions import MountingCurve
     from hdassist.preset.fields import Drive
-    from hdassist.preset.library import load_preset, preset_names
+    from hdassist.preset.library import preset_names
     from hdassist.readers.pitch import read_pitch
 
 _HOMES = {
@@ -43,7 +44,7 @@ _HOMES = {
     "MeasuredWheel": "hdassist.model.wheels",
     "PitchFile": "hdassist.model.wheels",
     "Drive": "hdassist.preset.fields",
-    "load_preset": "hdassist.preset.library",
+    "load_preset": "hdassist.loading.load",
     "preset_names": "hdassist.preset.library",
     "read_pitch": "hdassist.readers.pitch",
 }

@@ -48,6 +48,12 @@ def test_each_has_its_reason_and_licence() -> None:
         assert told.split("-")[0].lower() in licence(name).lower(), name
 
 
+def test_no_version_of_jinja2_with_known_advisories_is_let_in() -> None:
+    # CVE-2024-22195, -34064, -56201, -56326 and CVE-2025-27516 end with 3.1.6
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert "jinja2>=3.1.6" in pyproject["project"]["dependencies"]
+
+
 def test_each_extra_is_told() -> None:
     page = (ROOT / "docs/dependencies.md").read_text(encoding="utf-8")
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isnan
 from typing import Literal
 
 from hdassist.acceptance.checks import CHECKS, ORDER
 from hdassist.acceptance.decision import Limit, Value
 from hdassist.errors import UsageError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.numerals import number_of
 from hdassist.preset.units import UnitError, is_spread, read_spread
 
 ORDER_PREFIX = "order_"
@@ -118,7 +120,6 @@ class LimitText:
 
 
 def _number(text: str, whole: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{whole}: {text} is no number", HINT) from None
+    if isnan(number := number_of(text)):
+        raise UsageError(f"{whole}: {text} is no number", HINT)
+    return number

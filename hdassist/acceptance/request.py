@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
+from math import isnan
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
@@ -16,14 +17,15 @@ from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.errors import UsageError
+from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.model.wheels import MeasuredTeeth
+from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import Line
-from hdassist.preset.library import load_preset
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
@@ -61,10 +63,9 @@ class TraceFile:
     def at(self, drive: Drive) -> float:
         """Torque [N*m]. Raises UsageError: it is none, or the limits of the drive leave it open."""
         if self.torque:
-            try:
-                return float(self.torque)
-            except ValueError:
-                raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80:run.csv") from None
+            if isnan(M_g := number_of(self.torque)):
+                raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80:run.csv")
+            return M_g
         torques = list(dict.fromkeys(limit.M_g for limit in limits_of(drive) if limit.M_g is not None))
         if len(torques) > 1:
             named = ", ".join(f"{M_g:g}:{self}" for M_g in torques)

@@ -23,7 +23,7 @@ def command(
     ] = None,
     evaluations: Annotated[int, typer.Option(min=8, help="Drives that the global search may compute.")] = 400,
     jobs: o.Jobs = 0,
-    seed: o.Seed = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the global search.")] = 0,
     drives: o.DriveOptions,
     options: o.AnswerOptions,
 ) -> None:
@@ -57,8 +57,8 @@ def command(
     from hdassist.calibration.page import answer
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import UsageError
+    from hdassist.loading.write import with_found_values
     from hdassist.preset.library import READ_AT_MOST, read_preset
-    from hdassist.preset.write import with_found_values
     from hdassist.terminal.files import held, require_writable, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each

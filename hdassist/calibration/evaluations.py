@@ -19,8 +19,8 @@ from hdassist.calibration.quantities import MEDIUM, ROUGH, Accuracy, Quantities
 from hdassist.calibration.targets import Target, Targets
 from hdassist.errors import DataError, HdassistError
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, fields
-from hdassist.preset.rules import conflicts
+from hdassist.model.rules import first_conflict
+from hdassist.preset.fields import Drive
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.textfile import is_file, is_there, read_bytes
 
@@ -163,7 +163,7 @@ def fault_of(drive: Drive, targets: Sequence[Target]) -> str:
 
 def _computed(drive: Drive, targets: Sequence[Target], accuracy: Accuracy) -> tuple[float, ...]:
     """How far a drive is off targets, in their tolerances. Raises HdassistError where there is no such drive."""
-    for conflict, _ in conflicts({path: drive.value(path) for path, _ in fields()}):
+    if (conflict := first_conflict(drive)) is not None:
         raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
 
     def off(there: Drive) -> tuple[float, ...]:

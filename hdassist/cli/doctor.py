@@ -112,8 +112,8 @@ def self_test() -> Finding:
     """Every state of a known drive against stored digits, and its extremes by another solver."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.error.error_map import ErrorMap
+    from hdassist.loading.load import load_preset
     from hdassist.model.kinematics import Kinematics, pitch_locked_states
-    from hdassist.preset.library import load_preset
 
     try:
         drive = load_preset(PRESET)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any, TypeAlias, get_args, get_type_hints
 
+import typer
 from typer.core import TyperCommand, TyperGroup
 
 # of click, of which typer has a copy: nothing but its subclasses is public
@@ -16,7 +18,14 @@ WHOLE = 1000  # characters: no first sentence of a help text is longer
 
 
 class Command(TyperCommand):
-    """A command whose help has a section for each group of options."""
+    """A command whose help has a section for each group of options, and whose numbers are written in ASCII digits."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        kinds = get_type_hints(self.callback)
+        for parameter in self.params:
+            if _is_numeric(kinds.get(str(parameter.name))):
+                parameter.process_value = partial(_process, parameter, parameter.process_value)  # type: ignore[method-assign]
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write arguments and options, those of no group first, those of every command last."""
@@ -31,6 +40,18 @@ class Commands(TyperGroup):
         shown = [command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden]
         _sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
         _sections(formatter, (_with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+
+
+def _is_numeric(hint: Any) -> bool:
+    return bool({int, float} & {hint, *get_args(hint)})
+
+
+def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Context, value: Any) -> Any:
+    """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads."""
+    for text in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(text, str) and ("_" in text or not text.isascii()):
+            raise typer.BadParameter(f"{text!r} is not a number: expected ASCII digits", ctx=ctx, param=parameter)
+    return process(ctx, value)
 
 
 def _summary(command: Any) -> str:

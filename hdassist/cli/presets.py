@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hdassist.cli.help import Command
 from hdassist.errors import HdassistError, PresetError
 from hdassist.terminal import options as o
 
@@ -52,7 +53,8 @@ def list_(options: TableOptions) -> None:
 
     What each rests on: how many of its values are given, identified from measurements, or only assumed.
     """
-    from hdassist.preset.library import load_preset, preset_names
+    from hdassist.loading.load import load_preset
+    from hdassist.preset.library import preset_names
     from hdassist.preset.schema import counted
     from hdassist.terminal.answers import envelope
 
@@ -190,7 +192,7 @@ GivenStiffness = Annotated[
 ]
 
 
-@app.command()
+@app.command(cls=Command)
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")],
     *,
@@ -217,10 +219,10 @@ def new(
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
     --stiffness stands in the preset's table catalogue as it is given, and hdassist stiffness compares.
     """
-    from hdassist.preset.library import load_preset
+    from hdassist.loading.load import load_preset
+    from hdassist.loading.write import new_preset
+    from hdassist.loading.write_similar import similar_preset
     from hdassist.preset.wishes import read_wish
-    from hdassist.preset.write import new_preset
-    from hdassist.preset.write_similar import similar_preset
     from hdassist.terminal.files import write_text
 
     asked = (like, pitch_diameter, teeth, ratio, torque, stiffness)

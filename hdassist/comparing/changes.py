@@ -13,9 +13,9 @@ from hdassist.comparing.fields import Difference
 from hdassist.error.error_map import extremes_of, searchable
 from hdassist.errors import HdassistError
 from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import listed, unknowns
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.rules import conflicts
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.window import in_wide_enough_window
 
@@ -153,8 +153,7 @@ class _Run:
 def _is_drive(moved: Sequence[Drive], before: Sequence[Drive]) -> bool:
     """Whether drives that were moved go together, and leave no more unknown than before: a direction, say."""
     return all(
-        not any(conflicts({path: drive.value(path) for path in field_table()}))
-        and len(unknowns(drive)) <= len(unknowns(other))
+        first_conflict(drive) is None and len(unknowns(drive)) <= len(unknowns(other))
         for drive, other in zip(moved, before, strict=True)
     )
 

@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.error.orders import LEGEND, Order
+from hdassist.error.orders import Order, order_legend
 from hdassist.error.trace import Trace
 from hdassist.model.unknown import told, unknowns
 from hdassist.preset.fields import Drive
@@ -72,7 +72,7 @@ def render(drive: Drive, trace: Trace, style: Style, *, plots: bool = True, deta
         what = "error F_kpp, arcsec" + ": least and greatest around each cam turn" * many
         parts.append(Text(curve(style, x, error.error_arcsec, x_label=label, y_label=what, over=float(many))))
     if details:
-        parts += [_orders(trace, style), Text(style.text(LEGEND))]
+        parts += [_orders(trace, style), Text(style.text(order_legend(drive)))]
     parts.append(facts(style, _lines(drive, trace, details)))
     if details:
         proven = error.certificate

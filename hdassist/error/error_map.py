@@ -160,13 +160,16 @@ class ErrorMap:
         """Extremes of drives, solved and proven where estimates propose them.
 
         Arguments: batch, the drives; estimates of their rotation [arcsec] at points of the map, shape (drives, k, l),
-        by default solved on a grid of GRID. Raises UntrustedError where an answer cannot be trusted.
+        by default solved on a grid of GRID, and in every state of a short cycle. Raises UntrustedError where an answer
+        cannot be trusted.
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
-        if estimates is None:
-            estimates = solved.at_points()
-        solved.climb(solved.promising(_hills(estimates, self)))
+        if estimates is None and len(self.states) < SHORT:
+            solved.every_state()
+        else:
+            proposed = solved.at_points() if estimates is None else estimates
+            solved.climb(solved.promising(_hills(proposed, self)))
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
@@ -175,10 +178,10 @@ class ErrorMap:
 def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     """Extremes of one drive of many at torques [N*m], proposed by a grid of states, proven by states there.
 
-    Every state is solved where the balls roll, or the cycle is short. Raises UntrustedError where an answer cannot be
+    Every state is solved where the balls roll. Raises UntrustedError where an answer cannot be
     trusted.
     """
-    if not searchable(drive) or Kinematics.of(drive).cycle_states < SHORT:
+    if not searchable(drive):
         errors = [kinematic_error(drive, M_g, cross_check=None) for M_g in torques]
         return [
             Extremes(np.array([e.F_ior_arcsec]), np.array([e.at_max]), np.array([e.at_min]), e.certificate)
@@ -267,6 +270,11 @@ class _Solved:
         self.certificate = EMPTY
         f = search.finest
         self._around = np.array([(0, 0), (1, 1), (f, 0), (1, -1), (0, -f), (-1, -1), (-f, 0), (-1, 1), (0, f)])
+
+    def every_state(self) -> None:
+        """Solve every state of the cycle."""
+        points = np.stack(np.divmod(np.flatnonzero(self._search.board.ravel() >= 0), self._search.board.shape[1]), -1)
+        self._at(np.arange(len(self._batch))[:, None], points[None])
 
     def at_points(self) -> Array:
         """Rotation [arcsec] at the points of the map, shape (drives, k, l)."""

@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from hdassist.model.deviations import is_half_turn_symmetric
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -14,11 +15,6 @@ from hdassist.preset.fields import Drive
 DEGREE = 4  # products of up to so many deviations are named
 LARGEST = 12  # orders without a known cause that are kept all the same
 UNKNOWN = "no single cause known"
-LEGEND = (
-    "rigid wheel: its teeth and the cam offset that stands still with it; flexspline: its teeth and the "
-    "cam offset that goes with it; cam: the offset that turns with the cam. The error follows sums and "
-    "differences of their orders, because it is even in all deviations together."
-)
 FLOOR = 1e-9  # arcsec: what is smaller is rounding
 
 
@@ -32,13 +28,24 @@ class Order:
     cause: str
 
 
+def order_legend(drive: Drive) -> str:
+    """How to read the causes of a drive's orders."""
+    even = ", an even number of them in all: z_g, N and n_2 are even" * is_half_turn_symmetric(drive)
+    return (
+        "rigid wheel: its teeth and the cam offset that stands still with it; flexspline: its teeth and the "
+        "cam offset that goes with it; cam: the offset that turns with the cam. The error follows sums and "
+        f"differences of their orders{even}."
+    )
+
+
 def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     """Order per cam revolution, and cause, of each product of a drive's deviations up to DEGREE.
 
     Keys (k_g, k_b): how often what turns with the flexspline and what turns with the rigid wheel, as seen
-    from the cam, enter. The error is even in all deviations together (half a turn changes nothing), so an
-    odd product needs the offset that turns with the cam, e_hh, as well.
+    from the cam, enter. Where half a turn maps teeth and balls onto each other the error is even in all deviations
+    together, and an odd product needs the offset that turns with the cam, e_hh, as well.
     """
+    even = is_half_turn_symmetric(drive)
     kinematics, t, h = Kinematics.of(drive), drive.tolerances, drive.harmonics
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
@@ -47,17 +54,17 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     found = {}
     for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
         degree = k_g + abs(k_b)
-        odd = degree % 2 == 1
-        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and (t.e_hh or not odd):
-            found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, odd))
+        needs_cam = even and degree % 2 == 1
+        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and (t.e_hh or not needs_cam):
+            found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
     return found
 
 
-def _words(k_g: int, k_b: int, odd: bool) -> str:
+def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
     flexspline = f"{k_g if k_g > 1 else ''} flexspline" if k_g else ""
     rigid = f"{abs(k_b) if abs(k_b) > 1 else ''} rigid wheel" if k_b else ""
     between = (" - " if k_b < 0 else " + ") if k_g and k_b else ""
-    return " ".join(f"{flexspline}{between}{rigid}{' + cam' if odd else ''}".split())
+    return " ".join(f"{flexspline}{between}{rigid}{' + cam' if needs_cam else ''}".split())
 
 
 def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:

@@ -17,8 +17,8 @@ from hdassist.model.assumed import Assumption, assumptions
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.rules import conflicts
+from hdassist.model.rules import first_conflict
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
@@ -152,7 +152,7 @@ def reached(drive: Drive, path: str, end: float, solve: Callable[[Drive], T]) ->
     for step in STEPS:
         there = value + step * (end - value)
         moved = drive.with_values({path: there})
-        if not any(conflicts({each: moved.value(each) for each in field_table()})):
+        if first_conflict(moved) is None:
             with suppress(HdassistError):
                 return there, solve(moved)
     return value, solve(drive)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from hdassist.error.error_map import extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.deviations import deviations_of
+from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.rules import conflicts
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
 STEP = 0.005  # of a value, to both sides
@@ -89,7 +89,7 @@ def _ends(task: _Task) -> tuple[float, tuple[list[float], list[float]], Certific
     found = []
     for there in (value - step, value + step):
         moved = drive.with_values({path: there})
-        if drive.allows(path, there) and not any(conflicts({p: moved.value(p) for p in field_table()})):
+        if drive.allows(path, there) and first_conflict(moved) is None:
             with suppress(HdassistError):
                 found.append((there, *_at(moved, torques)))
     if len(found) == 1:

@@ -20,7 +20,7 @@ from scipy.ndimage import map_coordinates
 from hdassist.error.error_map import SEARCHED, Batch, ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import StateGaps
-from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of
+from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of, is_half_turn_symmetric
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
@@ -45,10 +45,10 @@ class Mesh:
     compared: int = KNOWN
     turns: int = 40
 
-    @property
-    def states(self) -> int:
-        """States that a table takes, about."""
-        return round(0.403 * float(np.prod(self.shape))) + self.compared * SEARCHED
+    def states(self, drive: Drive) -> int:
+        """States that a table of a drive takes, about."""
+        solved = 0.403 if is_half_turn_symmetric(drive) else 0.806
+        return round(solved * float(np.prod(self.shape))) + self.compared * SEARCHED
 
 
 FINE = Mesh()
@@ -181,14 +181,14 @@ def error_tables(
     slabs = [(drive, M_g, reach, mesh.shape, slab) for drive, M_g, reach, _ in cases for slab in range(SLABS)]
     solved, parts = [], run(_slab, slabs)
     known = run(_searched, [(drive, M_g, span) for drive, M_g, _, span in cases])
-    for _, _, reach, _ in cases:
+    for drive, _, reach, _ in cases:
         values, proof = np.full((1 + len(reach.others), np.prod(mesh.shape)), np.nan), EMPTY
         for _ in range(SLABS):
             places, errors, part = next(parts)
             values[:, places] = errors
-            # half a turn on all deviations of odd order are reversed, and the rotation is the same
-            reversed_ = np.array([1, *(-1 if column in ODD else 1 for column in reach.others)])
-            values[:, values.shape[1] - 1 - places] = errors * reversed_[:, None]
+            if is_half_turn_symmetric(drive):
+                signs = np.array([1, *(-1 if column in ODD else 1 for column in reach.others)])
+                values[:, values.shape[1] - 1 - places] = errors * signs[:, None]
             proof += part
             if progress:
                 progress(part.states)
@@ -212,10 +212,11 @@ _Slab = tuple[Drive, float, Reach, tuple[int, ...], int]
 
 
 def _slab(task: _Slab) -> tuple[NDArray[np.int64], Array, Certificate]:
-    """Places in the flat table, errors [arcsec] and slopes there, and their proof, of one slab of half a table."""
+    """Places in the flat table, errors [arcsec] and slopes there, and their proof, of one slab of a table."""
     drive, M_g, reach, shape, slab = task
     order = _there_and_back(shape)
-    order = order[order <= np.prod(shape) // 2]
+    if is_half_turn_symmetric(drive):
+        order = order[order <= np.prod(shape) // 2]
     index = np.stack(np.unravel_index(order, shape), axis=1)
     half = (np.array(shape) - 1) / 2
     share = (index - half) / half  # -1..1 over the reach

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import partial
-from math import isfinite, nan
+from math import isfinite
 from typing import Any, ClassVar
 
 from textual import on
@@ -32,6 +32,7 @@ from hdassist.explorer.trial_entry import read, rig_of
 from hdassist.explorer.views import Opened, Started, TraceView, TurnView
 from hdassist.explorer.widgets import CurvePlot, Levers, Seat, Turned
 from hdassist.explorer.writing import Writing
+from hdassist.numerals import number_of
 from hdassist.preset.fields import field_table
 from hdassist.terminal.workers import STOPS
 from hdassist.visible import visible
@@ -43,10 +44,7 @@ LEAST = (60, 18)  # columns and rows that the screen needs
 
 def _require_trace(values: tuple[str, ...]) -> None:
     """Raise UsageError for a torque that is none, or a file that has no name."""
-    try:
-        torque = float(values[1])
-    except ValueError:
-        torque = nan
+    torque = number_of(values[1])
     if not (isfinite(torque) and torque):
         raise UsageError(f"{values[1]!r} is no torque", "in N·m, like 80")
     if not values[0].strip():
@@ -275,7 +273,7 @@ class Explorer(Writing):
 
         def opened(values: tuple[str, ...] | None) -> None:
             if values:
-                self.compare(values[0].strip(), float(values[1]))
+                self.compare(values[0].strip(), number_of(values[1]))
 
         self.push_screen(Form("a measured trace over the prediction", fields, hint, _require_trace), opened)
 

@@ -39,6 +39,7 @@ from hdassist.model.assumed import assumptions
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import unknown_turn, unknowns
 from hdassist.mounting import card_render
 from hdassist.mounting import page as mount_page
@@ -49,7 +50,6 @@ from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_po
 from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
-from hdassist.preset.rules import conflicts
 from hdassist.solve.answers import Progress
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
@@ -111,7 +111,7 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
 def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
     """The advice of `hdassist trials`; told on the way, how far it is."""
     torques = {*asked.drive.operation.M_g, trial_entry.rig_of(asked.drive, asked.rig).M_g}
-    progress, samples = _in_shares(len(torques) * MESH.states, tell), asked.effort.trial_samples
+    progress, samples = _in_shares(len(torques) * MESH.states(asked.drive), tell), asked.effort.trial_samples
     with workers(asked.effort.jobs) as executor:
         yield _trials_advised(
             trial_entry.advice(
@@ -169,7 +169,7 @@ def _moving(drive: Drive) -> Iterator[str]:
             continue
         value = stepped(info, drive.number(path))
         there = drive.with_values({path: value})
-        if drive.allows(path, value) and not any(conflicts({each: there.value(each) for each in field_table()})):
+        if drive.allows(path, value) and first_conflict(there) is None:
             yield path
 
 
@@ -354,7 +354,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         warnings=tuple(trials_page.warnings(advice, texts())),
         settled=advice.settled,
         why_not="" if advice.settled else "the trials do not settle it",
-        next_deg=advice.next[0],
+        next_deg=advice.to_measure_next[0],
         curve=Curve(tuple(drive.operation.M_g), tuple(places), drive.mounting.holes),
         sealed=_sealed(advice),
     )

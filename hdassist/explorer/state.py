@@ -7,10 +7,10 @@ from shlex import quote
 
 from hdassist.errors import UsageError
 from hdassist.explorer import trial_entry
+from hdassist.loading.load import load_text
 from hdassist.model.deviations import carried
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
-from hdassist.preset.load import load_text
 from hdassist.terminal.options import TrialOptions
 
 MOST_PAST = 200  # steps that can be undone

@@ -12,8 +12,8 @@ from hdassist.explorer.answers import Advised, Failed, Rendered
 from hdassist.explorer.asking import Asking
 from hdassist.explorer.questions import RenderQuestion
 from hdassist.explorer.screens import Confirm, Form
+from hdassist.loading.write import with_changes
 from hdassist.mounting.card_command import KINDS, SERIAL
-from hdassist.preset.write import with_changes
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.visible import visible
 

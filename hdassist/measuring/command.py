@@ -39,12 +39,12 @@ def command(
     the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
     itself. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the record does not tell.
     """
+    from hdassist.loading.load import load_preset
     from hdassist.measuring.cycle import gearing_of
     from hdassist.measuring.measure import Measurement, measure
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.page import answer, repeats, repeats_line
     from hdassist.measuring.uncertainty import parse_stated
-    from hdassist.preset.library import load_preset
     from hdassist.readers.trace import read_trace
     from hdassist.terminal.answers import failure
     from hdassist.terminal.runs import Answer, give, run_each

@@ -53,7 +53,7 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         return None
     found: set[float] = set()
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(?:-\s*(\d+)\s*)?", part)
+        match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:-\s*([0-9]+)\s*)?", part)
         if match is None:
             raise UsageError(f"no orders: {text}", 'write them like "1-12" or "1,2,4"')
         first, last = float(match[1]), float(match[2] or match[1])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 
 from hdassist.errors import UsageError
+from hdassist.numerals import number_of
 
 STATED = {  # sources of which a single record says nothing
     "encoder": "encoder graduation: cannot be told from once-per-output error",
@@ -36,10 +37,7 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
     stated: dict[str, float] = {}
     for text in (part for given in texts for part in given.split(",")):
         name, _, number = text.partition("=")
-        try:
-            value = float(number)
-        except ValueError:
-            value = float("nan")
+        value = number_of(number)
         if name not in STATED or name in stated or not isfinite(value) or value < 0:
             hint = f"NAME=ARCSEC, a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
             raise UsageError(f"--budget {text}: {'twice' if name in stated else 'not understood'}", hint)

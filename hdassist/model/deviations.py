@@ -63,7 +63,7 @@ def deviations_of(mark_kind: str) -> tuple[Deviation, ...]:
 
 
 TEETH, CAM, SHIFT = 0, 2, 4  # first columns; those of the orders follow
-ODD = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of what is reversed half a turn on
+ODD = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
 _COLUMN = {order: 6 + 2 * place for place, order in enumerate(ORDERS)}
 _OTHERS = (
     Deviation("tolerances.e_hh", "phases.phi_hh", CAM, "h"),
@@ -87,6 +87,14 @@ def carried(drive: Drive) -> tuple[str, ...]:
     if drive.mounting.fixed == "rigid":
         return ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{n}" for n in ORDERS))
     return ("phases.xi_g", *(f"harmonics.xi_g{n}" for n in ORDERS))
+
+
+def is_half_turn_symmetric(drive: Drive) -> bool:
+    """Whether the rotation stays the same where all deviations of odd order change their sign.
+
+    Half a turn maps teeth, balls and bore nodes onto each other only where the number of each is even.
+    """
+    return all(count % 2 == 0 for count in (drive.gears.z_g, drive.bearing.N, drive.numerics.n_2))
 
 
 def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:

@@ -65,6 +65,7 @@ class Geometry:
     r_m: float  # mid-line of its rim
     r_ag: float  # tip of the flexspline
     r_ab: float  # tip of the rigid wheel
+    r_fb: float  # its root
     r_ring: float  # mid-line of the outer ring of the bearing
     r_raceway: float  # its raceway
     W_0: float
@@ -86,6 +87,7 @@ class Geometry:
             r_m=r_m,
             r_ag=g.m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
             r_ab=g.m * (g.z_b + 2 * g.x_b - 2 * g.h_a) / 2,
+            r_fb=g.m * (g.z_b + 2 * g.x_b + 2 * g.h_f) / 2,
             r_ring=bore - drive.bearing.ring_h / 2,
             r_raceway=bore - drive.bearing.ring_h,
             W_0=drive.cam.W_0,

@@ -101,10 +101,10 @@ class Advice:
     @property
     def to_measure(self) -> tuple[Position, ...]:
         """Usable positions, three that lie apart as far as they can, in which trials would tell."""
-        places = [int(place) for place in np.flatnonzero(self.curve.usable)]
+        usable = sorted(self.choice.ranked, key=lambda p: p.rotation_deg)
         wanted = [120.0 * k for k in range(TRIALS)]
-        near = [min(places, key=lambda p: abs((self.curve.rotation_deg[p] - at + 180) % 360 - 180)) for at in wanted]
-        return tuple(self.curve.at(place) for place in dict.fromkeys(near))
+        near = [min(usable, key=lambda p: abs((p.rotation_deg - at + 180) % 360 - 180)) for at in wanted]
+        return tuple({p.rotation_deg: p for p in near}.values())
 
     @property
     def worth_turning(self) -> bool:

@@ -6,12 +6,14 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import date
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdassist.errors import UsageError
+from hdassist.numerals import number_of
 from hdassist.terminal.options import AnswerOptions, CardOptions, OptionGroup
 
 if TYPE_CHECKING:
@@ -39,12 +41,12 @@ class ChoiceOptions(OptionGroup):
         """The weights as numbers. Raises UsageError for what is none."""
         if self.weights is None:
             return None
-        try:
-            return [float(word) for word in self.weights.split(",")]
-        except ValueError:
+        weights = [number_of(word) for word in self.weights.split(",")]
+        if any(map(isnan, weights)):
             raise UsageError(
                 f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
-            ) from None
+            )
+        return weights
 
 
 @dataclass(frozen=True)

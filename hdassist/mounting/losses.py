@@ -11,6 +11,7 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import Chances, Choice, Position, hole_of, merit, phase_deg, rotated
+from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate
 
@@ -31,10 +32,7 @@ class Criterion:
         if text in ("expected", "worst"):
             return cls(text)
         name, _, number = text.partition(":")
-        try:
-            quantile = float(number)
-        except ValueError:
-            quantile = -1.0
+        quantile = number_of(number)
         if name != "quantile" or not 0 < quantile < 1:
             raise UsageError(f"no criterion {text!r}", "expected, worst, or quantile:0.9")
         return cls(text, quantile)

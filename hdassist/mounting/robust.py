@@ -69,14 +69,14 @@ def is_open(drive: Drive) -> bool:
 def interpolates(drive: Drive, samples: int, positions: int) -> bool:
     """Whether samples differ in deviations alone and are so many that a table of the error pays."""
     deviations = all(path.startswith(DEVIATIONS) for path in drive.uncertainty)
-    return deviations and samples * positions * SEARCHED > MESH.states
+    return deviations and samples * positions * SEARCHED > MESH.states(drive)
 
 
 def sample_states(drive: Drive, samples: int, positions: int) -> int:
     """Number of states that the samples take at one torque, about, for a progress bar."""
     if not is_open(drive) or not samples:
         return 0
-    return MESH.states if interpolates(drive, samples, positions) else samples * positions * SEARCHED
+    return MESH.states(drive) if interpolates(drive, samples, positions) else samples * positions * SEARCHED
 
 
 def _searched(task: tuple[Drive, Sequence[float], Sequence[float]]) -> tuple[list[list[float]], Certificate]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import hole_of
+from hdassist.numerals import number_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import MOST
 
@@ -33,10 +34,7 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
     where, _, value = text.lower().partition(":")
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec, with a point"
-    try:
-        rotation, F_ior = float(where.removeprefix("h")), float(value)
-    except ValueError:
-        rotation = F_ior = 0.0
+    rotation, F_ior = number_of(where.removeprefix("h")), number_of(value)
     if not (0 < F_ior <= MOST and abs(rotation) <= FARTHEST):
         raise UsageError(f"{shown(text)!r} is no trial", hint)
     if where.startswith("h"):

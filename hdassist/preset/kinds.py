@@ -20,8 +20,9 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
+from hdassist.numerals import NUMBER
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import NUMBER, Unread, near
+from hdassist.preset.yamltext import Unread, near
 
 Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 

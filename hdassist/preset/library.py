@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from hdassist.errors import DataError, Fault
 from hdassist.textfile import STDIN, open_at_once, reason, standard_input
-
-if TYPE_CHECKING:
-    from hdassist.preset.fields import Drive
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
@@ -24,22 +19,10 @@ def preset_names() -> list[str]:
     return sorted(_library())
 
 
-def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
-    """Load a drive.
-
-    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95".
-    Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
-    UsageError: a bad override.
-    """
-    from hdassist.preset.load import load_text  # costs 0.1 s that a help text should not wait for
-
-    text, file = read_preset(name_or_path)
-    return load_text(text, file, overrides)
-
-
 def read_preset(name_or_path: str) -> tuple[bytes, str]:
     """Bytes of a preset, and the name that messages give it.
 
+    Argument: a name from the library, a path, or "-" for standard input.
     Raises DataError: no such preset, or a file that cannot be read.
     """
     if name_or_path == "-":
@@ -73,8 +56,16 @@ def _library() -> dict[str, Traversable]:
 
 
 def _unknown(name: str, names: list[str]) -> DataError:
-    close = difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
+    beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and _is_file(file)]
+    close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
     library = f"{hint}in the library: {', '.join(sorted(names))}"
     return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except OSError:  # a name that is too long
+        return False

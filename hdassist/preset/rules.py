@@ -1,4 +1,4 @@
-"""What fields must satisfy together: teeth that mesh, rings that fit, torques that can be used.
+"""What fields must satisfy together that needs no geometry: numbers of teeth, supports, torques, holes.
 
 Each rule is a function whose arguments are named after the fields it needs; it runs when these are valid.
 Lengths in mm as the fields are, angles in deg, torques in N*m.
@@ -10,15 +10,10 @@ import inspect
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt, tan
 from typing import Any
 
-MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings means nothing
 LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
-MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
-ACTIVE_ROOT = 0.2  # modules above the root of the flexspline where its flank begins
-HEIGHTS = 9  # places on a flank where the overlap is looked for
 
 
 @dataclass(frozen=True)
@@ -31,18 +26,15 @@ class Conflict:
     hint: str = ""
 
 
-def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
+def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
     """Apply the rules whose fields are all there.
 
     Arguments: values, the valid fields by their path ("gears.z_g").
     Result: each conflict with the paths of the fields that its rule has looked at.
     """
     paths = {path.rpartition(".")[2]: path for path in values}
-    no_mesh = values.get("gears.z_b", 0) - values.get("gears.z_g", 0) != 2  # nothing more can be said of such teeth
     for rule in RULES:
         names = tuple(inspect.signature(rule).parameters)
-        if no_mesh and {"z_g", "z_b"} <= {*names} and rule is not teeth_difference:
-            continue
         if all(name in paths for name in names):
             involved = tuple(paths[name] for name in names)
             yield from ((conflict, involved) for conflict in rule(*(values[path] for path in involved)))
@@ -59,150 +51,10 @@ def teeth_difference(z_b: int, z_g: int) -> Iterator[Conflict]:
         )
 
 
-def teeth_reach(m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, W_0: float) -> Iterator[Conflict]:
-    """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
-    tip, other = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a)
-    if tip + W_0 <= other:
-        yield Conflict(
-            "cam.W_0", "the teeth do not reach each other at the major axis",
-            f"tip of the flexspline {tip + W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
-            f"above {other - tip:.4g} mm with these teeth",
-        )  # fmt: skip
-
-
-def tips_come_free(m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, W_0: float) -> Iterator[Conflict]:
-    """At the minor axis the tips pass each other."""
-    tip, other = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a)
-    if tip - W_0 >= other:
-        yield Conflict(
-            "cam.W_0", "the tips interfere: they do not come free at the minor axis",
-            f"tip of the flexspline {tip - W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
-            f"above {tip - other:.4g} mm with these teeth, or lower teeth (h_a)",
-        )  # fmt: skip
-
-
-def roots_have_room(
-    m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, h_f: float, W_0: float
-) -> Iterator[Conflict]:
-    """At the major axis no tip runs into the root of the other wheel."""
-    root_b = m * (z_b + 2 * x_b + 2 * h_f) / 2
-    tip_g = _tip_g(m, z_g, x_g, h_a)
-    if tip_g + W_0 > root_b:
-        yield Conflict(
-            "cam.W_0", "beyond the teeth: the flexspline runs into the root of the rigid wheel",
-            f"tip {tip_g + W_0:.4g} mm, root {root_b:.4g} mm",
-            f"at most {root_b - tip_g:.4g} mm with these teeth",
-        )  # fmt: skip
-    root_g, tip_b = _root_g(m, z_g, x_g, h_f), _tip_b(m, z_b, x_b, h_a)
-    if root_g + W_0 > tip_b:
-        yield Conflict(
-            "cam.W_0", "beyond the teeth: the rigid wheel runs into the root of the flexspline",
-            f"tip {tip_b:.4g} mm, root {root_g + W_0:.4g} mm",
-            f"at most {tip_b - root_g:.4g} mm with these teeth",
-        )  # fmt: skip
-
-
-def flanks_exist(m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, alpha: float) -> Iterator[Conflict]:
-    """The tips lie outside the base circles, and no tooth is pointed."""
-    flexspline, rigid = _Involute(z_g, m, alpha, x_g), _Involute(z_b, m, alpha, x_b)
-    tip_g, tip_b = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a)
-    for path, wheel, involute, tip in (
-        ("gears.x_g", "flexspline", flexspline, tip_g), ("gears.x_b", "rigid wheel", rigid, tip_b),
-    ):  # fmt: skip
-        if tip <= involute.base:
-            yield Conflict(
-                path, f"the {wheel} has no involute flank: its tip lies inside the base circle",
-                f"tip {tip:.4g} mm, base circle {involute.base:.4g} mm",
-                "a larger profile shift, or lower teeth",
-            )  # fmt: skip
-    if tip_g > flexspline.base and flexspline.half_angle(tip_g) <= 0:
-        yield Conflict(
-            "gears.x_g", "the teeth of the flexspline are pointed", hint="less profile shift, or lower teeth"
-        )
-    if tip_b > rigid.base and rigid.half_angle(tip_b) >= pi / z_b:
-        yield Conflict(
-            "gears.x_b",
-            "the teeth of the rigid wheel are pointed",
-            hint="other profile shift, or lower teeth",
-        )
-
-
-def teeth_mesh(
-    m: float, z_g: int, z_b: int, x_g: float, x_b: float, h_a: float, h_f: float, h_1: float,
-    alpha: float, j_n: float, W_0: float,
-) -> Iterator[Conflict]:  # fmt: skip
-    """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other.
-
-    On the bending mode of the ring as the shape of the rim: near enough for an overlap of a tenth of a module.
-    """
-    flexspline, rigid = _Involute(z_g, m, alpha, x_g), _Involute(z_b, m, alpha, x_b)
-    tip_g, tip_b, root_g = _tip_g(m, z_g, x_g, h_a), _tip_b(m, z_b, x_b, h_a), _root_g(m, z_g, x_g, h_f)
-    r_m = root_g - h_1 / 2
-    low = max(root_g + ACTIVE_ROOT * m, flexspline.base)
-    coarse = (
-        *roots_have_room(m, z_g, z_b, x_g, x_b, h_a, h_f, W_0),
-        *tips_come_free(m, z_g, z_b, x_g, x_b, h_a, W_0),
-    )
-    if coarse or tip_b <= rigid.base or low >= tip_g or r_m <= 0:
-        return
-    worst, at = 0.0, 0.0
-    for tooth in range(z_g // 4 + 1):
-        theta = 2 * pi * tooth / z_g
-        for height in range(HEIGHTS):
-            r_y = low + (tip_g - low) * height / (HEIGHTS - 1)
-            for side in (1, -1):
-                rho, phi = _flank_point(flexspline, r_y, theta, side, W_0, r_m)
-                if rho < tip_b:
-                    continue
-                gap = (side * (theta * z_g / z_b - phi) + rigid.half_angle(rho)) * rigid.base + j_n * 1e-3
-                if -gap > worst:
-                    worst, at = -gap, theta
-    if worst > MAX_OVERLAP * m:
-        yield Conflict(
-            "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
-            f"an overlap of {worst * 1e3:.3g} um at {degrees(at):.3g} deg from the major axis",
-            f"at most {MAX_OVERLAP * m * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
-        )  # fmt: skip
-
-
 def shell_behind_teeth(l: float, b_w: float) -> Iterator[Conflict]:
     """The shell goes on behind the tooth ring."""
     if l <= b_w:
         yield Conflict("flexspline.l", "the shell must be longer than the tooth ring", f"l {l:g} mm, b_w {b_w:g} mm")
-
-
-def rim_is_thin(m: float, z_g: int, x_g: float, h_f: float, h_1: float) -> Iterator[Conflict]:
-    """The rim is a thin ring."""
-    root = _root_g(m, z_g, x_g, h_f)
-    if h_1 > MAX_THICKNESS * root:
-        yield Conflict(
-            "flexspline.h_1", f"too thick for a rim with a root radius of {root:.4g} mm",
-            f"{h_1:g} mm", f"at most {MAX_THICKNESS * root:.3g} mm",
-        )  # fmt: skip
-
-
-def bearing_fits(
-    m: float, z_g: int, x_g: float, h_f: float, h_1: float, ring_h: float, d_ball: float | None, N: int
-) -> Iterator[Conflict]:
-    """Outer ring and balls have room in the bore."""
-    bore = _root_g(m, z_g, x_g, h_f) - h_1
-    raceway = bore - ring_h
-    if ring_h > MAX_THICKNESS * bore:
-        if bore > 0:
-            yield Conflict(
-                "bearing.ring_h", f"too thick for a bore with a radius of {bore:.4g} mm",
-                f"{ring_h:g} mm", f"at most {MAX_THICKNESS * bore:.3g} mm",
-            )  # fmt: skip
-    elif d_ball is not None:
-        room = 2 * raceway * sin(pi / N) / (1 + sin(pi / N))
-        if d_ball >= raceway:
-            yield Conflict(
-                "bearing.d_ball", f"does not fit inside the raceway with a radius of {raceway:.4g} mm",
-                f"{d_ball:g} mm", f"at most {room:.3g} mm for {N} balls",
-            )  # fmt: skip
-        elif d_ball > room:
-            yield Conflict("bearing.d_ball", f"no room for {N} balls in the bearing", f"{d_ball:g} mm",
-                           f"at most {room:.3g} mm")  # fmt: skip
 
 
 def rolling_needs_balls(ball_motion: str, d_ball: float | None) -> Iterator[Conflict]:
@@ -309,14 +161,7 @@ def window_holds_teeth(window: float, z_g: int) -> Iterator[Conflict]:
 
 RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     teeth_difference,
-    teeth_reach,
-    tips_come_free,
-    roots_have_room,
-    flanks_exist,
-    teeth_mesh,
     shell_behind_teeth,
-    rim_is_thin,
-    bearing_fits,
     rolling_needs_balls,
     something_holds,
     supports_hold,
@@ -328,39 +173,3 @@ RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     nodes_resolve_modes,
     window_holds_teeth,
 )
-
-
-def _tip_g(m: float, z_g: int, x_g: float, h_a: float) -> float:
-    return m * (z_g + 2 * x_g + 2 * h_a) / 2
-
-
-def _tip_b(m: float, z_b: int, x_b: float, h_a: float) -> float:
-    return m * (z_b + 2 * x_b - 2 * h_a) / 2
-
-
-def _root_g(m: float, z_g: int, x_g: float, h_f: float) -> float:
-    return m * (z_g + 2 * x_g - 2 * h_f) / 2
-
-
-class _Involute:
-    """Half angles of the teeth of a wheel, or of the spaces of the rigid one."""
-
-    def __init__(self, z: int, m: float, alpha: float, x: float) -> None:
-        slope = tan(radians(alpha))
-        self.base = m * z * cos(radians(alpha)) / 2
-        self._at_base = (pi / 2 + 2 * x * slope) / z + slope - radians(alpha)
-
-    def half_angle(self, radius: float) -> float:
-        slope = sqrt((radius / self.base) ** 2 - 1)
-        return self._at_base - (slope - atan2(slope, 1))
-
-
-def _flank_point(teeth: _Involute, r_y: float, theta: float, side: int, W_0: float, r_m: float) -> tuple[float, float]:
-    """Polar place of a flank point at tooth radius r_y under the nominal shape W_0 cos 2 theta."""
-    v = -W_0 / 2 * sin(2 * theta)
-    chi = (v + 2 * W_0 * sin(2 * theta)) / r_m
-    psi = teeth.half_angle(r_y)
-    along, across = side * r_y * sin(psi), r_y * cos(psi) - r_m
-    tangential = along * cos(chi) + across * sin(chi)
-    radial = r_m + W_0 * cos(2 * theta) + across * cos(chi) - along * sin(chi)
-    return hypot(radial, tangential), theta + v / r_m + atan2(tangential, radial)

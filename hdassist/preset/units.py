@@ -12,7 +12,8 @@ from decimal import Decimal
 from math import isfinite, isinf
 from typing import Any
 
-from hdassist.preset.yamltext import NUMBER, Unread, shown
+from hdassist.numerals import NUMBER
+from hdassist.preset.yamltext import Unread, shown
 
 PI = Decimal("3.14159265358979323846264338328")
 _DEGREE = PI / 180

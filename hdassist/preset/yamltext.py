@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from hdassist.errors import Finding
+from hdassist.numerals import NUMBER
 from hdassist.visible import escaped
 
 MAX_BYTES = 256 * 1024
@@ -67,7 +68,6 @@ class Document:
     complete: bool = True
 
 
-NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _FLOAT = re.compile(NUMBER)
 _INT = re.compile(r"[-+]?[0-9]+")
 _CONSTANTS = {"": None, "~": None, "null": None, "true": True, "false": False}

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError
-from hdassist.preset.yamltext import MAX_FINDINGS, NUMBER, in_order, shown
+from hdassist.numerals import NUMBER
+from hdassist.preset.yamltext import MAX_FINDINGS, in_order, shown
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MAX_BYTES = 5_000_000

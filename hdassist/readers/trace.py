@@ -249,7 +249,7 @@ def _column(table: NumberTable, asked: str | None, found: list[int], option: str
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
             if len(same) == 1:
                 return same[0]
-        if asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
+        if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
         raise _unclear(table, f"no column {asked}", "give its name or number")
     if len(found) == 1:

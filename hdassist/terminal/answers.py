@@ -11,8 +11,8 @@ from numbers import Number
 from typing import Any
 
 from hdassist.errors import HdassistError
+from hdassist.numerals import NUMBER
 from hdassist.preset.fields import Drive
-from hdassist.preset.yamltext import NUMBER
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import worst_exit_code

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, g
 import typer
 
 from hdassist.errors import UsageError
+from hdassist.numerals import number_of
 from hdassist.terminal import completion
 from hdassist.terminal.limits import require_memory
 
@@ -123,7 +124,7 @@ class DriveOptions(OptionGroup):
 
     def load(self, preset: str, *more: str) -> Drive:
         """The drive of a preset with the overrides, and more of them. Raises DataError, PresetError or UsageError."""
-        from hdassist.preset.library import load_preset
+        from hdassist.loading.load import load_preset
 
         return load_preset(preset, [*self.overrides, *more])
 
@@ -343,10 +344,7 @@ def degrees_or_fit(option: str, text: str) -> float | None:
     """An angle [deg] of the command line, None for fit. Raises UsageError: anything else."""
     if text == "fit":
         return None
-    try:
-        angle = float(text)
-    except ValueError:
-        angle = float("nan")
+    angle = number_of(text)
     if not isfinite(angle):
         raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
     return angle

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import typer
 
 from hdassist.errors import DataError, UsageError
+from hdassist.numerals import number_of
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -80,11 +81,7 @@ def require_limits(drive: Drive) -> list[float]:
 def _limit_override(text: str) -> str:
     torque, colon, limit = text.rpartition(":")
     for number in (torque, limit) if colon else (limit,):
-        try:
-            value = float(number)
-        except ValueError:
-            value = float("nan")
-        if not isfinite(value):
+        if not isfinite(number_of(number)):
             raise UsageError(f"--limit: not a limit in arcsec (got {text or 'nothing'})", "like 30, or 80:30 at 80 N*m")
     return f"acceptance.F_ior.{torque}={limit}" if colon else f"acceptance.F_ior={limit}"
 

@@ -20,9 +20,9 @@ from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.rules import conflicts
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.tolerance.scatter import Draws
@@ -89,8 +89,8 @@ class Production:
 
     @property
     def table_states(self) -> int:
-        """States that tables take, about."""
-        return READ_MESH.states * len(self.torques) * 3  # each at the torque, and on both sides of it for slopes
+        """States that tables take, about: each at the torque, and on both sides of it for slopes."""
+        return READ_MESH.states(self.drive) * len(self.torques) * 3
 
     def records(self, first: int, last: int) -> list[Record]:
         """Records of drives first to last - 1, whatever else is or was computed.
@@ -177,7 +177,7 @@ class Production:
     def _moved(self, drawn: dict[str, float]) -> Drive:
         """The drive with stiffnesses, clearances and shapes as drawn. Raises UntrustedError where they do not fit."""
         moved = self.drive.with_values(drawn)
-        for conflict, _ in conflicts({path: moved.value(path) for path in field_table()}):
+        if (conflict := first_conflict(moved)) is not None:
             raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
         return moved
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from hdassist.error.error_map import extremes_of
 from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import told
 from hdassist.preset.fields import Drive
-from hdassist.preset.load import load_text
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.tolerance.results import Record
 from hdassist.tolerance.vary import TORQUE, Axis, grid_rows

@@ -134,8 +134,8 @@ def _takes_stdout(options: RowOptions) -> bool:
 def _read(preset: str, vary: list[str], drives: o.LoadedDriveOptions, as_json: bool) -> tuple[Sweep, Drive, Header]:
     """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
     from hdassist.errors import UsageError
+    from hdassist.loading.load import load_text
     from hdassist.preset.library import read_preset
-    from hdassist.preset.load import load_text
     from hdassist.tolerance.results import Header
     from hdassist.tolerance.sweep import Sweep
     from hdassist.tolerance.vary import read_axes, require_few

@@ -98,14 +98,26 @@ class TrialAdvice:
 
     @property
     def settled(self) -> bool:
-        """Whether the position to be in is good with the probability needed."""
-        return self.stay[1] >= self.needed
+        """Whether the position to be in is good with the probability needed, and no trial has to be repeated."""
+        return self.stay[1] >= self.needed and self.to_repeat is None
 
     @property
     def unlike_told(self) -> bool:
         """Whether the values are off by more than they are in FALSE_ALARM of drives that are as the preset has them."""
         squares = [one.surprise**2 for one in self.predictions[FEW - 1 :]]
         return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < FALSE_ALARM)
+
+    @property
+    def to_repeat(self) -> Trial | None:
+        """The trial to measure again: values unlike the preset's drive settle nothing without a repeat."""
+        if not self.unlike_told or self.repeats:
+            return None
+        return max(self.predictions[FEW - 1 :], key=lambda one: abs(one.surprise))
+
+    @property
+    def to_measure_next(self) -> tuple[float, float | None]:
+        """Position to measure next [deg], and the probability of a good choice expected after it, None for a repeat."""
+        return (self.to_repeat.rotation_deg, None) if self.to_repeat else self.next
 
     @property
     def repeats(self) -> list[tuple[Trial, Trial]]:

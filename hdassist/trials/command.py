@@ -80,7 +80,7 @@ def command(
         samples=samples,
         seed=seed,
     )
-    with out.progress(drive.name, len({*torques, rig.M_g}) * MESH.states) as progress, workers(jobs) as executor:
+    with out.progress(drive.name, len({*torques, rig.M_g}) * MESH.states(drive)) as progress, workers(jobs) as executor:
         advice = in_wide_enough_window(drive, partial(analysis, executor=executor, progress=progress))
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")

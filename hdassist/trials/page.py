@@ -69,7 +69,7 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
-    if not advice.settled and not advice.back_to and advice.explained:
+    if not advice.settled and not advice.to_repeat and not advice.back_to and advice.explained:
         best_bet = f"{advice.where(best)} may be better ({good:.0%})"
         again = "measure it once more" if best == advice.stay[0] else best_bet
         first = f"the trials do not settle it: {_chance(advice)}; measure {advice.where(advice.next[0])}"
@@ -82,8 +82,13 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
             yield f"{values} than a noise of {rig.noise_arcsec:g} makes likely; {taken}"
     if advice.unlike_told:
         unlike = "the values came out unlike those of a drive as the preset has it (one in twenty of them may)"
-        then = "; what is advised stands: mount it, then hold its outcome against --verify" if advice.settled else ""
-        yield f"{unlike}: check the preset, the noise and how the holes were counted{'' if outcome else then}"
+        yield f"{unlike}: check the preset, the noise and how the holes were counted{_repeat(advice)}"
+
+
+def _repeat(advice: TrialAdvice) -> str:
+    if not (trial := advice.to_repeat):
+        return ""
+    return f"; nothing is settled before a position is measured twice: measure {advice.where(trial.rotation_deg)} again"
 
 
 def _chance(advice: TrialAdvice) -> str:
@@ -107,6 +112,8 @@ def instruction(advice: TrialAdvice) -> str:
         return f"{there if back else 'Keep it'}: {_outcome(advice, advice.outcome)}."
     if advice.settled:
         return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)} (--sure)."
+    if advice.to_repeat:
+        return f"No order yet: the values came out unlike those of a drive as the preset has it{_repeat(advice)}."
     return (
         f"No order yet: {_chance(advice)}. To decide, measure {advice.where(advice.next[0])} next. "
         f"{advice.next[1]:.0%} are expected after it. Five or six trials are normal."
@@ -142,11 +149,12 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
     yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, advice.drive.operation.M_g)
     yield "unknown", names(unknowns(advice.drive))
     if len(advice.trials) >= MANY and not advice.repeats and not advice.outcome:
-        first = advice.where(advice.trials[0].rotation_deg)
-        yield "repeat", f"{first}, the wheel taken out and put back, to learn the noise: none was measured twice"
+        again = advice.where((advice.to_repeat or advice.trials[0]).rotation_deg)
+        yield "repeat", f"{again}, the wheel taken out and put back, to learn the noise: none was measured twice"
         turn = f"turn the {wheel(advice.drive)} by a hole as you counted: its mark must go"
         yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior tells how holes were counted"
-    more = "--card card.html" if advice.settled else f"the value of {advice.where(advice.next[0])} as one more trial"
+    then = advice.where(advice.to_measure_next[0])
+    more = "--card card.html" if advice.settled else f"the value of {then} as one more trial"
     many = not advice.settled and len(advice.drive.operation.M_g) > 1
     more += f"; with --torque {rig.M_g:g} alone it decides for that torque only" * many
     yield "next", "" if advice.outcome or (carded and advice.settled) else f"the same command with {more}"
@@ -157,6 +165,7 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
 def to_json(advice: TrialAdvice) -> Json:
     """What the trials teach as a JSON object: one shape, whatever was given."""
     drive, rig, (best, good) = advice.drive, advice.prior.rig, advice.losses.chosen
+    then, after = advice.to_measure_next
     found = losses_object(advice.losses, drive, advice.offset[2])
     return {
         **envelope("trials", drive, exit_code(advice), tuple(warnings(advice, texts()))),
@@ -170,7 +179,7 @@ def to_json(advice: TrialAdvice) -> Json:
         "rests_on": stays_objects(drive, advice.rests_on, trials=True),
         "settled": advice.settled,
         "probability_needed": advice.needed,
-        "next": _place(advice, advice.next[0], probability_after=advice.next[1]),
+        "next": _place(advice, rotation_deg=then, probability_after=after),
         "trials": {
             "M_g_Nm": rig.M_g,
             "noise_arcsec": rig.noise_arcsec,

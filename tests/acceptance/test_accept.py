@@ -29,11 +29,10 @@ from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.loading.load import load_preset, load_text
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import STATED
 from hdassist.preset.fields import Source
-from hdassist.preset.library import load_preset
-from hdassist.preset.load import load_text
 from hdassist.terminal.basis import basis_objects
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output

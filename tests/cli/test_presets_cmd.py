@@ -15,9 +15,9 @@ from typer.testing import CliRunner, Result
 
 from hdassist.cli import presets
 from hdassist.errors import DataError, HdassistError, PresetError, UsageError
+from hdassist.loading.load import load_text
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.load import load_text
 from hdassist.preset.schema import counted
 from hdassist.version import __version__
 from tests.process import on_terminal

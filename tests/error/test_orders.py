@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import trace
-from hdassist.error.orders import UNKNOWN, known_causes, orders
+from hdassist.error.orders import UNKNOWN, known_causes, order_legend, orders
 from hdassist.errors import UsageError
 from tests.support import changed
 
@@ -73,6 +73,16 @@ def test_causes_follow_what_is_there(reference):
     quiet = changed(reference, tolerances__F_i1=0.0)
     assert all(k_g == 0 for k_g, _ in known_causes(quiet))
     assert (1, 0) in known_causes(changed(quiet, tolerances__e_hg=1.0))
+
+
+@pytest.mark.parametrize("odd", [{"bearing__N": 23}, {"gears__z_g": 199, "gears__z_b": 201}])
+def test_odd_orders_need_no_cam_offset_where_half_a_turn_is_not_the_same(reference, odd):
+    drive = changed(reference, tolerances__e_hh=0.0, **odd)
+    once = [o for o in trace(drive, 800, revolutions=100, cross_check=None).orders if abs(o.per_cam_rev - 1) < 0.02]
+    assert max(o.amplitude_arcsec for o in once) > 0.01
+    assert {o.cause for o in once} >= {"rigid wheel", "flexspline"}
+    assert "even number" not in order_legend(drive)
+    assert "even number" in order_legend(reference)
 
 
 def test_orders_of_the_other_mounting(reference):

@@ -9,11 +9,11 @@ from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.rests_on import rests_on, weighed
+from hdassist.loading.load import load_text
 from hdassist.model.assumed import assumptions
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.stays import stays_best
-from hdassist.preset.load import load_text
 from tests.process import SMALL
 
 W_0 = "source.cam.W_0={kind: assumed, range: [0.55, 0.6], ref: judged}"

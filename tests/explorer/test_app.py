@@ -14,7 +14,7 @@ from hdassist.explorer.asking import REST
 from hdassist.explorer.screens import Confirm, Explain, Form
 from hdassist.explorer.state import opened, with_trials
 from hdassist.explorer.words import advice_text
-from hdassist.preset.load import load_text
+from hdassist.loading.load import load_text
 from tests.explorer.rig import FEW, explored, said, screen, settled, small, typed
 from tests.process import SMALL
 

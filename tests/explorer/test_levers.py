@@ -4,8 +4,8 @@ import pytest
 
 from hdassist.explorer.levers import levers, step_of, stepped, text_of
 from hdassist.explorer.state import opened
+from hdassist.loading.load import load_text
 from hdassist.preset.fields import field_table
-from hdassist.preset.load import load_text
 from tests.explorer.rig import small
 from tests.process import SMALL
 

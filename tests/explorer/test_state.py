@@ -7,7 +7,7 @@ import pytest
 from hdassist.errors import UsageError
 from hdassist.explorer import state
 from hdassist.explorer.state import Session, Step
-from hdassist.preset.load import load_text
+from hdassist.loading.load import load_text
 from hdassist.terminal.options import TrialOptions
 from tests.explorer.rig import FEW, small
 from tests.process import SMALL

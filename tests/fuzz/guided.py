@@ -26,11 +26,11 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.calibration.evaluations import Evaluations
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import HdassistError
+    from hdassist.loading.load import load_text
     from hdassist.measuring.measure import measure
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.mounting.trial import read_trial
-    from hdassist.preset.load import load_text
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace
 

@@ -15,8 +15,8 @@ from typer.main import get_command
 from hdassist.calibration.evaluations import Entry, Evaluations
 from hdassist.calibration.targets import read_targets
 from hdassist.cli.main import app
-from hdassist.preset.load import load_text
-from hdassist.preset.write import new_preset
+from hdassist.loading.load import load_text
+from hdassist.loading.write import new_preset
 from tests.fuzz import mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from hdassist.loading.load import load_text
 from hdassist.model.assumed import assumptions
 from hdassist.preset.fields import Source
-from hdassist.preset.load import load_text
 from tests.process import SMALL
 
 LEFT_OUT = ", h_a: 0.6", ", h_f: 1.35", ", k_t: 1.4", ", g_b: 0", ", j_n: 6", "c_t: 6.0e-5, ", "c_ball: 7.0e-5, "

@@ -50,6 +50,11 @@ def test_every_number_of_a_hole_is_the_one_expected_over_the_samples(oval):
     for name in ("current", "best_bet", "second", "worst"):
         assert told[name]["F_ior_arcsec"] == pytest.approx(sampled[name]["F_ior_arcsec"]["expected"])
         assert told[name]["rotation_deg"] == sampled[name]["rotation_deg"]
+    expected = {place["rotation_deg"]: place["F_ior_arcsec"]["expected"] for place in sampled["positions"]}
+    unsure = to_json(replace(oval, needed=1.1), 0)
+    assert [place["hole"] for place in unsure["measure"]] == [0, 2, 4]
+    for place in (*unsure["measure"], unsure["current"]):
+        assert place["F_ior_arcsec"] == pytest.approx(expected[place["rotation_deg"]])
     now, best = sampled["current"]["F_ior_arcsec"], sampled["best_bet"]["F_ior_arcsec"]
     assert now["low"][0] < now["expected"][0] < now["high"][0]
     assert told["gain"] == pytest.approx(1 - best["expected"][0] / now["expected"][0])

@@ -11,8 +11,9 @@ import pytest
 
 from hdassist.calibration.targets import read_targets
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.loading.load import load_preset
 from hdassist.preset.fields import field_table, measures
-from hdassist.preset.library import load_preset, preset_names, read_preset
+from hdassist.preset.library import preset_names, read_preset
 
 ROOT = Path(__file__).parents[2]
 
@@ -136,6 +137,17 @@ def test_what_cannot_be_read_is_said_plainly(name: str, message: str, hint: str)
     assert caught.value.exit_code == 4
     assert message in caught.value.message
     assert hint in caught.value.hint
+
+
+def test_a_file_beside_of_that_name_is_offered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own40.yaml").write_bytes(read_preset("vzp160")[0])
+    monkeypatch.chdir(tmp_path)
+    for name, file in (("own40", "own40.yaml"), ("./own40", "./own40.yaml"), (str(tmp_path / "own40"), "own40.yaml")):
+        with pytest.raises(DataError) as caught:
+            load_preset(name)
+        assert caught.value.hint.startswith("did you mean ") and f"{file}?" in caught.value.hint
+    with pytest.raises(DataError, match="no such"):
+        load_preset("a" * 253)
 
 
 def test_a_huge_or_endless_file_is_not_read_to_its_end() -> None:

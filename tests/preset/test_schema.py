@@ -9,11 +9,11 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from hdassist.errors import UsageError
+from hdassist.loading.load import load_text
+from hdassist.loading.write import new_preset
 from hdassist.preset.fields import fields
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.load import load_text
 from hdassist.preset.schema import ResolvedField, preset_schema, resolved
-from hdassist.preset.write import new_preset
 from hdassist.preset.yamltext import read
 
 SCHEMA = preset_schema()

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from hdassist import kinematic_error, load_preset, stiffness
 from hdassist.errors import UsageError
+from hdassist.loading.load import load_text
+from hdassist.loading.write_similar import similar_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures
-from hdassist.preset.load import load_text
-from hdassist.preset.rules import conflicts
 from hdassist.preset.schema import counted, resolved
 from hdassist.preset.similarity import LAWS, F_p, Wish, rated_of, similar
-from hdassist.preset.write_similar import similar_preset
 
 LIKE = load_preset("vzp160")
 

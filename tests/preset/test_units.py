@@ -10,9 +10,9 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import PresetError, UsageError
+from hdassist.loading.load import load_text
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.load import load_text
 from hdassist.preset.units import UnitError, convert, pattern_for, read_spread, spread_pattern, units_for
 from tests.process import SMALL
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdassist.error.cycle import kinematic_error
+from hdassist.error.table import Mesh, error_tables
 from hdassist.model.contacts import CAM, contact_system
-from hdassist.model.deviations import deviation_scalars
+from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.solve.answers import ARCSEC
 from tests.support import changed, delta_p_of, rotation, solve_state, wind_up
@@ -38,8 +39,40 @@ def test_homogeneity(system, scalars, torque):
 @FEW
 @given(vectors, torques)
 def test_half_turn(system, scalars, torque):
-    # there is no first-order error: F'_ior comes from contacts that change
+    # with even numbers of teeth, balls and nodes no order is odd: F'_ior comes from contacts that change
     assert rotation(system, torque, -scalars) == pytest.approx(rotation(system, torque, scalars), abs=1e-8)
+
+
+def with_78_teeth(drive):
+    fewer = {"gears__z_g": 78, "gears__z_b": 80, "gears__m": 2.0, "cam__W_0": 2.4}
+    return changed(drive, bearing__N=15, bearing__d_ball=None, **fewer)
+
+
+ODD = {
+    "23 balls": lambda drive: changed(drive, bearing__N=23),
+    "199 teeth": lambda drive: changed(drive, gears__z_g=199, gears__z_b=201),
+    "78 teeth, 15 balls": with_78_teeth,
+    "81 bore nodes": lambda drive: changed(drive, numerics__n_2=81),
+}
+
+
+@pytest.mark.parametrize("made", ODD.values(), ids=ODD)
+def test_a_table_has_the_rotation_of_each_state_where_half_a_turn_is_not_the_same(reference, made):
+    drive = changed(made(reference), harmonics__a_b3=1.0, harmonics__xi_b3=0.0)
+    [[table]] = error_tables([(drive, [drive])], (800.0,), mesh=Mesh((3, 3, 3, 3), compared=0))
+    system, step = contact_system(drive), 0.02
+    differences = []
+    for place in ((1, 1, 1, 1), (1, 1, 2, 0), (2, 0, 1, 1), (2, 1, 2, 1), (2, 2, 2, 2)):  # of the second half
+        scalars = (np.array(place) - 1) * table.reach.sizes
+        direct = [rotation(system, 800e3, s) for s in (scalars, -scalars)]
+        assert table.error[place] == pytest.approx(direct[0], abs=1e-7), place
+        differences.append(abs(direct[0] - direct[1]))
+        gaps_ = system.delta_p + system.deviation_map[:, :4] @ scalars
+        forces = [solve_state(system, way * 800e3, gaps_)[0] for way in (1 - step, 1 + step)]
+        pull = (forces[1] - forces[0]) @ system.deviation_map[:, table.reach.others] / (2 * step * 800e3) * ARCSEC
+        assert table.slopes[:, *place] == pytest.approx(pull, rel=1e-5, abs=1e-3), place
+    assert is_half_turn_symmetric(reference) and not is_half_turn_symmetric(drive)
+    assert max(differences) > 0.01
 
 
 @FEW

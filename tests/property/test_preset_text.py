@@ -9,11 +9,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hdassist.errors import HdassistError, PresetError, UsageError
+from hdassist.loading.load import load_text
+from hdassist.loading.write import new_preset
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.load import load_text
 from hdassist.preset.units import UnitError, convert, units_for
-from hdassist.preset.write import new_preset
 from hdassist.preset.yamltext import read, resolve
 
 BASE = new_preset("base")

@@ -7,7 +7,7 @@ import shlex
 
 import pytest
 
-from hdassist.preset.library import load_preset
+from hdassist.loading.load import load_preset
 from hdassist.preset.schema import counted
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck

@@ -4,9 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import sobol_indices
 
 from hdassist import Drive, load_preset
-from hdassist.tolerance.indices import TIGHTER, Design, indices, likelier, of_bases, tightened, weighted_quantile
+from hdassist.tolerance.indices import (
+    TIGHTER,
+    Design,
+    first_and_total,
+    indices,
+    likelier,
+    of_bases,
+    tightened,
+    weighted_quantile,
+)
 from hdassist.tolerance.production import Production
 from hdassist.tolerance.scatter import Draws, Scatter, scatters
 from tests.process import SMALL
@@ -40,6 +50,28 @@ def test_a_product_is_shared_as_ishigami_and_homma_have_it(small: Drive) -> None
     (found,) = indices(design, np.stack([product], axis=1))
     assert found.first == pytest.approx([0.0, 0.75], abs=0.02)  # E[x1]^2 / E[x1^2] = 9/12
     assert found.total == pytest.approx([0.25, 1.0], abs=0.02)
+
+
+@pytest.mark.parametrize("count", [16, 17, 20, 1000])
+@pytest.mark.parametrize("names", [("tolerances.F_i1",), ("tolerances.F_i1", "tolerances.e_hb")])
+def test_any_number_of_drives_has_indices_at_each_torque(small: Drive, count: int, names: tuple[str, ...]) -> None:
+    design = Design.of(small, Draws(tuple(s for s in SIZES if s.path in names), 3), count)
+    values = design.values(0, design.total)
+    sums = np.sum([values[name] for name in names], axis=0)
+    F_ior = np.stack([sums, 3 * sums + 5, np.full(design.total, 7.0)], axis=1)
+    found = indices(design, F_ior)
+    assert [each.total.shape for each in found] == [(len(names),)] * 3
+    assert found[1].first == pytest.approx(found[0].first, abs=1e-12)
+    assert found[0].total.sum() == pytest.approx(1, abs=0.4 if count < 1000 else 0.02)
+    assert not found[2].first.any() and not found[2].total.any()
+
+
+def test_the_indices_are_those_of_scipy_where_it_has_them() -> None:
+    blocks = np.random.default_rng(2).normal(50, 9, (5, 2, 64))
+    theirs = sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=64)
+    first, total = first_and_total(blocks)
+    np.testing.assert_allclose(first, theirs.first_order, rtol=1e-10)
+    np.testing.assert_allclose(total, theirs.total_order, rtol=1e-10)
 
 
 def test_two_ovalities_share_the_error_as_a_linear_drive_has_it(small: Drive) -> None:

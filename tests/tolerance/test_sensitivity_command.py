@@ -7,7 +7,7 @@ import pytest
 
 from tests.process import TINY, run
 
-FEW = ("--torque", "4", "-n", "16", "--jobs", "1")
+FEW = ("--torque", "4", "-n", "20", "--jobs", "1")
 
 
 @pytest.fixture(scope="module")
@@ -20,8 +20,8 @@ def test_the_page_says_what_to_tighten_first_and_fits_a_terminal() -> None:
     done = run("sensitivity", TINY, *FEW, *uniform, "--set", "gears.j_n=5", "--ascii")
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stdout.split())
-    assert "no single tolerance is worth tightening by 20%: over 32 drives" in told
-    again = f"hdassist sensitivity {TINY} --set gears.j_n=5 --torque=4 -n 64 --distribution=uniform"
+    assert "no single tolerance is worth tightening by 20%: over 40 drives" in told
+    again = f"hdassist sensitivity {TINY} --set gears.j_n=5 --torque=4 -n 80 --distribution=uniform"
     assert f"surer, with more drives: {again} --known=phases.phi_hb" in told
     for words in ("alone: the share", "tolerances.F_i1", "cam.W_0", "proof:", "next: hdassist allocate"):
         assert words in done.stdout
@@ -38,7 +38,7 @@ def test_json_has_indices_and_slopes(as_json: subprocess.CompletedProcess[str]) 
         f"tolerances.{n}" for n in ("F_i1", "F_i2", "e_hh", "e_hb")
     }
     assert {way["field"] for way in point["tighter"]} == {index["field"] for index in point["indices"]}
-    assert told["drives"] == 16 * 6
+    assert told["drives"] == 20 * 6
     steepest = told["slopes"][0]
     assert steepest["unit"] == "mm"
     assert len(steepest["arcsec_per_unit"]) == 1

@@ -10,9 +10,9 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.errors import DataError, UsageError
+from hdassist.loading.load import load_text
 from hdassist.preset.fields import SCHEMA, Source, field_table, fields, read_range, sections
 from hdassist.preset.kinds import Section, plain, unit_of
-from hdassist.preset.load import load_text
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import Path, read, resolve
 

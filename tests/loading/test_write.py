@@ -10,11 +10,11 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import DataError, UsageError
+from hdassist.loading.load import load_text
+from hdassist.loading.write import new_preset, with_changes, with_found_values
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.load import load_text
 from hdassist.preset.schema import resolved
-from hdassist.preset.write import new_preset, with_changes, with_found_values
 from tests.process import SMALL
 
 

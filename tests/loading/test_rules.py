@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from hdassist.errors import UsageError
+from hdassist.loading.load import load_text
+from hdassist.model.geometry import Geometry, flank_candidates
+from hdassist.model.rules import BEARING, MAX_OVERLAP, RULES, conflicts
 from hdassist.preset.fields import Drive, fields
-from hdassist.preset.load import load_text
-from hdassist.preset.rules import RULES, conflicts
+from hdassist.preset.rules import RULES as FIELD_RULES
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
 
@@ -106,19 +110,32 @@ def test_checks_run_only_where_their_fields_are_valid() -> None:
 
 def test_every_check_needs_fields_that_exist() -> None:
     given = values()
-    used = {path for rule in RULES for c, paths in conflicts(given) for path in paths}
-    assert used == set()
     names = {path.split(".")[1] for path in given}
-    for rule in RULES:
+    for rule in FIELD_RULES:
         assert set(rule.__annotations__) - {"return"} <= names, rule
+    assert {path for paths in (*RULES.values(), BEARING) for path in paths} <= given.keys()
 
 
-def test_the_overlap_of_teeth_is_that_of_the_contact_model() -> None:
-    """The closed form of the check against the dense sampling of the model, on teeth that interfere."""
-    from hdassist.model.geometry import Geometry, flank_candidates
+def overlap(drive: Drive) -> float:
+    """Greatest overlap [mm] that the contact model finds on the nominal flanks from axis to axis."""
+    return -float(flank_candidates(Geometry.of(drive), np.pi / 2).gap.min()) - drive.gears.j_n * 1e-3
 
-    drive = load()
-    tight = drive.model_copy(update={"cam": drive.cam.model_copy(update={"W_0": 1.2})})
-    least = flank_candidates(Geometry.of(tight), 1.4).gap.min() * 1e3 + drive.gears.j_n
-    (conflict, _), = conflicts(values() | {"cam.W_0": 1.2})  # fmt: skip
-    assert f"an overlap of {-least:.3g} um" in conflict.got
+
+@pytest.mark.parametrize("curve", ["linear", "inextensible"])
+@pytest.mark.parametrize("teeth", [(200, 202), (199, 201)])
+def test_drives_are_refused_from_the_overlap_on_that_the_contact_model_has(curve: str, teeth: tuple[int, int]) -> None:
+    sets = [f"numerics.nominal_curve={curve}", f"gears.z_g={teeth[0]}", f"gears.z_b={teeth[1]}"]
+    drive = load(*sets)
+    limit = MAX_OVERLAP * drive.gears.m
+    W_0 = brentq(lambda W_0: overlap(drive.with_values({"cam.W_0": W_0})) - limit, 0.96, 1.3, xtol=1e-9)
+    load(*sets, f"cam.W_0={W_0 * 0.9999}")
+    with pytest.raises(UsageError, match="the teeth interfere"):
+        load(*sets, f"cam.W_0={W_0 * 1.0001}")
+
+
+@pytest.mark.parametrize("W_0", [1.15, 1.2, 1.3])
+def test_the_message_has_the_overlap_of_the_contact_model(W_0: float) -> None:
+    with pytest.raises(UsageError) as caught:
+        load("numerics.nominal_curve=inextensible", f"cam.W_0={W_0}")
+    drive = load("numerics.nominal_curve=inextensible").with_values({"cam.W_0": W_0})
+    assert f"an overlap of {overlap(drive) * 1e3:.3g} um" in caught.value.message

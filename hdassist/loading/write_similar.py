@@ -8,12 +8,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hdassist.errors import PresetError, UsageError
+from hdassist.loading.load import load_text
+from hdassist.loading.write import about, quoted, require_name
 from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import SCHEMA, Drive, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain
-from hdassist.preset.load import load_text
 from hdassist.preset.similarity import Entry, Wish, similar
-from hdassist.preset.write import about, quoted, require_name
 
 WIDTH = 110  # of the description
 OF_DEVIATIONS = ("tolerances", "phases", "harmonics")

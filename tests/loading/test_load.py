@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import PresetError, UsageError
+from hdassist.loading.load import load_text
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.kinds import may_be_unknown
-from hdassist.preset.load import load_text
 
 BASE = """\
 schema: hdassist.preset/1

@@ -9,8 +9,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from hdassist.errors import PresetError, UsageError
+from hdassist.model.rules import conflicts
+from hdassist.preset import library, yamltext
 from hdassist.preset import overrides as sets
-from hdassist.preset import yamltext
 from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
     BY_PATH,
@@ -25,8 +26,18 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.plausible import remarks
-from hdassist.preset.rules import conflicts
 from hdassist.preset.yamltext import OVERRIDE, Document, Findings, Path, Unread, in_order, near, shown
+
+
+def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
+    """Load a drive.
+
+    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95".
+    Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
+    UsageError: a bad override.
+    """
+    text, file = library.read_preset(name_or_path)
+    return load_text(text, file, overrides)
 
 
 def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Drive:

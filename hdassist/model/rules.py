@@ -1,0 +1,181 @@
+"""What fields must satisfy together for there to be a drive: teeth that mesh, rings that fit, by the model's geometry.
+
+Beside each rule stand the fields that it looks at. Lengths in mm, angles in rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from hdassist.errors import UntrustedError
+from hdassist.model.geometry import Geometry, flank_candidates
+from hdassist.preset.fields import Drive, field_table, sections
+from hdassist.preset.rules import Conflict, field_conflicts
+
+MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings means nothing
+MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
+
+PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")
+TIPS = (*PROFILES, "cam.W_0")
+ROOTS = (*PROFILES, "gears.h_f", "cam.W_0")
+FLANKS = (*PROFILES, "gears.alpha")
+MESH = (*ROOTS, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
+RIM = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
+BEARING = (*RIM, "bearing.ring_h", "bearing.d_ball", "bearing.N")
+
+FoundConflict = tuple[Conflict, tuple[str, ...]]
+
+
+def first_conflict(drive: Drive) -> Conflict | None:
+    """First conflict between the fields of a drive; None where they go together."""
+    values = {path: drive.value(path) for path in field_table()}
+    return next((conflict for conflict, _ in conflicts(values)), None)
+
+
+def conflicts(values: Mapping[str, Any]) -> Iterator[FoundConflict]:
+    """Conflicts between fields, of the rules whose fields are all there.
+
+    Arguments: values, the valid fields by their path ("gears.z_g").
+    Result: each conflict with the paths of the fields that its rule has looked at.
+    """
+    yield from field_conflicts(values)
+    if not {*MESH, "bearing.ring_h"} <= values.keys():
+        return
+    meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # nothing more can be said of other teeth
+    tables: dict[str, dict[str, Any]] = {section: {} for section, _ in sections()}
+    for path, value in values.items():
+        section, name = path.split(".")
+        tables[section][name] = value
+    valid: dict[str, Any] = {section: model.model_construct(**tables[section]) for section, model in sections()}
+    geometry = Geometry.of(Drive.model_construct(**valid))
+    for rule, paths in RULES.items():
+        if meshes or "gears.z_b" not in paths:
+            yield from ((conflict, paths) for conflict in rule(geometry))
+    if {"bearing.d_ball", "bearing.N"} <= values.keys():
+        fits = bearing_fits(geometry, values["bearing.d_ball"], values["bearing.N"])
+        yield from ((conflict, BEARING) for conflict in fits)
+
+
+def teeth_reach(geometry: Geometry) -> Iterator[Conflict]:
+    """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
+    tip, other = geometry.r_ag, geometry.r_ab
+    if tip + geometry.W_0 <= other:
+        yield Conflict(
+            "cam.W_0", "the teeth do not reach each other at the major axis",
+            f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
+            f"above {other - tip:.4g} mm with these teeth",
+        )  # fmt: skip
+
+
+def tips_come_free(geometry: Geometry) -> Iterator[Conflict]:
+    """At the minor axis the tips pass each other."""
+    tip, other = geometry.r_ag, geometry.r_ab
+    if tip - geometry.W_0 >= other:
+        yield Conflict(
+            "cam.W_0", "the tips interfere: they do not come free at the minor axis",
+            f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
+            f"above {tip - other:.4g} mm with these teeth, or lower teeth (h_a)",
+        )  # fmt: skip
+
+
+def roots_have_room(geometry: Geometry) -> Iterator[Conflict]:
+    """At the major axis no tip runs into the root of the other wheel."""
+    to_rigid, to_flexspline = geometry.r_fb - geometry.r_ag, geometry.r_ab - geometry.r_f
+    for wheel, other, room, tip, root in (
+        ("flexspline", "rigid wheel", to_rigid, geometry.r_ag + geometry.W_0, geometry.r_fb),
+        ("rigid wheel", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
+    ):
+        if room < geometry.W_0:
+            yield Conflict(
+                "cam.W_0", f"beyond the teeth: the {wheel} runs into the root of the {other}",
+                f"tip {tip:.4g} mm, root {root:.4g} mm", f"at most {room:.4g} mm with these teeth",
+            )  # fmt: skip
+
+
+def flanks_exist(geometry: Geometry) -> Iterator[Conflict]:
+    """The tips lie outside the base circles, and no tooth is pointed."""
+    for path, words, wheel, tip, least, most in (
+        ("gears.x_g", "flexspline", geometry.flexspline, geometry.r_ag, 0.0, np.inf),
+        ("gears.x_b", "rigid wheel", geometry.rigid, geometry.r_ab, -np.inf, np.pi / geometry.rigid.z),
+    ):
+        if tip <= wheel.base_radius:
+            yield Conflict(
+                path, f"the {words} has no involute flank: its tip lies inside the base circle",
+                f"tip {tip:.4g} mm, base circle {wheel.base_radius:.4g} mm",
+                "a larger profile shift, or lower teeth",
+            )  # fmt: skip
+        elif not least < wheel.half_angle(np.array(tip)) < most:
+            yield Conflict(path, f"the teeth of the {words} are pointed", "", "another profile shift, or lower teeth")
+
+
+def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
+    """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other."""
+    wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
+    coarse = (teeth_reach, tips_come_free, roots_have_room, rim_is_thin)
+    if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
+        return  # said by the other rules
+    gap, angle = _least_gap(replace(geometry, j_n=0.0))
+    overlap, most = -gap - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
+    if overlap > most:
+        yield Conflict(
+            "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
+            f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g} deg from the major axis",
+            f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
+        )  # fmt: skip
+
+
+@lru_cache(maxsize=64)  # drives that differ in other things are loaded one after the other
+def _least_gap(geometry: Geometry) -> tuple[float, float]:
+    """Least nominal gap of all flanks [mm], without the clearance, and how far from the major axis it is [rad]."""
+    try:
+        flanks = flank_candidates(geometry, np.pi / 2)
+    except UntrustedError:  # the tips just reach each other, the flanks do not
+        return np.inf, 0.0
+    least = int(np.argmin(flanks.gap))
+    return float(flanks.gap[least]), float(abs(flanks.theta[least] - flanks.zone[least] * np.pi))
+
+
+def rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:
+    """The rim is a thin ring."""
+    h_1, most = 2 * (geometry.r_f - geometry.r_m), MAX_THICKNESS * geometry.r_f
+    if h_1 > most:
+        yield Conflict(
+            "flexspline.h_1", f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
+            f"{h_1:g} mm", f"at most {most:.3g} mm",
+        )  # fmt: skip
+
+
+def bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[Conflict]:
+    """Outer ring and balls have room in the bore."""
+    raceway, ring_h = geometry.r_raceway, 2 * (geometry.r_ring - geometry.r_raceway)
+    bore = raceway + ring_h
+    if ring_h > MAX_THICKNESS * bore:
+        if bore > 0:
+            yield Conflict(
+                "bearing.ring_h", f"too thick for a bore with a radius of {bore:.4g} mm",
+                f"{ring_h:g} mm", f"at most {MAX_THICKNESS * bore:.3g} mm",
+            )  # fmt: skip
+    elif d_ball is not None:
+        share = float(np.sin(np.pi / N))
+        room = 2 * raceway * share / (1 + share)
+        hint = f"at most {room:.3g} mm for {N} balls"
+        if d_ball >= raceway:
+            message = f"does not fit inside the raceway with a radius of {raceway:.4g} mm"
+            yield Conflict("bearing.d_ball", message, f"{d_ball:g} mm", hint)
+        elif d_ball > room:
+            yield Conflict("bearing.d_ball", f"no room for {N} balls in the bearing", f"{d_ball:g} mm", hint)
+
+
+RULES: dict[Callable[[Geometry], Iterator[Conflict]], tuple[str, ...]] = {
+    teeth_reach: TIPS,
+    tips_come_free: TIPS,
+    roots_have_room: ROOTS,
+    flanks_exist: FLANKS,
+    teeth_mesh: MESH,
+    rim_is_thin: RIM,
+}

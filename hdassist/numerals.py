@@ -1,0 +1,13 @@
+"""Numbers as files, options and trials write them: ASCII digits with a decimal point, nothing between the digits."""
+
+from __future__ import annotations
+
+import re
+from math import nan
+
+NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+
+
+def number_of(text: str) -> float:
+    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond what a float holds."""
+    return float(text) if re.fullmatch(NUMBER, text.strip()) else nan

@@ -1,0 +1,43 @@
+"""Numbers in texts: ASCII digits with a decimal point, in every option that takes them inside a text."""
+
+from collections.abc import Callable
+from math import inf, isnan
+
+import pytest
+
+from hdassist.acceptance.limit_parser import LimitText
+from hdassist.errors import UsageError
+from hdassist.measuring.orders import parse_orders
+from hdassist.measuring.uncertainty import parse_stated
+from hdassist.mounting.card_command import ChoiceOptions
+from hdassist.mounting.losses import Criterion
+from hdassist.mounting.trial import read_trial
+from hdassist.numerals import number_of
+from hdassist.terminal.options import degrees_or_fit
+
+READERS: dict[str, tuple[Callable[[str], object], str]] = {
+    "hole of a trial": (lambda text: read_trial(f"h{text}:20", 12), "4"),
+    "value of a trial": (lambda text: read_trial(f"h4:{text}", 12), "20"),
+    "criterion": (lambda text: Criterion.of(f"quantile:0.{text}"), "9"),
+    "weights": (lambda text: ChoiceOptions(weights=f"{text},1").numbers(), "2"),
+    "budget": (lambda text: parse_stated([f"encoder={text}"]), "1"),
+    "orders": (parse_orders, "4"),
+    "limit": (lambda text: LimitText.parse(f"order_{text}=30", "--limit"), "2"),
+    "angle": (lambda text: degrees_or_fit("--cam-zero", text), "30"),
+}
+
+
+@pytest.mark.parametrize(("read", "good"), READERS.values(), ids=READERS)
+def test_underscores_and_digits_of_other_scripts_are_refused(read: Callable[[str], object], good: str) -> None:
+    read(good)
+    for text in (f"{good}_0", "٤", "４", f"{good[0]}٠"):
+        with pytest.raises(UsageError):
+            read(text)
+
+
+def test_a_number_is_what_python_makes_of_it_where_it_is_written_plainly() -> None:
+    for text in ("4", "-2.5", "+.5", "1e3", " 7 ", "1.E-2"):
+        assert number_of(text) == float(text)
+    assert number_of("1e999") == inf
+    for text in ("", "1_0", "٤", "nan", "inf", "0x1", "1,5", "1e", "--1"):
+        assert isnan(number_of(text))
