@@ -154,7 +154,8 @@ def differences(recorded: Answer, now: Answer) -> list[Difference]:
     if isinstance(recorded, Accepted) and isinstance(now, Accepted):
         now = with_fail_on(now, recorded.fail_on)
     elif isinstance(recorded, Accepted) or isinstance(now, Accepted):
-        return [Difference("", "verdict", recorded.status, now.status)]
+        errors = (None if isinstance(each, Accepted) else each.error.message for each in (recorded, now))
+        return [Difference("", "verdict", recorded.status, now.status), Difference("", "error", *errors)]
     elif recorded.error.code == now.error.code:
         now = replace(now, error=recorded.error)  # in the words of a cell or of an option
     was, comes = to_json(recorded), to_json(now)

@@ -391,8 +391,9 @@ def test_differences_are_those_beyond_the_tolerance(told):
     assert not differences(told[0], with_value(1 + 0.5 * RELATIVE * scale))
     (found,) = differences(told[0], with_value(1 + 2 * RELATIVE * scale))
     assert (found.check, found.key) == ("F_IOR 4.0", "value")
-    (found,) = differences(told[0], told[3])
-    assert (found.recorded, found.now) == ("PASS", "BROKEN")
+    verdict, error = differences(told[0], told[3])
+    assert (verdict.recorded, verdict.now, error.recorded) == ("PASS", "BROKEN", None)
+    assert error.now == told[3].error.message
     (found,) = differences(told[0], replace(told[0], checks=told[0].checks[:-1]))
     assert (found.check, found.key) == (f"{told[0].checks[-1].code} {told[0].checks[-1].M_g_Nm}", "check")
 
