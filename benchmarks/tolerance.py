@@ -66,21 +66,21 @@ def compare(task) -> list[Drawn]:
     case, made, first, last = task
     found = []
     for k, record in enumerate(made.records(first, last), first):
-        drive = made.drive.with_values(record["values"])
-        turned = rotated(drive, record["best_rotation_deg"])
+        drive = made.drive.with_values(record.values)
+        turned = rotated(drive, record.best_rotation_deg)
 
         def every_state(there) -> list[float]:
             return [kinematic_error(there, M_g, cross_check=None).F_ior_arcsec for M_g in made.torques]
 
         exact = every_state(drive)
-        missed = [e - v for e, v in zip(exact, record["F_ior_arcsec"], strict=True)]
+        missed = [e - v for e, v in zip(exact, record.F_ior_arcsec, strict=True)]
         best = loss = None
         if k % EVERY == 0:
-            best = [e - v for e, v in zip(every_state(turned), record["best_F_ior_arcsec"], strict=True)]
+            best = [e - v for e, v in zip(every_state(turned), record.best_F_ior_arcsec, strict=True)]
             searches = [ErrorMap(drive, M_g) for M_g in made.torques]
             all_ = np.array([[s.extremes(rotated(drive, r)).first for r in made.rotations] for s in searches])
             values = merit(all_, all_[:, 0])
-            loss = float(values[made.rotations.index(record["best_rotation_deg"])] / values.min() - 1)
+            loss = float(values[made.rotations.index(record.best_rotation_deg)] / values.min() - 1)
         found.append(Drawn(case, k, exact, missed, best, loss))
     return found
 
@@ -118,7 +118,7 @@ def speed(case: str, count: int) -> dict:
     took = time.process_time() - begun
     each = 1e3 * took / count
     value = each / len(made.torques) / len(made.rotations)
-    states = sum(record["states"] for record in records) / count
+    states = sum(record.states for record in records) / count
     print(
         f"{case}: {each:.1f} ms a drive, {value:.2f} ms a value ({WANTED_MS:g} wanted), {states:.0f} states a drive; "
         f"{table:.1f} s for the tables", file=sys.stderr, flush=True,

@@ -93,7 +93,7 @@ def main() -> None:
             for finer, teeth in ((False, "as given"), (True, "one class finer")):
                 torques, records = drives(preset, finer, options.n, executor)
                 for way, key in (("as built", "F_ior_arcsec"), ("best hole", "best_F_ior_arcsec")):
-                    cases[teeth, way] = np.array([record[key] for record in records])
+                    cases[teeth, way] = np.array([getattr(record, key) for record in records])
             for t, M_g in enumerate(torques):
                 curves = {key: values[:, t] for key, values in cases.items()}
                 (options.figures / f"turning-{preset}-{M_g:g}.svg").write_text(figure(M_g, curves), encoding="utf-8")

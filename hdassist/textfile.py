@@ -8,9 +8,11 @@ import hashlib
 import io
 import os
 import re
+import secrets
+import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO, BinaryIO
 
@@ -171,6 +173,22 @@ def is_folder(path: str | Path) -> bool:
 def is_there(path: str | Path) -> bool:
     """Whether there is a file, folder or device; False for a path that none can have."""
     return os.path.exists(path)  # noqa: PTH110 (a path's exists raises where a name is too long)
+
+
+@contextmanager
+def in_place_of(path: str | Path) -> Iterator[Path]:
+    """A file to be made beside another one, whose name it gets when all went well; a link stays one."""
+    target = Path(os.path.realpath(path))
+    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    try:
+        yield beside
+        if target.exists():
+            shutil.copymode(target, beside)
+        beside.replace(target)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
 
 
 def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from hdassist.acceptance.accept import AcceptanceResult, Note
 from hdassist.acceptance.checks import Extent, check_of
 from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, MarginOrigin, Rule, Value, decide, margin_of
-from hdassist.acceptance.request import ClosedRecord, FailOn, Request, Seed
+from hdassist.acceptance.request import FailOn, Request, Seed
 from hdassist.acceptance.rests import (
     CertificateRecord,
     RestsOnRecord,
@@ -28,6 +28,8 @@ from hdassist.errors import DataError, Fault, HdassistError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
+from hdassist.run.kept import ClosedRecord, RecordKind, read_kept
+from hdassist.solve.certificate import TOLERANCE
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
@@ -184,7 +186,10 @@ class Accepted(Envelope):
     def contradiction(self) -> str:
         """What of the answer does not follow from its own figures; empty where all of it does."""
         for check in self.checks:
-            again = check.decided_again(self.rule.measured, self.rule.prediction_margin_percent / 100)
+            try:
+                again = check.decided_again(self.rule.measured, self.rule.prediction_margin_percent / 100)
+            except DataError as error:
+                return error.message
             if again != check:
                 return f"{check.held_against.label}: {check.verdict} does not follow from its figures"
         verdict = worst(check.verdict for check in self.checks)
@@ -194,6 +199,10 @@ class Accepted(Envelope):
             or self.exit_code != exit_code(verdict, bool(self.remarks), self.fail_on)
         ):
             return f"{self.verdict}, exit code {self.exit_code}, does not follow from its checks"
+        if any(check.basis == "predicted" for check in self.checks) != (self.certificate is not None):
+            return "certificate: expected one where anything is predicted"
+        if self.certificate is not None and not self.certificate.is_sound:
+            return f"certificate: expected residuals from 0 to {TOLERANCE:.0e}, and the greatest of them"
         return ""
 
 
@@ -214,9 +223,25 @@ class Unanswered(Envelope):
         """What stands where a verdict would."""
         return "BROKEN"
 
+    @property
+    def contradiction(self) -> str:
+        """Empty: it says nothing but its error."""
+        return ""
+
+
+def _branch(answer: Any) -> str:
+    """Which of the two an answer is, as an object or as its JSON has it."""
+    has_error = "error" in answer if isinstance(answer, dict) else isinstance(answer, Unanswered)
+    return "unanswered" if has_error else "accepted"
+
 
 Answer: TypeAlias = Accepted | Unanswered
-_ACCEPTED, _UNANSWERED = TypeAdapter(Accepted), TypeAdapter(Unanswered)
+_ANSWER: TypeAdapter[Answer] = TypeAdapter(
+    Annotated[
+        Annotated[Accepted, Tag("accepted")] | Annotated[Unanswered, Tag("unanswered")], Discriminator(_branch)
+    ]
+)  # fmt: skip
+ANSWERS = RecordKind(_ANSWER, lambda _, answer: answer.contradiction)
 
 
 def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Accepted:
@@ -270,6 +295,11 @@ def exit_code(verdict: Verdict, remarked: bool, fail_on: FailOn) -> int:
     return 3 if fail_on == "warn" and remarked else verdict.exit_code
 
 
+def with_fail_on(answer: Accepted, fail_on: FailOn) -> Accepted:
+    """An answer with the exit code that its verdict has under another rule."""
+    return replace(answer, fail_on=fail_on, exit_code=exit_code(answer.verdict, bool(answer.remarks), fail_on))
+
+
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
@@ -292,21 +322,16 @@ def provenance(answer: Answer) -> dict[str, Any]:
 
 def to_json(answer: Answer) -> dict[str, Any]:
     """An answer as a JSON object; without its place where it has none."""
-    adapter: TypeAdapter[Any] = _ACCEPTED if isinstance(answer, Accepted) else _UNANSWERED
-    told: dict[str, Any] = adapter.dump_python(answer, mode="json")
-    if told["place"] is None:
-        del told["place"]
-    return told
-
-
-def to_line(answer: Answer) -> str:
-    """An answer on one line, without its end; never NaN or Infinity."""
-    return printable(json.dumps(to_json(answer), ensure_ascii=True, allow_nan=False, separators=(",", ":")))
+    fields: dict[str, Any] = _ANSWER.dump_python(answer, mode="json")
+    if fields["place"] is None:
+        del fields["place"]
+    return fields
 
 
 def to_lines(answers: Iterable[Answer]) -> str:
-    """Answers as the text of a file of JSON Lines."""
-    return "".join(to_line(answer) + "\n" for answer in answers)
+    """Answers as JSON Lines; never NaN or Infinity."""
+    told = (json.dumps(to_json(one), ensure_ascii=True, allow_nan=False, separators=(",", ":")) for one in answers)
+    return "".join(printable(line) + "\n" for line in told)
 
 
 def read_answers(path: str) -> list[Answer]:
@@ -314,18 +339,21 @@ def read_answers(path: str) -> list[Answer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    text, file = _text_of(path)
+    data, file = _bytes_of(path)
+    if (kept := read_kept(data, file, RecordKind(_ANSWER))) is not None:
+        return kept
+    text = data.decode("utf-8", "replace")
     try:
-        told = _said(text)
+        found = _parsed(text)
     except ValueError:
         return _answers_of_lines(text, file)
-    if isinstance(told, dict) and told.get("schema") == SCHEMA and isinstance(told.get("results"), list):
-        return [_answer(one, file, place) for place, one in enumerate(told["results"], 1)]
-    return [_answer(told, file, 1)]
+    if isinstance(found, dict) and found.get("schema") == SCHEMA and isinstance(found.get("results"), list):
+        return [_answer(one, file, place) for place, one in enumerate(found["results"], 1)]
+    return [_answer(found, file, 1)]
 
 
-def _text_of(path: str) -> tuple[str, str]:
-    """Text of a file of answers, and its name. Raises DataError: one that cannot be read, or cannot be meant."""
+def _bytes_of(path: str) -> tuple[bytes, str]:
+    """Bytes of a file of answers, and its name. Raises DataError: one that cannot be read, or cannot be meant."""
     with opened(path) as stream:
         file, parts, size = STDIN if path == "-" else path, [], 0
         while part := stream.read(PART):
@@ -334,10 +362,10 @@ def _text_of(path: str) -> tuple[str, str]:
             if b"\0" in part or size > MAX_BYTES:
                 fault = "a binary file" if b"\0" in part else f"larger than {MAX_BYTES / 1e6:g} MB"
                 raise DataError(f"{file}: {fault}", "a file of --json or --jsonl")
-    return b"".join(parts).decode("utf-8", "replace"), file
+    return b"".join(parts), file
 
 
-def _said(text: str) -> Any:
+def _parsed(text: str) -> Any:
     """What a JSON text says. Raises ValueError: it is none, or its brackets are nested without end."""
     try:
         return json.loads(text)
@@ -351,7 +379,7 @@ def _answers_of_lines(text: str, file: str) -> list[Answer]:
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                told = _said(line)
+                told = _parsed(line)
             except ValueError as fault:
                 raise DataError(f"{file}:{number}: no JSON: {fault}", "an answer of hdassist accept a line") from None
             answers.append(_answer(told, file, number))
@@ -367,11 +395,12 @@ def _answer(told: Any, file: str, number: int) -> Answer:
             f"{file}:{number}: no answer of hdassist accept (schema {shown(str(schema))})", f"schema {SCHEMA}"
         )
     try:
-        return _UNANSWERED.validate_python(told) if "error" in told else _ACCEPTED.validate_python(told)
+        return _ANSWER.validate_python(told)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
-        words = "does not say what was asked" if first["loc"][:1] == ("request",) else "is not whole"
+        path = first["loc"][1:]  # behind the name of the branch
+        where, what = ".".join(map(str, path)), first["msg"].removeprefix("Value error, ")
+        words = "does not say what was asked" if path[:1] == ("request",) else "is not whole"
         raise DataError(
             f"{file}:{number}: an answer {words}: {where}: {what}", "it was changed, or another version wrote it"
         ) from None

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, Unanswered
+from hdassist.acceptance.answer import Accepted, Answer, to_json, with_fail_on
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
@@ -16,10 +17,8 @@ from hdassist.readers.trace import MAX_BYTES
 from hdassist.textfile import read_bytes
 
 RELATIVE = 1e-6  # of a value or its limit: how far numbers may lie apart that agree
-NUMBERS = ("value", "expanded_uncertainty", "rise", "guard", "limit")
-WORDS = ("unit", "basis", "extent", "verdict")
-
-
+# residuals, and arcsec between two solvers: another processor rounds otherwise
+ROUNDING = {"certificate": 1e-12, "cross_check": 1e-3}
 DIFFERS, CHANGED = 3, 4  # exit codes
 
 
@@ -147,41 +146,43 @@ def still_stands(answer: Answer, request: Request, version: str, fail_on: FailOn
 
 
 def differences(recorded: Answer, now: Answer) -> list[Difference]:
-    """What came out otherwise; numbers agree within RELATIVE of the value or its limit, errors where alike in kind."""
-    was, comes = _said(recorded), _said(now)
-    if isinstance(recorded, Unanswered) and isinstance(now, Unanswered) and recorded.error.code == now.error.code:
-        comes["error"] = was["error"]  # in the words of a cell or of an option, of this version or of another
-    found = [Difference("", key, was[key], comes[key]) for key in was if was[key] != comes[key]]
-    before, after = _checks(recorded), _checks(now)
-    for name in dict.fromkeys([*before, *after]):
-        old, new = before.get(name), after.get(name)
+    """What came out otherwise, of the whole answer but when, by which version and from which request it was made.
+
+    Numbers agree within RELATIVE of the value or of the limit of its check, those of a certificate within ROUNDING;
+    errors where they are of one kind.
+    """
+    if isinstance(recorded, Accepted) and isinstance(now, Accepted):
+        now = with_fail_on(now, recorded.fail_on)
+    elif isinstance(recorded, Accepted) or isinstance(now, Accepted):
+        errors = (None if isinstance(each, Accepted) else each.error.message for each in (recorded, now))
+        return [Difference("", "verdict", recorded.status, now.status), Difference("", "error", *errors)]
+    elif recorded.error.code == now.error.code:
+        now = replace(now, error=recorded.error)  # in the words of a cell or of an option
+    was, comes = to_json(recorded), to_json(now)
+    old_checks, new_checks = was.pop("checks", []), comes.pop("checks", [])
+    left_out = dict.fromkeys(("version", "time", "request", "place"))
+    found = list(_differences("", "", was | left_out, comes | left_out, 0.0))
+    for old, new in zip_longest(old_checks, new_checks):
+        parts = ((old or new)[key] for key in ("code", "M_g_Nm", "per_cam_rev"))
+        name = " ".join(str(part) for part in parts if part is not None)
         if old is None or new is None:
             found.append(Difference(name, "check", old and "there", new and "there"))
-            continue
-        found += [
-            Difference(name, key, getattr(old, key), getattr(new, key))
-            for key in (*NUMBERS, *WORDS)
-            if not _agree(getattr(old, key), getattr(new, key), old.limit)
-        ]
+        else:
+            found += _differences(name, "", old, new, RELATIVE * abs(old["limit"]))
     return found
 
 
-def _said(answer: Answer) -> dict[str, Any]:
-    if isinstance(answer, Accepted):
-        return {"verdict": str(answer.verdict), "error": None, "left_out": list(answer.left_out)}
-    return {"verdict": None, "error": answer.error.message, "left_out": []}
-
-
-def _checks(answer: Answer) -> dict[str, CheckRecord]:
-    """Checks of an answer by what they are."""
-    checks = answer.checks if isinstance(answer, Accepted) else ()
-    return {
-        " ".join(str(part) for part in (check.code, check.M_g_Nm, check.per_cam_rev) if part is not None): check
-        for check in checks
-    }
-
-
-def _agree(old: Any, new: Any, limit: float) -> bool:
-    if isinstance(old, int | float) and isinstance(new, int | float):
-        return abs(old - new) <= RELATIVE * max(abs(old), abs(limit))
-    return bool(old == new)
+def _differences(check: str, key: str, old: Any, new: Any, allowed: float) -> Iterator[Difference]:
+    """Differences of two JSON values, each with its path; allowed, how far numbers may be apart at least."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in dict.fromkeys([*old, *new]):
+            inner = ROUNDING.get(name, allowed)
+            yield from _differences(check, f"{key}.{name}".lstrip("."), old.get(name), new.get(name), inner)
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for place, pair in enumerate(zip(old, new, strict=True)):
+            yield from _differences(check, f"{key}.{place}", *pair, allowed)
+    elif isinstance(old, float) and isinstance(new, int | float):
+        if abs(old - new) > max(RELATIVE * abs(old), allowed):
+            yield Difference(check, key, old, new)
+    elif old != new:
+        yield Difference(check, key, old, new)

@@ -10,7 +10,7 @@ from functools import partial
 from math import isnan
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic import BeforeValidator, Field, PlainSerializer
 
 from hdassist.acceptance.accept import AcceptanceResult, accept, without_values
 from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
@@ -29,6 +29,7 @@ from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
+from hdassist.run.kept import ClosedRecord
 from hdassist.solve.answers import Progress
 from hdassist.solve.window import in_wide_enough_window, with_window
 
@@ -36,12 +37,6 @@ TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTA
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 FailOn = Literal["warn", "fail", "never"]
 Seed = Annotated[int, Field(ge=0)]  # of what is drawn
-
-
-class ClosedRecord:
-    """What stands in a file of ours: nothing but its fields, and finite numbers."""
-
-    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Literal
 
 import numpy as np
 
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import ClosedRecord
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
 from hdassist.preset.kinds import Line, short
+from hdassist.run.kept import ClosedRecord
+from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CrossCheck
 
 
@@ -33,6 +34,12 @@ class CertificateRecord(ClosedRecord):
     residuals: ResidualsRecord
     fallbacks: int
     cross_check: CrossCheck | None
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether it proves anything: states, and residuals within their tolerance."""
+        found = astuple(self.residuals)
+        return self.states > 0 and self.fallbacks >= 0 <= min(found) and self.max_residual == max(found) <= TOLERANCE
 
 
 @dataclass(frozen=True)

@@ -53,13 +53,14 @@ def command(
     the fit did not come to rest.
     """
     from hdassist.calibration.calibrate import calibrate, estimate_drives
-    from hdassist.calibration.evaluations import Evaluations
+    from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
     from hdassist.calibration.page import answer
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import UsageError
     from hdassist.loading.write import with_found_values
     from hdassist.preset.library import READ_AT_MOST, read_preset
-    from hdassist.terminal.files import held, require_writable, write_text
+    from hdassist.run.kept import open_kept
+    from hdassist.terminal.files import require_writable, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.workers import workers
@@ -82,11 +83,13 @@ def command(
             with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
         try:
             with (
-                held(None if state is None else str(state)),
+                open_kept(
+                    None if state is None else str(state), evaluations_owner(drive, wanted), evaluations_kind(wanted)
+                ) as kept,
                 out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
                 workers(jobs) as executor,
             ):
-                known = Evaluations(drive, wanted, executor, state)
+                known = Evaluations(drive, wanted, executor, kept)
                 if known.remembered:
                     note(f"going on from {state}: {known.remembered} drives are known")
                 result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)

@@ -36,6 +36,7 @@ from hdassist.readers.trace import read_trace
 SCHEMA = "hdassist.targets/1"
 LEAST_POINTS = 10  # of a trace
 RANGE_SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
+ROUNDED = 1e-3  # of a bound: how far beyond it a found value may be, as it has four digits
 CLOSED = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -92,6 +93,10 @@ class Unknown:
     log: bool
     start: float
 
+    def allows(self, value: float) -> bool:
+        """Whether a value lies between the bounds, to the digits of a found value."""
+        return self.low - ROUNDED * abs(self.low) <= value <= self.high + ROUNDED * abs(self.high)
+
     @property
     def unit(self) -> str:
         """Unit of the field."""
@@ -102,7 +107,8 @@ class Unknown:
 class Target:
     """A quantity that should be a value, or lie in low..high; tolerance is how far off counts as one.
 
-    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured there.
+    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured there;
+    trace_sha256, of its file.
     """
 
     quantity: str
@@ -112,6 +118,12 @@ class Target:
     high: float
     tolerance: float
     trace: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    trace_sha256: str = ""
+
+    @property
+    def residuals(self) -> int:
+        """Number of values that say how far off a drive is: one for each row of a trace."""
+        return len(self.trace[0]) if self.trace else 1
 
     @property
     def unit(self) -> str:
@@ -138,6 +150,12 @@ class Targets:
     sha256: str
     unknowns: tuple[Unknown, ...]
     targets: tuple[Target, ...]
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """SHA-256 of each file that they were read from: targets, and traces by their names in it."""
+        traces = {f"trace {t.asked['file']}": t.trace_sha256 for t in self.targets if t.trace}
+        return {"targets": self.sha256, **traces}
 
     def by_path(self, values: Iterable[float]) -> dict[str, float]:
         """Values of the unknowns, in their order, by the path of each."""
@@ -302,15 +320,16 @@ class _Reader:
         for key in ("M_g", "from", "to", "T_1", "T_2"):
             if given.get(key) == 0 and quantity != "torsional_stiffness":
                 self.findings.add((*path, key), "a torque of 0 leaves the rotation undetermined")
-        trace = None
+        trace, sha256 = None, ""
         if "file" in given:
-            trace, given["value"] = self._trace((*path, "file"), given["file"]), 0.0
+            trace, sha256 = self._trace((*path, "file"), given["file"]) or (None, "")
+            given["value"] = 0.0
         limits = self._limits(path, given) if given else None
         asked = {key: given[key] for key in kind.keys if key in given}
-        return Target(quantity, asked, *limits, trace) if limits else None
+        return Target(quantity, asked, *limits, trace, sha256) if limits else None
 
-    def _trace(self, path: Path, name: str) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-        """Cam angles [deg], ascending, and errors [arcsec] of a file of a trace."""
+    def _trace(self, path: Path, name: str) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], str] | None:
+        """Cam angles [deg], ascending, and errors [arcsec] of a file of a trace, and its SHA-256."""
         u = Kinematics.of(self.drive).u
         try:
             trace = read_trace(self.folder / name, ratio=abs(u), fewest=LEAST_POINTS)
@@ -326,7 +345,8 @@ class _Reader:
             return None
         # two encoders give the opposite of F_kpp where both count the same way round, as they do if sense is that of u
         sign = -trace.sense * np.sign(u) if trace.sense else 1.0
-        return tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
+        curve = tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
+        return curve, trace.sha256
 
     def _limits(self, path: Path, given: dict[str, Any]) -> tuple[float | None, float, float, float] | None:
         """Value, low, high and tolerance of a target."""

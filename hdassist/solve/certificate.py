@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
 
 TOLERANCE = 1e-8  # of each residual, as a share of its scale
+Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]  # of a proven answer, in a file
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
-import secrets
-import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.terminal.console import say, silence
-from hdassist.textfile import is_file, is_there
+from hdassist.textfile import in_place_of, is_file, is_there
 from hdassist.visible import visible
 
 
@@ -67,7 +62,10 @@ def _put(path: str, data: bytes) -> None:
             with open(target, "wb", opener=_at_once) as stream:
                 stream.write(data)
         else:
-            _replace(_real(target), data)
+            with in_place_of(target) as beside:
+                descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+                with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
+                    stream.write(data)
     except OSError as error:
         raise _unwritable(path, _reason(error)) from None
 
@@ -83,57 +81,6 @@ def _at_once(path: str, flags: int) -> int:
     if hasattr(os, "O_NONBLOCK"):
         os.set_blocking(descriptor, True)
     return descriptor
-
-
-def add_line(path: str, line: str) -> None:
-    """Add a line to the end of a file at once. Raises DataError: it cannot be."""
-    try:
-        with open(path, "ab", opener=_at_once if _is_device(Path(path)) else None) as stream:
-            stream.write(line.encode("utf-8", "backslashreplace") + b"\n")
-    except OSError as error:
-        raise _unwritable(path, _reason(error)) from None
-
-
-@contextmanager
-def held(path: str | None) -> Iterator[None]:
-    """Hold a file that is written bit by bit, so that no other run writes it at the same time.
-
-    Argument: path, None for nothing to hold. A file path.lock stands beside it meanwhile; one that a killed run has
-    left holds nothing. Raises UsageError: another run holds it; DataError: the lock cannot be written.
-    """
-    beside, descriptor = Path(f"{path}.lock"), None
-    try:
-        if path is not None and not _is_device(Path(path)):
-            beside = Path(f"{_real(Path(path))}.lock")
-            descriptor = _locked(beside)
-    except BlockingIOError:
-        words = f"{path} is being written by another run"
-        raise UsageError(words, "wait for it to end, or name another file") from None
-    except OSError as error:
-        raise _unwritable(str(beside), error.strerror or str(error)) from None
-    try:
-        yield
-    finally:
-        if descriptor is not None:
-            with contextlib.suppress(OSError):
-                beside.unlink()
-            os.close(descriptor)
-
-
-def _locked(path: Path) -> int:
-    """Descriptor of a lock file that is ours. Raises BlockingIOError where it is another process's."""
-    import fcntl
-
-    while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
-                return descriptor
-        except BaseException:
-            os.close(descriptor)
-            raise
-        os.close(descriptor)  # that which was locked has been taken away by the run before
 
 
 def require_writable(path: str, force: bool) -> None:
@@ -173,19 +120,3 @@ def _is_device(target: Path) -> bool:
 
 def _unwritable(path: str, reason: str) -> DataError:
     return DataError(f"cannot write {path or 'a file'}: {reason}", "", Fault.FILE_UNWRITABLE)
-
-
-def _replace(target: Path, data: bytes) -> None:
-    """Write beside the target under another name, then give it its own."""
-    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
-    try:
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
-            stream.write(data)
-        if target.exists():
-            shutil.copymode(target, beside)
-        beside.replace(target)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            beside.unlink()
-        raise

@@ -48,7 +48,7 @@ def command(
     from hdassist.tolerance.allocate_page import Allocated, answer
     from hdassist.tolerance.allocation import Allocator, loosest
     from hdassist.tolerance.draw_options import require_limits
-    from hdassist.tolerance.production import Production, Record
+    from hdassist.tolerance.production import Production, RandomDrive
     from hdassist.tolerance.stream import stream
     from hdassist.tolerance.summary import rooms
 
@@ -65,7 +65,7 @@ def command(
         )
     with work.pools() as pool, pool() as (executor, _):
 
-        def records(production: Production, drives: int) -> list[Record]:
+        def records(production: Production, drives: int) -> list[RandomDrive]:
             with out.progress(drive.name, drives) as progress:
                 found = []
                 for some in stream(production.records, drives, pool=pool):

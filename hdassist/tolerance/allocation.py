@@ -18,7 +18,7 @@ from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import pitch_deviation
 from hdassist.preset.fields import CostLaw, Drive
-from hdassist.tolerance.production import Production, Record
+from hdassist.tolerance.production import Production, RandomDrive
 from hdassist.tolerance.scatter import DISTRIBUTIONS, Draws
 from hdassist.tolerance.tally import Share
 
@@ -94,7 +94,7 @@ class Allocator:
         production: Production,
         rooms: Sequence[float],
         wanted: float,
-        records: Callable[[Production, int], list[Record]],
+        records: Callable[[Production, int], list[RandomDrive]],
         drives: int = DRIVES,
         executor: Executor | None = None,
     ) -> None:
@@ -193,11 +193,11 @@ class Allocator:
         cost = sum(choice.cost(values[choice.path]) for choice in self.choices)
         return Allocation(turned, tried.bounds[1] >= self._wanted, dict(values), cost, tried)
 
-    def _worst(self, record: Record) -> float:
+    def _worst(self, record: RandomDrive) -> float:
         """F'_ior of a drive in its best position over its room, at the worst torque; endless where there is none."""
-        if "refused" in record:
+        if record.refused is not None:
             return np.inf
-        return float(np.max(np.array(record["best_F_ior_arcsec"]) / self._rooms))
+        return float(np.max(np.array(record.best_F_ior_arcsec) / self._rooms))
 
     def _draws(self, values: Mapping[str, float]) -> Draws:
         now = {choice.path: choice.now for choice in self.choices}

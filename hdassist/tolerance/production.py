@@ -6,13 +6,14 @@ and where it may be best, the extremes are solved and proven (error/proposed.py)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field, TypeAdapter
 
 from hdassist.error.error_map import Batch, ErrorMap, Indices, searchable
 from hdassist.error.table import ErrorTable, Mesh, error_tables, estimates
@@ -23,7 +24,9 @@ from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.kept import ClosedRecord, Count, Number, RecordKind
+from hdassist.solve.answers import EMPTY, Progress
+from hdassist.solve.certificate import Residual
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.tolerance.scatter import Draws
 
@@ -33,7 +36,22 @@ SPREADS = 3.0  # standard deviations of what the table misses of F'_ior that a p
 SPREAD = 0.01  # of F'_ior: what it is taken to miss at least
 READ_MESH = Mesh(compared=0, turns=16)  # the turns are enough for how the error grows with a size
 
-Record = dict[str, Any]
+
+@dataclass(frozen=True, kw_only=True)
+class RandomDrive(ClosedRecord):
+    """F'_ior [arcsec] of a random drive at each torque, as built and in its best position.
+
+    best_rotation_deg: that position, as a rotation from the present one; states and max_residual: of the proof;
+    refused: why it has no F'_ior; values: what was drawn, by field.
+    """
+
+    F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
+    best_F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
+    best_rotation_deg: Number | None = None
+    states: Count = 0
+    max_residual: Residual = 0.0
+    refused: str | None = None
+    values: Mapping[str, Number]
 
 
 @dataclass(frozen=True)
@@ -92,7 +110,7 @@ class Production:
         """States that tables take, about: each at the torque, and on both sides of it for slopes."""
         return READ_MESH.states(self.drive) * len(self.torques) * 3
 
-    def records(self, first: int, last: int) -> list[Record]:
+    def records(self, first: int, last: int) -> list[RandomDrive]:
         """Records of drives first to last - 1, whatever else is or was computed.
 
         Each has its F'_ior [arcsec] at each torque as built and in its best position, where that is, how it was proven,
@@ -103,11 +121,35 @@ class Production:
         for k in range(first, last):
             drawn = {path: float(column[k - first]) for path, column in values.items()}
             try:
-                answer = self._answer(drawn)
+                found.append(self._answer(drawn))
             except HdassistError as error:
-                answer = {"refused": error.message}
-            found.append({**answer, "values": drawn})
+                found.append(RandomDrive(refused=error.message, values=drawn))
         return found
+
+    @property
+    def kind(self) -> RecordKind[RandomDrive]:
+        """What the records are in a file."""
+        return RecordKind(TypeAdapter(RandomDrive), self._fault)
+
+    def _fault(self, _: int, record: RandomDrive) -> str:
+        """Why a record cannot be that of a drive of this production; empty where it can."""
+        spans = {scatter.path: (scatter.low, scatter.high) for scatter in self.draws.scatters}
+        if record.values.keys() != spans.keys():
+            return f"values: expected {', '.join(spans)}"
+        for path, value in record.values.items():
+            if not spans[path][0] <= value <= spans[path][1]:
+                return f"values.{path}: expected {spans[path][0]:g} to {spans[path][1]:g}, as it is drawn"
+        now, best = np.array(record.F_ior_arcsec), np.array(record.best_F_ior_arcsec)
+        count = 0 if record.refused is not None else len(self.torques)
+        if (len(now), len(best), min(record.states, 1)) != (count, count, min(count, 1)):
+            return f"F_ior_arcsec: expected {count} values, proven by states"
+        if count == 0:
+            return ""
+        if record.best_rotation_deg not in self.rotations:
+            return "best_rotation_deg: expected a position of the seat"
+        if self._merit(best, now) > self._merit(now, now) or (not record.best_rotation_deg and (now != best).any()):
+            return "best_F_ior_arcsec: expected no worse than F_ior_arcsec"
+        return ""
 
     def told(self) -> dict[str, Any]:
         """What decides the records, beside preset, seed and version."""
@@ -128,7 +170,7 @@ class Production:
         found = [[np.ptp(estimates(t, s, batch), axis=(1, 2)) for s, t in read] for batch in map(self._batch, rows)]
         return np.array(found)
 
-    def _answer(self, drawn: dict[str, float]) -> Record:
+    def _answer(self, drawn: dict[str, float]) -> RandomDrive:
         searches = self._searches if not self.draws.moves_system else self._searches_of(self._moved(drawn))
         batch = self._batch(drawn)
         proposed = [estimates(table, s, batch) for s, table in zip(searches, self.tables, strict=True)]
@@ -141,7 +183,14 @@ class Production:
                 exact[t, rows] = found.F_ior_arcsec
                 proof += found.certificate
         best = int(np.nanargmin(self._merit(exact, exact[:, 0])))
-        return self._record(exact[:, 0], exact[:, best], best, proof)
+        return RandomDrive(
+            F_ior_arcsec=tuple(exact[:, 0].tolist()),
+            best_F_ior_arcsec=tuple(exact[:, best].tolist()),
+            best_rotation_deg=self.rotations[best],
+            states=proof.states,
+            max_residual=proof.max_residual,
+            values=drawn,
+        )
 
     def _promising(self, near: Array, exact: Array) -> Indices:
         """Positions that may be the best and are not solved yet, from F'_ior by the table and as solved so far."""
@@ -158,15 +207,6 @@ class Production:
     def _merit(self, F_ior: Array, now: Array) -> Array:
         """What is least in the best position, shape (rotations,)."""
         return merit(F_ior, now if self.limits is None else np.array(self.limits))
-
-    def _record(self, now: Array, best: Array, position: int, proof: Certificate) -> Record:
-        return {
-            "F_ior_arcsec": now.tolist(),
-            "best_F_ior_arcsec": best.tolist(),
-            "best_rotation_deg": self.rotations[position],
-            "states": proof.states,
-            "max_residual": proof.max_residual,
-        }
 
     def _batch(self, drawn: dict[str, float]) -> Batch:
         """A drive in every position of its wheel."""

@@ -62,14 +62,14 @@ def command(
                 records += some
                 progress(len(some))
     for record in records:
-        if "refused" in record:
-            raise UntrustedError(f"a random drive has no answer: {record['refused']}", "narrow what scatters")
-    F_ior = np.array([record["F_ior_arcsec"] for record in records])
-    drawn = of_bases(design, [record["values"] for record in records])
+        if record.refused is not None:
+            raise UntrustedError(f"a random drive has no answer: {record.refused}", "narrow what scatters")
+    F_ior = np.array([record.F_ior_arcsec for record in records])
+    drawn = of_bases(design, [record.values for record in records])
     found = Sensitivities(
         drive, here, steepest, design,
         indices(design, F_ior), tightened(design, F_ior[: 2 * count], drawn),
-        proof, sum(record["states"] for record in records), max(record["max_residual"] for record in records),
+        proof, sum(record.states for record in records), max(record.max_residual for record in records),
         ["-n", str(count * MORE), *drives.words] if count * MORE <= MOST else None,
     )  # fmt: skip
     raise typer.Exit(give("sensitivity", [answer(found)], options, out))

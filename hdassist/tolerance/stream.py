@@ -23,13 +23,13 @@ MOST = 10_000  # items in a chunk
 AHEAD = 3  # chunks under way or done for each task that is worked on at a time
 DEATHS = 3  # pools of workers that may break one after the other with nothing coming of any
 
-Work = Callable[[int, int], list[dict[str, Any]]]
+Work = Callable[[int, int], list[Any]]
 Pool = Callable[[], AbstractContextManager[tuple[Executor, int]]]
 
 
 def stream(
     work: Work, total: int, *, done: int = 0, pool: Pool | None = None, seconds: float = SECONDS
-) -> Generator[list[dict[str, Any]], None, None]:
+) -> Generator[list[Any], None, None]:
     """Records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
 
     Arguments: work, which can be pickled and gives the records of the items first ... last - 1: where chunks begin and
@@ -63,7 +63,7 @@ class _Chunk:
 
     first: int
     last: int
-    answer: Future[tuple[float, list[dict[str, Any]]]] | None = None
+    answer: Future[tuple[float, list[Any]]] | None = None
 
 
 class _Queue:
@@ -75,7 +75,7 @@ class _Queue:
         self._chunks: deque[_Chunk] = deque()
         self._cost = self._counted = 0.0  # s and items of chunks that are done, the last ones counting most
 
-    def records(self, executor: Executor, at_a_time: int, ahead: int) -> Iterator[list[dict[str, Any]]]:
+    def records(self, executor: Executor, at_a_time: int, ahead: int) -> Iterator[list[Any]]:
         """Records of one chunk after the other, to the last; what an executor that broke had done is not done again.
 
         Arguments: executor; at_a_time, tasks that it works on at a time; ahead, chunks that are given to it at once.
@@ -91,10 +91,10 @@ class _Queue:
                 chunk.answer = self._begin(executor, chunk)
             yield self._first()
 
-    def _begin(self, executor: Executor, chunk: _Chunk) -> Future[tuple[float, list[dict[str, Any]]]]:
+    def _begin(self, executor: Executor, chunk: _Chunk) -> Future[tuple[float, list[Any]]]:
         return executor.submit(_timed, self._work, chunk.first, chunk.last)
 
-    def _first(self) -> list[dict[str, Any]]:
+    def _first(self) -> list[Any]:
         """Records of the first chunk, waited for; how long it took tells how large the next ones shall be."""
         chunk = self._chunks[0]
         assert chunk.answer is not None
@@ -117,7 +117,7 @@ def _is_done(answer: Future[Any]) -> bool:
     return answer.done() and not answer.cancelled() and answer.exception() is None
 
 
-def _timed(work: bytes, first: int, last: int) -> tuple[float, list[dict[str, Any]]]:
+def _timed(work: bytes, first: int, last: int) -> tuple[float, list[Any]]:
     """How long some items took [s], and their records; work, pickled."""
     begun = time.perf_counter()
     records = _unpickled(work)(first, last)

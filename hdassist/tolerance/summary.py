@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from hdassist.tolerance.production import Record
+from hdassist.tolerance.production import RandomDrive
 from hdassist.tolerance.tally import Share, Tally
 from hdassist.verdict import Verdict
 
@@ -68,17 +68,17 @@ class Summary:
         """Nothing yet, at torques [N*m] with limits and self errors [arcsec]."""
         return cls(tuple(map(AtTorque, torques, limits, self_errors)), positions, wanted)
 
-    def add(self, records: Iterable[Record]) -> None:
+    def add(self, records: Iterable[RandomDrive]) -> None:
         """Count drives."""
         for record in records:
-            if "refused" in record:
+            if record.refused is not None:
                 self.refused += 1
-                self.reason = self.reason or record["refused"]
+                self.reason = self.reason or record.refused
                 continue
             self.count += 1
-            self.states += record["states"]
-            self.max_residual = max(self.max_residual, record["max_residual"])
-            both = record["F_ior_arcsec"], record["best_F_ior_arcsec"]
+            self.states += record.states
+            self.max_residual = max(self.max_residual, record.max_residual)
+            both = record.F_ior_arcsec, record.best_F_ior_arcsec
             passed = [True, True]
             for point, now, best in zip(self.points, *both, strict=True):
                 point.as_built.add(now)

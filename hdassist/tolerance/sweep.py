@@ -3,24 +3,45 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from hdassist.error.error_map import extremes_of
-from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import told
 from hdassist.preset.fields import Drive
+from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
+from hdassist.solve.certificate import Residual
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.tolerance.results import Record
 from hdassist.tolerance.vary import TORQUE, Axis, grid_rows
 
+FAILED = (DataError.exit_code, UntrustedError.exit_code)  # exit codes of a row without an answer
 _PLACE = re.compile(r"^--set:\d+:\d+: ", re.MULTILINE)  # of an override, which here nobody has written
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepRow(ClosedRecord):
+    """F'_ior [arcsec] of a row at its torque M_g [N*m], in the flank window [deg] that it was computed in.
+
+    values: of the fields that are varied; states and max_residual: of the proof; reason: why the row has no answer, and
+    the exit code that this is elsewhere.
+    """
+
+    values: Mapping[str, Number]
+    M_g_Nm: Number
+    F_ior_arcsec: Magnitude | None = None
+    window_deg: Magnitude | None = None
+    states: Count | None = None
+    max_residual: Residual | None = None
+    reason: str | None = None
+    exit_code: Count = 0
 
 
 @dataclass(frozen=True)
@@ -62,20 +83,37 @@ class Sweep:
         """Torque M_g [N*m] of a row."""
         return self.torques[row % len(self.torques)] if self.torques else self.values(row)[TORQUE]
 
-    def __call__(self, first: int, last: int) -> list[Record]:
+    @property
+    def kind(self) -> RecordKind[SweepRow]:
+        """What the records are in a file."""
+        return RecordKind(TypeAdapter(SweepRow), self._fault)
+
+    def _fault(self, row: int, record: SweepRow) -> str:
+        """Why a record cannot be that of a row; empty where it can."""
+        if row >= self.rows:
+            return f"expected {self.rows} rows"
+        if (record.values, record.M_g_Nm) != (self.values(row), self.torque(row)):
+            return f"expected values and torque of row {row}"
+        answer = (record.F_ior_arcsec, record.window_deg, record.states, record.max_residual)
+        if answer.count(None) != (0 if record.reason is None else len(answer)) or record.states == 0:
+            return "expected F_ior_arcsec with its proof, or a reason"
+        if record.exit_code not in ((0,) if record.reason is None else FAILED):
+            return "exit_code: expected 0 with an answer, 4 or 5 without one"
+        return ""
+
+    def __call__(self, first: int, last: int) -> list[SweepRow]:
         """Records of the rows first ... last - 1; a row depends on nothing but itself."""
         return [self._record(row) for row in range(first, last)]
 
-    def _record(self, row: int) -> Record:
+    def _record(self, row: int) -> SweepRow:
         values, M_g = self.values(row), self.torque(row)
-        reason, code = None, 0
-        found: dict[str, Any] = dict.fromkeys(("F_ior_arcsec", "window_deg", "states", "max_residual"))
         try:
             found = in_wide_enough_window(self._drive(values), partial(_solved, M_g))
+            return SweepRow(values=values, M_g_Nm=M_g, **found)
         except HdassistError as error:
             reason = _PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
-        return {"values": values, "M_g_Nm": M_g, **found, "reason": reason, "exit_code": code}
+            return SweepRow(values=values, M_g_Nm=M_g, reason=reason, exit_code=code)
 
     def _drive(self, values: dict[str, float]) -> Drive:
         """The drive of a row, validated as any other. Raises UsageError: there is no such drive."""
@@ -145,17 +183,17 @@ def largest(drive: Drive, axes: Iterable[Axis]) -> Drive:
     return drive.with_values({axis.path: max(axis.values) for axis in axes if axis.path != TORQUE})
 
 
-def collect(sweep: Sweep, drive: Drive, records: Iterable[Record]) -> Swept:
+def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
     """What comes of the records of all rows, in their order; each is looked at once."""
     F_ior = np.full(sweep.rows, np.nan)
     states, residual, failed, reason, codes, widened = 0, 0.0, 0, "", set[int](), 0
     for row, record in enumerate(records):
-        if record["reason"] is not None:
-            failed, reason = failed + 1, reason or record["reason"]
-            codes.add(record["exit_code"])
+        if record.F_ior_arcsec is None:
+            failed, reason = failed + 1, reason or record.reason or ""
+            codes.add(record.exit_code)
             continue
-        F_ior[row] = record["F_ior_arcsec"]
-        states, residual = states + record["states"], max(residual, record["max_residual"])
-        widened += record["window_deg"] > record["values"].get("numerics.window", drive.numerics.window)
+        F_ior[row] = record.F_ior_arcsec
+        states, residual = states + (record.states or 0), max(residual, record.max_residual or 0.0)
+        widened += (record.window_deg or 0.0) > record.values.get("numerics.window", drive.numerics.window)
     shaped = F_ior.reshape(sweep.shape)
     return Swept(sweep, drive, shaped, states, residual, failed, reason, frozenset(codes), widened)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,10 +12,10 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
+    from hdassist.run.kept import Kept, Owner
     from hdassist.terminal.output import Output
     from hdassist.terminal.schedulers import Pool
-    from hdassist.tolerance.results import Header, Record, Results
-    from hdassist.tolerance.sweep import Sweep
+    from hdassist.tolerance.sweep import Sweep, SweepRow
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
@@ -66,13 +66,13 @@ def command(
     """
     from contextlib import ExitStack
 
+    from hdassist.run.kept import open_kept
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import require_writable, write_bytes
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.tolerance import sweep_page as page
     from hdassist.tolerance.parquet import SUFFIX, parquet_bytes, require_pyarrow
-    from hdassist.tolerance.results import open_results
     from hdassist.tolerance.sweep import collect
 
     out = replace(options, output="-").open()
@@ -84,9 +84,9 @@ def command(
     streamed = _takes_stdout(options)
 
     def one(name: str) -> Answer:
-        sweep, drive, header = _read(name, vary, drives, options.json)
+        sweep, drive, owner = _read(name, vary, drives, options.json)
         pool = stack.enter_context(work.pools())
-        results = stack.enter_context(open_results(None if packed else file, header, force=options.force))
+        results = stack.enter_context(open_kept(None if packed else file, owner, sweep.kind, force=options.force))
         rows = _rows(sweep, drive.name, results, pool, out)
         try:
             swept = collect(sweep, drive, _told(rows, sweep) if streamed else rows)
@@ -97,10 +97,10 @@ def command(
         if out.csv not in (None, "-"):
             out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
         if packed is not None:
-            about = header.told()
-            data = parquet_bytes(page.columns(sweep), map(page.cells, results.records()), about)
+            data = parquet_bytes(page.columns(sweep), map(page.cells, results.records()), asdict(owner))
             write_bytes(packed, data, options.force)
         elif file is not None:
+            results.require_there()
             note(f"wrote {file}")
         if page.exit_code(swept):
             note(f"error: no row has an answer: {swept.reason}")
@@ -131,12 +131,12 @@ def _takes_stdout(options: RowOptions) -> bool:
     return options.csv == "-" or (no_page and options.csv is None and options.output == "-")
 
 
-def _read(preset: str, vary: list[str], drives: o.LoadedDriveOptions, as_json: bool) -> tuple[Sweep, Drive, Header]:
+def _read(preset: str, vary: list[str], drives: o.LoadedDriveOptions, as_json: bool) -> tuple[Sweep, Drive, Owner]:
     """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
     from hdassist.errors import UsageError
     from hdassist.loading.load import load_text
     from hdassist.preset.library import read_preset
-    from hdassist.tolerance.results import Header
+    from hdassist.run.kept import Owner
     from hdassist.tolerance.sweep import Sweep
     from hdassist.tolerance.vary import read_axes, require_few
 
@@ -147,11 +147,11 @@ def _read(preset: str, vary: list[str], drives: o.LoadedDriveOptions, as_json: b
     if as_json and sweep.rows > JSON_ROWS:
         raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
     what = {"vary": vary, "set": list(drive.origin.overrides)}
-    header = Header(command="sweep", preset=drive.name, preset_sha256=drive.origin.sha256, options=what)
-    return sweep, drive, header
+    owner = Owner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=what)
+    return sweep, drive, owner
 
 
-def _rows(sweep: Sweep, name: str, results: Results, pool: Pool, out: Output) -> Iterator[Record]:
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], pool: Pool, out: Output) -> Iterator[SweepRow]:
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from contextlib import closing
 
@@ -166,7 +166,7 @@ def _rows(sweep: Sweep, name: str, results: Results, pool: Pool, out: Output) ->
             yield from records
 
 
-def _told(rows: Iterator[Record], sweep: Sweep) -> Iterator[Record]:
+def _told(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     """The same records, each written to standard output as CSV when it comes."""
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import write_text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,7 @@ from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.console import Style
 from hdassist.terminal.heat import heat
 from hdassist.terminal.plot import curve
-from hdassist.tolerance.results import Record
-from hdassist.tolerance.sweep import Sweep, Swept, largest
+from hdassist.tolerance.sweep import Sweep, SweepRow, Swept, largest
 from hdassist.tolerance.vary import TORQUE, Axis
 from hdassist.verdict import worst_exit_code
 
@@ -28,9 +28,9 @@ def columns(sweep: Sweep) -> dict[str, type]:
     return {**fields, "M_g_Nm": float, "F_ior_arcsec": float, "max_residual": float, "reason": str}
 
 
-def cells(record: Record) -> list[Any]:
+def cells(record: SweepRow) -> list[Any]:
     """A record as a row of those columns."""
-    return [*record["values"].values(), *(record[key] for key in ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason"))]
+    return [*record.values.values(), record.M_g_Nm, record.F_ior_arcsec, record.max_residual, record.reason]
 
 
 def exit_code(swept: Swept) -> int:
@@ -38,7 +38,7 @@ def exit_code(swept: Swept) -> int:
     return worst_exit_code(swept.exit_codes) if swept.end(True) is None else 0
 
 
-def to_json(swept: Swept, records: Iterable[Record]) -> Json:
+def to_json(swept: Swept, records: Iterable[SweepRow]) -> Json:
     """The sweep as a JSON object, with its rows."""
     sweep, drive = swept.sweep, swept.drive
     ends = {name: swept.end(greatest) for name, greatest in (("least", False), ("greatest", True))}
@@ -50,7 +50,7 @@ def to_json(swept: Swept, records: Iterable[Record]) -> Json:
             for k, axis in enumerate(sweep.axes)
         ],
         **{name: end and {"row": end[0], "F_ior_arcsec": end[1]} for name, end in ends.items()},
-        "rows": list(records),
+        "rows": list(map(asdict, records)),
         "rows_without_answer": swept.failed,
         "certificate": {"states": swept.states, "max_residual": swept.max_residual},
     }

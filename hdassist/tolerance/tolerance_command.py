@@ -49,10 +49,10 @@ def command(
     reached, 3 it is not, 6 more drives are needed to tell, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
     from hdassist.error.self_error import self_error
+    from hdassist.run.kept import Owner, open_kept
     from hdassist.terminal.runs import give
     from hdassist.tolerance.draw_options import require_limits
     from hdassist.tolerance.production import Production
-    from hdassist.tolerance.results import Header, open_results
     from hdassist.tolerance.stream import stream
     from hdassist.tolerance.summary import Summary, rooms
     from hdassist.tolerance.tolerance_page import answer
@@ -66,12 +66,12 @@ def command(
     own = [found.range_arcsec for found in self_error(drive, torques)]
     production = Production.of(drive, draws, torques, mounting=mounting, limits=rooms(limits, own))
     summary = Summary.of(torques, limits, own, positions=len(production.rotations), wanted=wanted)
-    header = Header(
-        command="tolerance", preset=drive.name, preset_sha256=drive.origin.sha256, seed=draws.seed,
-        options=production.told(),
+    owner = Owner(
+        command="tolerance", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=production.told(),
+        seed=draws.seed,
     )  # fmt: skip
     interrupted = False
-    with work.pools() as pool, open_results(results, header, force=options.force) as kept:
+    with work.pools() as pool, open_kept(results, owner, production.kind, force=options.force) as kept:
         summary.add(islice(kept.records(), count))
         if kept.done < count:
             with pool() as (executor, _), out.progress("table of the error", production.table_states) as progress:

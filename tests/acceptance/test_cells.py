@@ -87,7 +87,7 @@ def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Unanswere
         assert isinstance(was, Unanswered) and isinstance(now, Unanswered)
         assert differences(was, now) == []
         other = replace(now, error=replace(now.error, code=Fault.BUG))
-        assert [each.key for each in differences(was, other)] == ["error"]
+        assert "error.code" in [each.key for each in differences(was, other)]
 
 
 def test_a_limit_of_the_command_line_is_named_as_it_was_given() -> None:

@@ -13,15 +13,17 @@ from xml.dom.minidom import parseString
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from hdassist.acceptance import lot_runner as lotwork
+from hdassist.acceptance.answer import ANSWERS
 from hdassist.acceptance.command import FileOptions, Run
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot_command import accept_lot
 from hdassist.acceptance.request import Request
-from hdassist.terminal.files import held
+from hdassist.run.kept import Owner, RecordKind, open_kept
 from hdassist.terminal.options import FigureOptions
-from tests.process import CLEAN, COMMAND, SMALL, on_terminal, run
+from tests.process import CLEAN, COMMAND, SMALL, TINY, on_terminal, run
 from tests.rigs import drive_error, text
 
 TURNS = np.arange(30 * 60) / 60
@@ -37,6 +39,9 @@ STATED = ("--measured-only", "--budget", "encoder=0,coupling=0,reseating=0,tempe
 MEASURED = ("accept", "lot.csv", "--preset", SMALL, *STATED)
 
 
+FORM = ("item", "checksum")  # of kept work
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A lot with PASS, FAIL, INCONCLUSIVE and two broken rows, and a trace."""
@@ -50,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
 def untimed(value):
     if isinstance(value, dict):
         # a hint names files that are near by
-        return {key: untimed(inner) for key, inner in value.items() if key not in ("time", "hint")}
+        return {key: untimed(inner) for key, inner in value.items() if key not in (*FORM, "time", "hint")}
     if isinstance(value, float):
         return float(f"{value:.9g}")  # a process of its own may have other kernels of linear algebra
     return [untimed(inner) for inner in value] if isinstance(value, list) else value
@@ -91,7 +96,8 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert told["exit_code"] == 4
     assert told["lot"]["rows"] == 5
     assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1}
-    written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    owner, *written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    assert (owner["command"], owner["inputs"]) == ("accept", {"lot": told["lot"]["sha256"]})
     assert untimed(written) == untimed(told["results"])
     rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text(encoding="utf-8"))))
     assert [(row["serial"], row["verdict"]) for row in rows] == [
@@ -147,28 +153,28 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
         [*COMMAND, *args, "--csv", "a.csv"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
         begun = time.monotonic()
-        while not ((tmp_path / "a.jsonl").exists() and (tmp_path / "a.jsonl").stat().st_size):
+        while not ((tmp_path / "a.jsonl").exists() and (tmp_path / "a.jsonl").read_bytes().count(b"\n") > 1):
             assert time.monotonic() - begun < 120
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=120)
-    kept = (tmp_path / "a.jsonl").read_text().splitlines()
+    kept = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert process.returncode == 130
     assert 0 < len(kept) < 9
     assert f"{len(kept)} of 9 rows are kept in a.jsonl: the same command with --resume goes on" in said.decode()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.jsonl", "lot.csv", "run.csv"]
     with (tmp_path / "a.jsonl").open("a") as stream:
-        stream.write(kept[0][:200])  # a crash in the middle of a line
+        stream.write(kept[0].replace('"item":0', f'"item":{len(kept)}')[:200])  # a crash in the middle of a line
     result = run(*args, "--resume", "-q", cwd=tmp_path)
     assert f"a.jsonl: {len(kept)} of 9 rows are known" in result.stderr
     assert [line.split()[0] for line in result.stdout.splitlines()] == [f"d{n}" for n in range(9)]
-    lines = (tmp_path / "a.jsonl").read_text().splitlines()
+    lines = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert lines[: len(kept)] == kept
     assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(9)]
     code, _, told = here(*args, "--resume", "--seed", "1")
     assert code == 2
     assert "not one of its answers" in told
-    assert (tmp_path / "a.jsonl").read_text().splitlines() == lines
+    assert (tmp_path / "a.jsonl").read_text().splitlines()[1:] == lines
 
 
 def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
@@ -202,30 +208,88 @@ def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
 def test_a_kept_answer_that_was_changed_is_refused(folder, here):
     args = (*MEASURED, "--jsonl", "a.jsonl", "-q")
     assert here(*args)[0] == 4
-    first, second, *rest = (folder / "a.jsonl").read_text().splitlines()
+    owner, first, second, *rest = (folder / "a.jsonl").read_text().splitlines()
     assert json.loads(second)["verdict"] == "FAIL"
+    for old, new in (('"FAIL"', '"PASS"'), ('"value":55.0', '"value":54.0'), ('"value":55.0', '"value":Infinity')):
+        lines = [owner, first, second.replace(old, new), *rest]
+        (folder / "a.jsonl").write_text("\n".join(lines) + "\n")
+        for again in ((*args, "--resume"), ("accept", "--replay", "a.jsonl")):
+            code, out, said = here(*again)
+            assert (code, out) == (4, "")
+            assert "a.jsonl:3: invalid record: expected the checksum" in said
+        assert (folder / "a.jsonl").read_text().splitlines() == lines
+
+
+def test_a_kept_answer_that_does_not_follow_from_its_figures_is_refused_though_its_checksum_holds(folder, here):
+    args = (*MEASURED, "--jsonl", "a.jsonl", "-q")
+    assert here(*args)[0] == 4
+    first, second, *_ = (folder / "a.jsonl").read_text().splitlines()[1:]
     for change in (
         lambda told: told.update(verdict="PASS", exit_code=0),
         lambda told: told["checks"][0].update(verdict="PASS"),
         lambda told: told["checks"][0].update(value=28.0, margin=12.0),
         lambda told: told["checks"][0].update(expanded_uncertainty=30.0),
         lambda told: told["checks"][0].update(limit=60.0),
+        lambda told: told["checks"][0].update(code="NONE"),
         lambda told: told["rule"].update(measured="simple"),
+        lambda told: told.update(certificate=dict.fromkeys(("states", "max_residual"), 0)),
     ):
-        told = json.loads(second)
-        change(told)
-        lines = [first, json.dumps(told), *rest]
-        (folder / "a.jsonl").write_text("\n".join(lines) + "\n")
+        forge(folder / "a.jsonl", first, second, change)
         code, out, said = here(*args, "--resume")
         assert (code, out) == (4, "")
-        assert "error: a.jsonl: 17-2: " in said
-        assert "does not follow from" in said
-        assert (folder / "a.jsonl").read_text().splitlines() == lines
-    (folder / "a.jsonl").write_text(first + "\n" + second.replace('"value":55.0', '"value":Infinity') + "\n")
-    for again in ((*args, "--resume"), ("accept", "--replay", "a.jsonl")):
-        code, out, said = here(*again)
-        assert (code, out) == (4, "")
-        assert "a.jsonl:2: an answer is not whole: checks.0.value: Input should be a finite number" in said
+        assert "a.jsonl:3: invalid record: " in said
+
+
+def forge(file, first, second, change):
+    """Write two answers as kept work, the second one changed."""
+    told = [{key: value for key, value in json.loads(line).items() if key not in FORM} for line in (first, second)]
+    change(told[1])
+    with open_kept(str(file), Owner(command="accept", inputs={}), RecordKind(TypeAdapter(dict)), force=True) as kept:
+        kept.append(told)
+
+
+FORGED = {
+    "a limit and its margin": lambda told: told["checks"][0].update(limit=61.0, margin=told["checks"][0]["margin"] + 1),
+    "a value": lambda told: told["checks"][0].update(value=told["checks"][0]["value"] * (1 + 1e-4)),
+    "a guard": lambda told: told["checks"][0].update(guard=0.1),
+    "a reason": lambda told: told["checks"][0].update(reason="so"),
+    "a check twice": lambda told: told["checks"].append(told["checks"][0]),
+    "no check": lambda told: told["checks"].pop(),
+    "F'_ior of a trace": lambda told: told["measured"][0].update(F_ior_arcsec=12.0),
+    "the torque of a trace": lambda told: told["measured"][0].update(M_g_Nm=5.0),
+    "the rows of a trace": lambda told: told["measured"][0].update(rows=7),
+    "a residual": lambda told: told["certificate"]["residuals"].update(equilibrium=9e-9),
+    "states": lambda told: told["certificate"].update(states=10),
+    "a cross-check": lambda told: told["certificate"].update(
+        cross_check={"solver": "CLARABEL", "states": 9, "max_difference_arcsec": 0.0}
+    ),
+    "the seed": lambda told: told.update(seed=5),
+    "the solver": lambda told: told.update(solver="guessed"),
+    "the exit code": lambda told: told.update(exit_code=0),
+    "a remark": lambda told: told.update(remarks=told["remarks"][1:]),
+    "the margin": lambda told: told["rule"].update(prediction_margin_percent=11.0),
+    "the serial": lambda told: told.update(serial="17-2"),
+    "a warning": lambda told: told.update(warnings=["x"]),
+}
+
+
+def test_replay_compares_the_whole_answer(folder, here):
+    error = drive_error(np.random.default_rng(3), 30)(TURNS[:480])
+    (folder / "run.csv").write_text(text([360 * TURNS[:480], error], "cam_deg,error_arcsec"))
+    limits = ("--limit", "F_ior@4=60", "--limit", "self_error@4=60", "--set", "acceptance.margin=10")
+    asked = ("accept", TINY, *limits, "--measured", "4:run.csv", "--serial", "17-1", "--fail-on", "warn", "--jobs", "1")
+    code, out, _ = here(*asked, "--json")
+    assert code == 3  # for its remarks
+    answers = [json.loads(out)]
+    for change in FORGED.values():
+        answers.append(json.loads(out))
+        change(answers[-1])
+    (folder / "all.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers}))
+    code, out, _ = here("accept", "--replay", "all.json", "--jobs", "1", "--json")
+    assert code == 3
+    found = json.loads(out)["results"]
+    assert [one["agrees"] for one in found] == [True, *[False] * len(FORGED)], list(FORGED)
+    assert [each["key"] for each in found[1]["differences"]] == ["limit", "margin"]
 
 
 @pytest.mark.parametrize(
@@ -274,14 +338,14 @@ def test_two_runs_do_not_write_the_same_answers(folder):
     args = (*MEASURED, "--jsonl", "a.jsonl", "--resume")
     assert run(*args, cwd=folder).returncode == 4  # a broken row
     before = (folder / "a.jsonl").read_bytes()
-    with held(str(folder / "a.jsonl")):
+    with open_kept(str(folder / "a.jsonl"), Owner(command="accept", inputs={}), ANSWERS, any_inputs=True):
         second = run(*args, cwd=folder)
     assert second.returncode == 2
     assert second.stdout == ""
     assert "a.jsonl is being written by another run" in second.stderr
     assert (folder / "a.jsonl").read_bytes() == before
     assert run(*args, cwd=folder).returncode == 4
-    assert len((folder / "a.jsonl").read_text().splitlines()) == 5
+    assert len((folder / "a.jsonl").read_text().splitlines()) == 6
 
 
 @pytest.mark.parametrize(
@@ -290,8 +354,8 @@ def test_two_runs_do_not_write_the_same_answers(folder):
 def test_a_file_that_is_none_of_ours_is_not_resumed_on(folder, text):
     (folder / "a.jsonl").write_text(text)
     done = run(*MEASURED, "--jsonl", "a.jsonl", "--resume", cwd=folder)
-    assert (done.returncode, done.stdout) == (4, "")
-    assert "no answer of hdassist accept" in done.stderr
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "a.jsonl exists, and holds no work that hdassist has kept" in done.stderr
     assert (folder / "a.jsonl").read_text() == text
 
 

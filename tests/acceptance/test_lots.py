@@ -391,9 +391,11 @@ def test_differences_are_those_beyond_the_tolerance(told):
     assert not differences(told[0], with_value(1 + 0.5 * RELATIVE * scale))
     (found,) = differences(told[0], with_value(1 + 2 * RELATIVE * scale))
     assert (found.check, found.key) == ("F_IOR 4.0", "value")
-    keys = [(one.check, one.key) for one in differences(told[0], told[3])]
-    assert keys[:2] == [("", "verdict"), ("", "error")]
-    assert (("F_IOR 4.0", "check")) in keys
+    verdict, error = differences(told[0], told[3])
+    assert (verdict.recorded, verdict.now, error.recorded) == ("PASS", "BROKEN", None)
+    assert error.now == told[3].error.message
+    (found,) = differences(told[0], replace(told[0], checks=told[0].checks[:-1]))
+    assert (found.check, found.key) == (f"{told[0].checks[-1].code} {told[0].checks[-1].M_g_Nm}", "check")
 
 
 def test_a_line_that_breaks_off_is_left_out(tmp_path, told):

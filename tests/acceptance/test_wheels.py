@@ -11,9 +11,10 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.acceptance.accept import accept
+from hdassist.acceptance.answer import ANSWERS
 from hdassist.acceptance.decision import limits_of
 from hdassist.readers.wheels import WheelFiles
-from hdassist.terminal.files import held
+from hdassist.run.kept import Owner, open_kept
 from tests.process import TINY, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
@@ -100,7 +101,7 @@ def test_rows_have_wheels_of_their_own(folder):
     )
     done = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--csv", "a.csv", cwd=folder)
     assert done.returncode == 0
-    told = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    told = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()[1:]]
     alone = [
         json.loads(run("accept", TINY, *LIMITS, *args, "--json", cwd=folder).stdout)
         for args in (FILES, (), ("--pitch-b", "b.csv", "--mark-b", "120"))
@@ -145,14 +146,14 @@ def test_a_lot_from_standard_input(folder):
     ]  # fmt: skip
     for place in ("<stdin>:4:11: preset", "<stdin>:5:8: pitch_b"):
         assert f"{place}: a row cannot read standard input (got -; name a file)" in done.stderr
-    told = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
+    told = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()[1:]]
     (folder / "lot.csv").write_text(LOT)
     for mine, theirs in zip(
         told,
         run("accept", "lot.csv", *asked[2:], "--jsonl", "-", cwd=folder).stdout.splitlines(),
         strict=True,
     ):
-        same = {"time", "place", "error"}
+        same = {"time", "place", "error", "item", "checksum"}
         assert {k: v for k, v in mine.items() if k not in same} == {
             k: v for k, v in json.loads(theirs).items() if k not in same
         }
@@ -161,7 +162,7 @@ def test_a_lot_from_standard_input(folder):
     assert "a.jsonl: 2 of 4 rows are known" in again.stderr
     replayed = run("accept", "--replay", "a.jsonl", "-q", cwd=folder)
     assert (replayed.returncode, replayed.stdout) == (0, "2 agrees, 2 left out\n")
-    with held(str(folder / "a.jsonl")):
+    with open_kept(str(folder / "a.jsonl"), Owner(command="accept", inputs={}), ANSWERS, any_inputs=True):
         locked = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
     assert (locked.returncode, "being written by another run" in locked.stderr) == (2, True)
 

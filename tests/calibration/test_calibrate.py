@@ -1,15 +1,15 @@
 """Values found from targets: hidden ones are recovered, and what the targets cannot know is said."""
 
-import json
+from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from hdassist import load_preset
 from hdassist.calibration.calibrate import calibrate
-from hdassist.calibration.evaluations import Evaluations
+from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
 from hdassist.calibration.page import to_json, warnings
 from hdassist.calibration.quantities import FINE, MEDIUM, ROUGH, Quantities
 from hdassist.calibration.shortfall import holding, in_the_way
@@ -17,7 +17,8 @@ from hdassist.calibration.targets import read_targets
 from hdassist.design.trace_page import figures
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
-from hdassist.errors import DataError, UntrustedError
+from hdassist.errors import DataError, UntrustedError, UsageError
+from hdassist.run.kept import RecordKind, open_kept
 from hdassist.terminal.answers import csv_text
 from tests.process import SMALL
 
@@ -131,83 +132,61 @@ def test_a_fit_that_does_not_come_to_rest_says_what_it_misses(cheap, monkeypatch
         calibrate(drive_of(), far, Evaluations(drive_of(), far), budget=8, starts=ONE)
 
 
+@contextmanager
+def state_of(drive, targets, file):
+    with open_kept(str(file), evaluations_owner(drive, targets), evaluations_kind(targets)) as kept:
+        yield Evaluations(drive, targets, kept=kept)
+
+
 def test_a_state_file_is_gone_on_with(cheap, tmp_path):
     file = tmp_path / "state.jsonl"
-    first = Evaluations(drive_of(), cheap, file=file)
-    one = calibrate(drive_of(), cheap, first, budget=32, starts=ONE, seed=5)
+    with state_of(drive_of(), cheap, file) as first:
+        one = calibrate(drive_of(), cheap, first, budget=32, starts=ONE, seed=5)
     text = file.read_text()
     # stopped in the middle of a line
     file.write_text(text[: len(text) // 2])
-    second = Evaluations(drive_of(), cheap, file=file)
-    assert 0 < second.remembered < first.computed
-    two = calibrate(drive_of(), cheap, second, budget=32, starts=ONE, seed=5)
+    with state_of(drive_of(), cheap, file) as second:
+        assert 0 < second.remembered < first.computed
+        two = calibrate(drive_of(), cheap, second, budget=32, starts=ONE, seed=5)
     assert second.computed < first.computed
     assert two.fits == one.fits
-    third = Evaluations(drive_of(), cheap, file=file)
-    assert calibrate(drive_of(), cheap, third, budget=32, starts=ONE, seed=5).fits == one.fits
+    with state_of(drive_of(), cheap, file) as third:
+        assert calibrate(drive_of(), cheap, third, budget=32, starts=ONE, seed=5).fits == one.fits
     assert third.computed == 0
 
 
 def test_a_state_of_something_else_is_refused(cheap, tmp_path):
     file = tmp_path / "state.jsonl"
-    Evaluations(drive_of(), cheap, file=file)
-    with pytest.raises(DataError, match="another preset"):
-        Evaluations(drive_of("gears.j_n=5"), cheap, file=file)
-    file.write_text("{}\n[]\n")
-    with pytest.raises(DataError, match="not the state"):
-        Evaluations(drive_of(), cheap, file=file)
-    assert json.loads(file.read_text().splitlines()[0]) == {}
-
-
-FOREIGN = {
-    "a preset": Path(SMALL).read_bytes(),
-    "no end of line": b"name: drive",
-    "two lines, the last without an end": b'{"schema": "hdassist.calibration-state/2"}\nnot mine',
-    "nothing": b"",
-    "no text": b"\xff\xfe\x00\n\x00",
-    "numbers": b"1\n2\n3",
-}
-
-
-@pytest.mark.parametrize("kind", FOREIGN)
-def test_a_file_that_is_no_state_is_refused_and_left_as_it_is(cheap, tmp_path, kind):
-    file = tmp_path / "mine.txt"
-    file.write_bytes(FOREIGN[kind])
-    with pytest.raises(DataError, match="not the state of a calibration"):
-        Evaluations(drive_of(), cheap, file=file)
-    assert file.read_bytes() == FOREIGN[kind]
+    with state_of(drive_of(), cheap, file):
+        before = file.read_bytes()
+    for drive, targets, words in (
+        (drive_of("gears.j_n=5"), cheap, "options.set"),
+        (drive_of(), targets_of(drive_of(), ["quantity: K_1, value: 100, tolerance: 1"]), "inputs.targets"),
+    ):
+        with pytest.raises(UsageError, match=words), state_of(drive, targets, file):
+            pass
+    assert file.read_bytes() == before
 
 
 @pytest.mark.parametrize(
-    "damage",
+    ("change", "why"),
     [
-        lambda lines: [*lines, "{"],
-        lambda lines: [*lines, lines[1].replace('"off":[', '"off":[NaN,')],
-        lambda lines: [lines[0], lines[1].replace('"level":"rough"', '"level":"exact"'), *lines[2:]],
-        lambda lines: [lines[0].replace("{", '{"more":1,', 1), *lines[1:]],
-        lambda lines: [lines[0].replace("state/1", "state/2"), *lines[1:]],
+        ({"values": [9.3]}, "expected values of 2 unknowns, off 2 targets"),
+        ({"off": [0.5, 0.5, 0.5]}, "expected values of 2 unknowns, off 2 targets"),
+        ({"values": [15.5, 4.4e-5]}, "gears.j_n: expected 0 to 15"),
+        ({"values": [9.3, 4.4]}, "contact.c_t: expected 1e-05 to 0.0002"),
+        ({"off": ["0.5", 0.5]}, "off.0: Input should be a valid number"),
+        ({"level": "exact"}, "level: Input should be 'rough' or 'medium'"),
     ],
 )
-def test_a_damaged_state_is_refused_and_left_as_it_is(cheap, tmp_path, damage):
+def test_a_drive_that_cannot_have_been_computed_is_refused(cheap, tmp_path, change, why):
     file = tmp_path / "state.jsonl"
-    Evaluations(drive_of(), cheap, file=file).off([(9.3, 4.4e-5)], "rough")
-    lines = damage(file.read_text().splitlines())
-    file.write_text("\n".join([*lines, "", "cut off in the mid"]))
-    before = file.read_bytes()
-    with pytest.raises(DataError, match="not the state of a calibration"):
-        Evaluations(drive_of(), cheap, file=file)
-    assert file.read_bytes() == before
-
-
-def test_the_state_of_another_preset_is_left_as_it_is(cheap, tmp_path):
-    file = tmp_path / "state.jsonl"
-    Evaluations(drive_of(), cheap, file=file)
-    with file.open("a") as stream:
-        stream.write('{"level":"rou')
-    before = file.read_bytes()
-    with pytest.raises(DataError, match="another preset"):
-        Evaluations(drive_of("gears.j_n=5"), cheap, file=file)
-    assert file.read_bytes() == before
+    entry = {"level": "rough", "values": [9.3, 4.4e-5], "off": [0.5, 0.5]}
+    with open_kept(str(file), evaluations_owner(drive_of(), cheap), RecordKind(TypeAdapter(dict))) as kept:
+        kept.append([entry, {**entry, **change}])
+    with pytest.raises(DataError) as refused, state_of(drive_of(), cheap, file):
+        pass
+    assert refused.value.message == f"{file}:3: invalid record: {why}"
 
 
 def test_nothing_computable_is_an_error(cheap):

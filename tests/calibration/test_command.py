@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 
 from hdassist import load_preset
-from hdassist.terminal.files import held
+from hdassist.run.kept import Owner, RecordKind, open_kept
 from tests.process import SMALL, run
 from tests.tutorial import require_told, told_by
 
@@ -82,14 +84,36 @@ def test_wrong_usage(folder):
 
 
 def test_two_runs_do_not_share_a_state_file(tmp_path):
-    targets = tmp_path / "targets.yaml"
-    targets.write_text(TARGETS)
+    (tmp_path / "rig.yaml").write_text(TARGETS)
     state = tmp_path / "state.jsonl"
-    with held(str(state)):
-        done = run("calibrate", SMALL, "--targets", str(targets), "--state", str(state))
+    with open_kept(str(state), Owner(command="calibrate", inputs={}), RecordKind(TypeAdapter(dict))):
+        before = state.read_bytes()
+        done = run("calibrate", SMALL, "--targets", "rig.yaml", "--state", "state.jsonl", *QUICK, cwd=tmp_path)
     assert done.returncode == 2
     assert "state.jsonl is being written by another run" in done.stderr
-    assert not state.exists()
+    assert state.read_bytes() == before
+
+
+def test_a_trace_that_was_measured_again_has_a_state_of_its_own(tmp_path):
+    target = "  - {quantity: trace, M_g: 4, file: run.csv, tolerance: 1}"
+    (tmp_path / "rig.yaml").write_text("\n".join([*TARGETS.splitlines()[:-1], target]))
+    args = ("calibrate", SMALL, "--targets", "rig.yaml", "--state", "state.jsonl", "--jobs", "1", "-q")
+    args = (*args, "--evaluations", "8", "--set", "operation.M_g=4")
+    curve = [9 * math.sin(math.radians(cam)) for cam in range(0, 360, 20)]
+    write_curve(tmp_path / "run.csv", curve)
+    first = run(*args, cwd=tmp_path)
+    before = (tmp_path / "state.jsonl").read_bytes()
+    assert run(*args, cwd=tmp_path).stdout == first.stdout
+    write_curve(tmp_path / "run.csv", [2 * value for value in curve])
+    done = run(*args, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "state.jsonl holds the work of another run: inputs.trace run.csv: " in done.stderr
+    assert (tmp_path / "state.jsonl").read_bytes() == before
+
+
+def write_curve(path, values):
+    rows = "".join(f"{20 * k},{value:.4f}\n" for k, value in enumerate(values))
+    path.write_text(f"cam_deg,error_arcsec\n{rows}")
 
 
 @pytest.mark.slow  # .ci/run runs it

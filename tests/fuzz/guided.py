@@ -23,7 +23,7 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.acceptance.limit_parser import LimitText
     from hdassist.acceptance.lot import read_lot
     from hdassist.acceptance.request import Request
-    from hdassist.calibration.evaluations import Evaluations
+    from hdassist.calibration.evaluations import evaluations_kind
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import HdassistError
     from hdassist.loading.load import load_text
@@ -33,6 +33,7 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.mounting.trial import read_trial
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace
+    from hdassist.run.kept import read_kept
 
 from tests.fuzz import mutate
 from tests.fuzz.inputs import MOST_MEMORY, MOST_SECONDS
@@ -83,7 +84,7 @@ READERS: dict[str, Callable[[bytes], object]] = {
     "lot": lambda data: read_lot(str(_as_file("lot.csv", data)), Request("drive.yaml")),
     "options": _options,
     "replay": lambda data: read_answers(str(_as_file("answers.json", data))),
-    "state": lambda data: Evaluations(THE_DRIVE, WANTED, None, _as_file("state.jsonl", data)),
+    "state": lambda data: read_kept(data, "state.jsonl", evaluations_kind(WANTED)),
 }
 SEEDS: dict[str, tuple[str, ...]] = {
     "preset": presets(), "targets": (TARGETS,), "trace": tuple(text for text, _ in TRACES),

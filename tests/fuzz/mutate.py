@@ -6,6 +6,7 @@ All of it is drawn from the generator that is given: the same seed, the same inp
 from __future__ import annotations
 
 import codecs
+import hashlib
 import json
 import re
 from collections.abc import Callable
@@ -255,6 +256,28 @@ def json_text(given: str, rng: Rng) -> bytes:
     if rng.random() < 0.35:
         told = text(told, rng)
     return data(_encoded(told), rng)
+
+
+def kept_text(given: str, rng: Rng) -> bytes:
+    """Kept work with lines changed, taken away, doubled or put elsewhere, under numbers and checksums that hold."""
+    lines = [json.loads(line) for line in given.splitlines()]
+    for line in lines:
+        del line["checksum"]
+    at = int(rng.integers(len(lines)))
+    if rng.random() < 0.7:
+        lines[at] = tree(lines[at], rng)
+    else:
+        changed = "\n".join(map(json.dumps, lines))
+        for _ in range(int(rng.integers(1, 4))):
+            changed = pick(rng, (_on_lines(_double), _on_lines(_drop)))(changed, rng)
+        lines = [json.loads(line) for line in changed.split("\n") if line]
+    above, sealed = "", []
+    for item, line in enumerate(lines, -1):
+        numbered = line | {"item": item} if isinstance(line, dict) and "item" in line else line
+        text = json.dumps(numbered, separators=(",", ":"))
+        above = hashlib.sha256((above + text).encode()).hexdigest()[:16]
+        sealed.append(f'{text[:-1]},"checksum":"{above}"}}\n')
+    return data("".join(sealed).encode(), rng)
 
 
 def table_text(given: str, rng: Rng) -> bytes:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from typer.main import get_command
 
-from hdassist.calibration.evaluations import Entry, Evaluations
+from hdassist.calibration.evaluations import Evaluation, evaluations_kind, evaluations_owner
 from hdassist.calibration.targets import read_targets
 from hdassist.cli.main import app
 from hdassist.loading.load import load_text
 from hdassist.loading.write import new_preset
+from hdassist.run.kept import open_kept
 from tests.fuzz import mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick
@@ -29,12 +30,16 @@ JOBS = ("--jobs", "1")
 
 @dataclass(frozen=True)
 class Input:
-    """A command line, the files of the folder that it runs in, and those of them that it may write to."""
+    """A command line, the files of the folder that it runs in, and those of them that it may write to.
+
+    sound: of kept work that was edited, the text before: of anything but its beginning not a word may be believed.
+    """
 
     kind: str
     args: Args
     files: Files
     kept: Args = ()
+    sound: dict[str, str] = field(default_factory=dict)
 
 
 DRIVE = preset({**toothed(30), "operation.M_g": [1.0], "acceptance.F_ior": {"1": 60}})  # solved in 0.2 s
@@ -133,10 +138,33 @@ def state() -> str:
         (folder / "run.csv").write_bytes(LOADED["run.csv"])
         drive = load_text(DRIVE, "drive.yaml")
         wanted = read_targets(TARGETS.encode(), str(folder / "targets.yaml"), drive)
-        known = Evaluations(drive, wanted, None, folder / "state.jsonl")
-        for k in range(4):
-            known._write(Entry(level="rough", values=(k, 5e3 + k), off=(0.5, 0.25, k, *[0.125] * 181)))
+        owner, kind = evaluations_owner(drive, wanted), evaluations_kind(wanted)
+        with open_kept(str(folder / "state.jsonl"), owner, kind) as kept:
+            kept.append(Evaluation("rough", (k, 5e3 + k), (0.5, 0.25, k, *[0.125] * 181)) for k in range(4))
         return (folder / "state.jsonl").read_text()
+
+
+RUNS: tuple[Args, ...] = (
+    ("tolerance", "drive.yaml", "-n", "4", "--results", "kept.jsonl", *JOBS),
+    ("sweep", "drive.yaml", "--vary", "gears.x_b=1.2:4:4", "-o", "kept.jsonl", *JOBS),
+)
+
+
+@cache
+def results(args: Args) -> str:
+    """A file of results of a command."""
+    with TemporaryDirectory() as name:
+        (Path(name) / "drive.yaml").write_text(DRIVE)
+        done = run(*args, cwd=name)
+        assert done.returncode == 0, done.stderr
+        return (Path(name) / "kept.jsonl").read_text()
+
+
+def _kept(kind: str, args: Args, files: Files, file: str, given: str, rng: Rng) -> Input:
+    """A command that goes on with kept work: edited as anyone may, or with checksums that hold."""
+    if rng.random() < 0.5:
+        return Input(kind, args, files | {file: mutate.json_text(given, rng)}, (file,), {file: given})
+    return Input(kind, args, files | {file: mutate.kept_text(given, rng)}, (file,))
 
 
 def preset_input(rng: Rng) -> Input:
@@ -204,24 +232,21 @@ def replay_input(rng: Rng) -> Input:
 
 def kept_input(rng: Rng) -> Input:
     args = ("accept", "lot.csv", "--jsonl", "kept.jsonl", "--resume", *MEASURED)
-    changed = mutate.json_text(pick(rng, answers()) if rng.random() < 0.15 else answers()[0], rng)
-    return Input("kept", args, LOADED | {"lot.csv": LOT.encode(), "kept.jsonl": changed}, ("kept.jsonl",))
+    files = LOADED | {"lot.csv": LOT.encode()}
+    if rng.random() < 0.15:
+        changed = mutate.json_text(pick(rng, answers()), rng)
+        return Input("kept", args, files | {"kept.jsonl": changed}, ("kept.jsonl",), {"kept.jsonl": answers()[0]})
+    return _kept("kept", args, files, "kept.jsonl", answers()[0], rng)
 
 
 def state_input(rng: Rng) -> Input:
-    args = (
-        "calibrate",
-        "drive.yaml",
-        "--targets",
-        "targets.yaml",
-        "--state",
-        "state.jsonl",
-        "--evaluations",
-        "8",
-        *JOBS,
-    )
-    files = LOADED | {"targets.yaml": TARGETS.encode(), "state.jsonl": mutate.json_text(state(), rng)}
-    return Input("state", args, files, ("state.jsonl",))
+    args = ("calibrate", "drive.yaml", "--targets", "targets.yaml", "--state", "state.jsonl", "--evaluations", "8")
+    return _kept("state", (*args, *JOBS), LOADED | {"targets.yaml": TARGETS.encode()}, "state.jsonl", state(), rng)
+
+
+def results_input(rng: Rng) -> Input:
+    args = pick(rng, RUNS)
+    return _kept("results", args, {"drive.yaml": DRIVE.encode()}, "kept.jsonl", results(args), rng)
 
 
 def options_input(rng: Rng) -> Input:
@@ -310,4 +335,5 @@ def _name(rng: Rng) -> str:
 KINDS: dict[str, Callable[[Rng], Input]] = {
     "preset": preset_input, "targets": targets_input, "trace": trace_input, "pitch": pitch_input, "lot": lot_input,
     "options": options_input, "replay": replay_input, "kept": kept_input, "state": state_input,
+    "results": results_input,
 }  # fmt: skip

@@ -17,11 +17,13 @@ from xml.dom.minidom import parseString
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
 from hdassist.mounting import card_render
 from hdassist.reporting import render as report_render
 from hdassist.reporting.blocks import Figure, Paragraph, Report, Section, Table, Tile
 from hdassist.reporting.charts import Dot, chart
+from hdassist.run.kept import Owner, RecordKind, open_kept
 from tests.advices import advice_of, card
 from tests.process import TINY, on_terminal, run
 from tests.test_visible import EVERY_HIDDEN, hidden
@@ -150,10 +152,12 @@ def test_a_sweep(word: str) -> None:
         say(*asked, "--csv", rows, "-o", kept)
         assert json.loads(read(kept).splitlines()[0])["preset"] == "a" + word
         assert "the teeth do not reach" in read(rows)
-        Path(kept).write_text(read(kept).replace('"set":["', f'"set":[{json.dumps(word)},"'), encoding="utf-8")
-        assert "of another run: options.set" in say(*asked, "-o", kept)[1]
+        other = Owner(command="sweep", inputs={}, options={"set": [word]})
+        with open_kept(kept, other, RecordKind(TypeAdapter(dict)), force=True):
+            pass
+        assert "options.set" in say(*asked, "-o", kept)[1]
         write(Path(kept), [[word]])
-        assert "holds no results" in say(*asked, "-o", kept)[1]
+        assert "holds no work that hdassist has kept" in say(*asked, "-o", kept)[1]
 
 
 @hostile

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import DataError, UsageError
-from hdassist.terminal.files import add_line, held, require_writable, write_text
+from hdassist.terminal.files import require_writable, write_text
 
 
 def test_a_file_is_written_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -96,35 +96,9 @@ def test_a_device_is_written_to_and_not_replaced() -> None:
 def test_a_pipe_that_nobody_reads_is_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    for refused in (lambda: write_text(str(pipe), "x", force=False), lambda: add_line(str(pipe), "x")):
-        with pytest.raises(DataError, match="nobody reads the pipe"):
-            refused()
+    with pytest.raises(DataError, match="nobody reads the pipe"):
+        write_text(str(pipe), "x", force=False)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     write_text(str(pipe), "x", force=False)
-    add_line(str(pipe), "y")
-    assert os.read(reader, 9) == b"xy\n"
+    assert os.read(reader, 9) == b"x"
     os.close(reader)
-
-
-def test_a_file_is_held_by_one_run_at_a_time(tmp_path: Path) -> None:
-    path = tmp_path / "a.jsonl"
-    with held(str(path)):
-        with pytest.raises(UsageError, match=r"a\.jsonl is being written by another run"), held(str(path)):
-            pass
-        assert [item.name for item in tmp_path.iterdir()] == ["a.jsonl.lock"]
-    assert list(tmp_path.iterdir()) == []
-    (tmp_path / "a.jsonl.lock").touch()  # left by a run that was killed
-    with held(str(path)), held(str(tmp_path / "b.jsonl")), held(None), held("/dev/null"):
-        pass
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_lock_is_the_file_s_by_whatever_link_it_is_named(tmp_path: Path) -> None:
-    (tmp_path / "link").symlink_to(tmp_path / "a.jsonl")
-    with held(str(tmp_path / "link")), pytest.raises(UsageError), held(str(tmp_path / "a.jsonl")):
-        pass
-
-
-def test_a_lock_that_cannot_be_written_is_a_data_error(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="cannot write"), held(str(tmp_path / "nowhere/a.jsonl")):
-        pass

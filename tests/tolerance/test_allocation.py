@@ -7,7 +7,7 @@ from hdassist import Drive, load_preset
 from hdassist.model.unknown import pitch_deviation
 from hdassist.preset.fields import CostLaw
 from hdassist.tolerance.allocation import Allocator, Tolerance, _cheapest, loosest, tolerances
-from hdassist.tolerance.production import Production, Record
+from hdassist.tolerance.production import Production, RandomDrive
 from hdassist.tolerance.scatter import Draws, scatters
 from tests.process import SMALL
 
@@ -27,7 +27,7 @@ def production(oval: Drive) -> Production:
     return found.drawing(draws)
 
 
-def proven(production: Production, count: int) -> list[Record]:
+def proven(production: Production, count: int) -> list[RandomDrive]:
     return production.records(0, count)
 
 
@@ -40,7 +40,7 @@ def test_laws_come_from_the_preset_or_are_assumed(oval: Drive) -> None:
 
 
 def test_a_linear_drive_has_the_tolerances_that_lagrange_finds(oval: Drive, production: Production) -> None:
-    here = production.records(0, 1)[0]["F_ior_arcsec"][0]
+    here = production.records(0, 1)[0].F_ior_arcsec[0]
     room = 0.9 * here  # so a_g2 + a_b2 = 0.36 um, and 4/a_g2 + 1/a_b2 is least where a_g2 = 2 a_b2
     found = Allocator(production, [room], 0.95, proven, 20).cheapest(turned=False)
     assert found.fits
@@ -51,7 +51,7 @@ def test_a_linear_drive_has_the_tolerances_that_lagrange_finds(oval: Drive, prod
 
 
 def test_what_cannot_be_reached_is_told_with_the_least_tolerances(production: Production) -> None:
-    here = production.records(0, 1)[0]["F_ior_arcsec"][0]
+    here = production.records(0, 1)[0].F_ior_arcsec[0]
     found = Allocator(production, [0.05 * here], 0.95, proven, 20).cheapest(turned=False)
     assert not found.fits
     assert found.tried.share == 0
@@ -59,7 +59,7 @@ def test_what_cannot_be_reached_is_told_with_the_least_tolerances(production: Pr
 
 
 def test_where_anything_passes_tolerances_are_as_loose_as_they_may_be(production: Production) -> None:
-    here = production.records(0, 1)[0]["F_ior_arcsec"][0]
+    here = production.records(0, 1)[0].F_ior_arcsec[0]
     found = Allocator(production, [10 * here], 0.95, proven, 20).cheapest(turned=False)
     assert found.fits
     assert dict(found.values) == pytest.approx({"harmonics.a_g2": 0.4, "harmonics.a_b2": 0.4}, rel=0.01)
@@ -89,7 +89,7 @@ def test_wheels_of_whole_classes_cost_more_and_still_pass() -> None:
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", "tolerances.e_hb=0"])
     draws = Draws(scatters(drive, "fixed", known=["phases.xi_g", "phases.xi_b"]), 0)
     production = Production.of(drive, loosest(drive, draws), (4.0,), mounting=False).tabled().drawing(draws)
-    room = production.records(0, 1)[0]["F_ior_arcsec"][0]
+    room = production.records(0, 1)[0].F_ior_arcsec[0]
     allocator = Allocator(production, [room], 0.95, proven, 20)
     free = allocator.cheapest(turned=False)
     whole = allocator.in_classes(free)

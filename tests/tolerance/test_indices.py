@@ -80,7 +80,7 @@ def test_two_ovalities_share_the_error_as_a_linear_drive_has_it(small: Drive) ->
     oval = small.with_values(none | {"harmonics.a_g2": 0.2, "harmonics.a_b2": 0.1})
     design = Design.of(oval, Draws(scatters(oval, "uniform"), 1), 64)
     production = Production.of(oval, design, (4.0,), mounting=False).tabled()
-    F_ior = np.array([record["F_ior_arcsec"] for record in production.records(0, design.total)])
+    F_ior = np.array([record.F_ior_arcsec for record in production.records(0, design.total)])
     (found,) = indices(design, F_ior)
     assert dict(zip([name for name, _ in design.groups], found.first, strict=True)) == pytest.approx(
         {"harmonics.a_g2": 0.8, "harmonics.a_b2": 0.2}, abs=0.04

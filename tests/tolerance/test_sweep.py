@@ -12,6 +12,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,7 @@ def few():
 
 def test_rows_go_through_the_grid_with_the_last_field_and_then_the_torque_fastest(few):
     sweep, records, _ = few
-    rows = [(*record["values"].values(), record["M_g_Nm"]) for record in records]
+    rows = [(*record.values.values(), record.M_g_Nm) for record in records]
     assert rows == [(x_b, e_hb, M_g) for x_b in (1.6, 4.0) for e_hb in (30.0, 60.0) for M_g in (1.0, 4.0)]
     assert sweep.shape == (2, 2, 2)
 
@@ -57,39 +58,39 @@ def test_a_row_says_what_check_says(few):
     _, records, _ = few
     answer = json.loads(run("check", SMALL, "--set", "tolerances.e_hb=60", "--torque", "4", "--json").stdout)
     point = answer["operating_points"][0]
-    assert records[3]["values"] == {"gears.x_b": 1.6, "tolerances.e_hb": 60.0}
-    assert records[3]["F_ior_arcsec"] == pytest.approx(point["F_ior_arcsec"], abs=1e-9)
-    assert records[3]["max_residual"] < 1e-9
+    assert records[3].values == {"gears.x_b": 1.6, "tolerances.e_hb": 60.0}
+    assert records[3].F_ior_arcsec == pytest.approx(point["F_ior_arcsec"], abs=1e-9)
+    assert records[3].max_residual < 1e-9
 
 
 def test_a_searched_row_says_what_the_full_cycle_says(few, monkeypatch):
     sweep, records, _ = few
     monkeypatch.setattr("hdassist.tolerance.sweep.worth_searching", lambda _: True)
     (found,) = sweep(3, 4)
-    assert found["states"] < records[3]["states"]
-    assert found["F_ior_arcsec"] == pytest.approx(records[3]["F_ior_arcsec"], abs=1e-6)
+    assert found.states < records[3].states
+    assert found.F_ior_arcsec == pytest.approx(records[3].F_ior_arcsec, abs=1e-6)
 
 
 def test_rolling_balls_are_swept_too():
     ball = ("bearing.ball_motion=rolling", "bearing.d_ball=2.4", "numerics.n_beta=4")
     sweep, _ = sweep_of("tolerances.e_hb=30", overrides=ball)
-    assert sweep(1, 2)[0]["F_ior_arcsec"] > 0
+    assert sweep(1, 2)[0].F_ior_arcsec > 0
 
 
 def test_a_row_without_a_drive_stays_with_its_reason(few):
     _, records, swept = few
-    assert all(record["reason"] is None for record in records[:4])
+    assert all(record.reason is None for record in records[:4])
     for record in records[4:]:
-        assert record["reason"].startswith("gears.x_b: ")
-        assert record["F_ior_arcsec"] is None
-        assert record["exit_code"] == 4
+        assert record.reason.startswith("gears.x_b: ")
+        assert record.F_ior_arcsec is None
+        assert record.exit_code == 4
     assert swept.failed == 4
     assert swept.states == 4 * 1860
 
 
 def test_what_moves_it_most_is_told_along_one_field_alone(few):
     _, records, swept = few
-    values = [record["F_ior_arcsec"] for record in records[:4]]
+    values = [record.F_ior_arcsec for record in records[:4]]
     assert swept.effect(0) is None  # no two rows that differ in nothing else have an answer
     assert swept.effect(1) == max(abs(values[2] - values[0]), abs(values[3] - values[1]))
     assert swept.end(False) == (int(np.argmin(values)), min(values))
@@ -99,8 +100,8 @@ def test_what_moves_it_most_is_told_along_one_field_alone(few):
 def test_a_window_that_was_too_narrow_is_widened_and_said():
     sweep, drive = sweep_of("numerics.window=8,40", overrides=("operation.M_g=[4]",))
     swept = collect(sweep, drive, records := sweep(0, 2))
-    assert records[0]["window_deg"] > 8
-    assert records[1]["window_deg"] == 40
+    assert records[0].window_deg > 8
+    assert records[1].window_deg == 40
     assert any("1 rows were computed in a wider flank window" in text for text in swept.warnings)
 
 
@@ -122,7 +123,9 @@ def test_json_has_rows_ends_and_effects(tmp_path):
     kept = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
     assert told["schema"] == "hdassist.sweep/1"
     assert told["vary"] == [{"field": "gears.x_b", "unit": "", "values": [1.8, 4.0], "effect_arcsec": None}]
-    assert [{"item": k, **row} for k, row in enumerate(told["rows"])] == kept[1:]
+    assert [{"item": k, **row} for k, row in enumerate(told["rows"])] == [
+        {key: value for key, value in row.items() if key != "checksum"} for row in kept[1:]
+    ]
     assert told["least"] == told["greatest"] == {"row": 0, "F_ior_arcsec": kept[1]["F_ior_arcsec"]}
     assert told["rows_without_answer"] == 1
     assert kept[0]["options"] == {"vary": ["gears.x_b=1.8,4"], "set": ["operation.M_g=[4.0]"]}
@@ -241,3 +244,63 @@ def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path, options):
     assert err[said.end() :] in ("", "interrupted\n")
     assert int(said[1]) <= rows_of(file)
     assert not Path(f"/proc/{worker}").exists()
+
+
+@needs_proc
+@pytest.mark.parametrize("change", [Path.unlink, lambda file: os.truncate(file, 50)])
+def test_a_file_that_is_removed_or_cut_while_it_is_written_is_no_success(tmp_path, change):
+    file = tmp_path / "rows.jsonl"
+    with begun(file) as process:
+        change(file)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (4, "")
+    assert f"{file} was removed, replaced or cut during this run" in err
+    assert "wrote" not in err
+
+
+EDITS = {
+    "half": lambda text: text.replace('"F_ior_arcsec":', '"F_ior_arcsec":0.5', 1),
+    "no number": lambda text: re.sub(r'"F_ior_arcsec":[\d.]+', '"F_ior_arcsec":NaN', text),
+    "a proof of nothing": lambda text: re.sub(r'"max_residual":[\d.e-]+', '"max_residual":0.9', text, count=1),
+    "bodies swapped": lambda text: re.sub(
+        r'(\{"item":1,)(.*)\n(\{"item":2,)(.*)\n', lambda m: f"{m[1]}{m[4]}\n{m[3]}{m[2]}\n", text
+    ),
+    "a NUL": lambda text: text.replace('"item":1', '"it\0em":1'),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_a_row_that_was_changed_is_refused(tmp_path, whole, edit):
+    (tmp_path / "rows.jsonl").write_text(changed := EDITS[edit](whole.decode()))
+    done = run("sweep", SMALL, *GRID, "--jobs", "1", "-o", "rows.jsonl", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (4, "")
+    assert re.search(r"rows\.jsonl:[23]: invalid record", done.stderr)
+    assert (tmp_path / "rows.jsonl").read_text() == changed
+
+
+@pytest.mark.parametrize(
+    ("row", "change", "why"),
+    [
+        (0, {"values": {"gears.x_b": 1.7, "tolerances.e_hb": 30.0}}, "expected values and torque of row 0"),
+        (1, {"M_g_Nm": 5.0}, "expected values and torque of row 1"),
+        (0, {"F_ior_arcsec": None}, "expected F_ior_arcsec with its proof, or a reason"),
+        (0, {"states": 0}, "expected F_ior_arcsec with its proof, or a reason"),
+        (0, {"reason": "none"}, "expected F_ior_arcsec with its proof, or a reason"),
+        (4, {"exit_code": 1}, "exit_code: expected 0 with an answer, 4 or 5 without one"),
+        (0, {"exit_code": 4}, "exit_code: expected 0 with an answer, 4 or 5 without one"),
+        (8, {}, "expected 8 rows"),
+    ],
+)
+def test_a_row_that_cannot_be_is_refused(few, row, change, why):
+    sweep, records, _ = few
+    assert [sweep.kind.fault(k, record) for k, record in enumerate(records)] == [""] * 8
+    assert sweep.kind.fault(row, replace(records[row % 8], **change)) == why
+
+
+def test_a_residual_beyond_its_tolerance_is_no_proof(few):
+    sweep, records, _ = few
+    fields = asdict(records[0])
+    assert sweep.kind.adapter.validate_python(fields) == records[0]
+    for change in ({"max_residual": 0.9}, {"max_residual": -1.0}, {"F_ior_arcsec": -1.0}, {"F_ior_arcsec": "2"}):
+        with pytest.raises(ValueError, match="Input should be"):
+            sweep.kind.adapter.validate_python({**fields, **change})

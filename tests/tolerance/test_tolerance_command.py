@@ -1,6 +1,7 @@
 """hdassist tolerance: what it says, keeps, goes on from, and refuses."""
 
 import json
+import re
 import signal
 import subprocess
 import time
@@ -157,3 +158,22 @@ def test_what_cannot_be_meant_is_refused(arguments: tuple[str, ...], code: int, 
     assert done.returncode == code, done.stderr
     assert told in done.stderr
     assert not done.stdout
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (r'"F_ior_arcsec":\[(\d)', r'"F_ior_arcsec":[0.\1'),
+        (r'"F_ior_arcsec":\[', '"F_ior_arcsec":[-'),
+        (r'"max_residual":[\d.e-]+', '"max_residual":0.9'),
+        (r'"refused":null', '"refused":"x"'),
+        (r'"item":0', '"item":0,"more":1'),
+        (r'"best_rotation_deg":[\d.]+', '"best_rotation_deg":Infinity'),
+    ],
+)
+def test_a_drive_that_was_changed_is_refused(kept: Path, tmp_path: Path, old: str, new: str) -> None:
+    file = tmp_path / "r.jsonl"
+    file.write_text(re.sub(old, new, kept.read_text(), count=1))
+    done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file))
+    assert (done.returncode, done.stdout) == (4, "")
+    assert f"{file}:2: invalid record: expected the checksum" in done.stderr

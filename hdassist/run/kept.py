@@ -1,0 +1,369 @@
+"""Work kept in a file, from which the same command goes on: one form of JSON Lines for all commands.
+
+The first line is the owner: which command made the records, from which inputs. Each line below is a record: its number
+(item, from 0), its fields, and the checksum of this line and of that above it, so that no line can be changed, moved,
+doubled or taken out from between others. A record that does not hold is refused with its line; a last line that a
+killed run has not finished is dropped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Annotated, Any, Generic, Literal, TypeVar
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from hdassist.errors import DataError, Fault, UsageError
+from hdassist.textfile import PART, in_place_of, is_file, is_there
+from hdassist.version import __version__
+from hdassist.visible import printable
+
+SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
+LONGEST = 1 << 26  # bytes of a line
+PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
+_SEAL = b',"checksum":"'
+_DIGITS = 16  # of a checksum
+
+Number = Annotated[float, Field(strict=True)]
+Magnitude = Annotated[float, Field(strict=True, ge=0)]
+Count = Annotated[int, Field(strict=True, ge=0)]
+RecordT = TypeVar("RecordT")
+
+
+class ClosedRecord:
+    """What stands in a file of ours: nothing but its fields, and finite numbers."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Owner(ClosedRecord):
+    """What decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
+
+    preset: name of the drive, empty where there are several.
+    """
+
+    schema: Literal["hdassist.kept/1"] = SCHEMA
+    version: str = __version__
+    command: str
+    preset: str = ""
+    inputs: Mapping[str, str]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+
+    def require_same(self, now: Owner, path: str, *, any_inputs: bool) -> None:
+        """Raise UsageError, with what differs, where the records of a file are not those of the owner now."""
+        before, after = (_flat(json.loads(json.dumps(asdict(owner)))) for owner in (self, now))
+        differences = [
+            f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
+            for key in sorted(before.keys() | after.keys())
+            if before.get(key) != after.get(key) and not (any_inputs and key.startswith("inputs."))
+        ]
+        if differences:
+            raise UsageError(f"{path} holds the work of another run: {'; '.join(differences)}", _OTHER_FILE)
+
+
+_OWNER = TypeAdapter(Owner)
+_OTHER_FILE = "name another file, or remove this one"
+
+
+@dataclass(frozen=True)
+class RecordKind(Generic[RecordT]):
+    """What the records of a file are.
+
+    adapter: their type, closed and of finite numbers; fault: why a record cannot be the item of a number, empty where
+    it can.
+    """
+
+    adapter: TypeAdapter[RecordT]
+    fault: Callable[[int, RecordT], str] = lambda _item, _record: ""
+
+    def line(self, item: int, record: RecordT, above: bytes) -> bytes:
+        """A record as its line; above, the checksum of the line above it."""
+        return _sealed({"item": item, **self.adapter.dump_python(record, mode="json")}, above)
+
+    def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[RecordT, bytes]]:
+        """Records with their lines; a last one that is not finished is left out.
+
+        Arguments: lines below the owner; above, the owner's checksum; name of the file. Raises DataError: a record
+        that does not hold.
+        """
+        for item, line in enumerate(lines):
+            try:
+                fields, above = _unsealed(line, above)
+                if fields.pop("item", None) != item:
+                    raise ValueError(f"expected item {item}")
+                record = self.adapter.validate_python(fields)
+                if fault := self.fault(item, record):
+                    raise ValueError(fault)
+            except (ValueError, RecursionError) as error:
+                if _is_unfinished(line, b'{"item":%d,' % item):
+                    return
+                hint = "it was changed or damaged; without this line and all below it the same command goes on"
+                raise DataError(f"{name}:{item + 2}: invalid record: {_why(error)}", hint) from None
+            yield record, line
+
+
+class Kept(Generic[RecordT]):
+    """An open file of records; done, how many it has. Made by `open_kept`."""
+
+    def __init__(self, path: str | None, descriptor: int, owner: Owner, kind: RecordKind[RecordT]) -> None:
+        self.done = 0
+        self._path, self._descriptor, self._owner, self._kind = path, descriptor, owner, kind
+        self._size = self._begin = 0
+        self._checksum = self._first = b""
+
+    def append(self, records: Iterable[RecordT]) -> None:
+        """Write the records of the next items; when this returns they outlast a loss of power.
+
+        Raises DataError: they cannot be written, or the file is not what this run has written.
+        """
+        lines, checksum = [], self._checksum
+        for item, record in enumerate(records, self.done):
+            lines.append(self._kind.line(item, record, checksum))
+            checksum = _checksum_of(lines[-1])
+        self._write(b"".join(lines))
+        self.done, self._checksum = self.done + len(lines), checksum
+
+    def records(self) -> Iterator[RecordT]:
+        """The records that are there, in the order of the items. Raises DataError: one that does not hold."""
+        read = self._kind.read(_lines(self._descriptor, self._begin), self._first, str(self._path))
+        for _ in range(self.done):
+            record, _ = next(read, (None, b""))
+            if record is None:
+                raise self._lost()
+            yield record
+
+    def rewrite(self, records: Iterable[RecordT]) -> None:
+        """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
+        assert self._path is not None
+        with _writing(self._path), in_place_of(self._path) as beside:
+            fresh = Kept(str(beside), _locked(str(beside)), self._owner, self._kind)
+            fresh.begin()
+            fresh.append(records)
+        os.close(self._descriptor)
+        self._descriptor, self._begin, self._size = fresh._descriptor, fresh._begin, fresh._size
+        self.done, self._first, self._checksum = fresh.done, fresh._first, fresh._checksum
+
+    def require_there(self) -> None:
+        """Raise DataError unless the file of this name is still the one that this run writes, and nothing is cut."""
+        if self._path is None:
+            return
+        with suppress(OSError):
+            there = Path(self._path).stat()
+            if os.path.samestat(there, os.fstat(self._descriptor)) and there.st_size >= self._size:
+                return
+        raise self._lost()
+
+    def _lost(self) -> DataError:
+        words = f"{self._path} was removed, replaced or cut during this run"
+        return DataError(words, "run the command again, and leave the file to it", Fault.FILE_UNWRITABLE)
+
+    def begin(self) -> None:
+        """Empty the file, and write the owner."""
+        self._cut(0)
+        line = _sealed(asdict(self._owner), b"")
+        self._write(line)
+        self._begin, self._first = len(line), _checksum_of(line)
+        self._checksum = self._first
+
+    def take_up(self, *, any_inputs: bool) -> None:
+        """Count the records that are there, and drop a last line that is not finished.
+
+        any_inputs: whether they may come from other inputs than this run's. Raises UsageError: they are of another
+        run, or none of ours; DataError: one that does not hold.
+        """
+        name = str(self._path)
+        first = next(_lines(self._descriptor, 0), b"")
+        if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
+            return self.begin()  # nothing, or what a run that was killed has begun to write
+        found, above = _owner_of(first, name)
+        found.require_same(self._owner, name, any_inputs=any_inputs)
+        self._begin = self._size = len(first)
+        self._first = self._checksum = above
+        for _, line in self._kind.read(_lines(self._descriptor, self._begin), above, name):
+            self.done, self._size, self._checksum = self.done + 1, self._size + len(line), _checksum_of(line)
+        if os.fstat(self._descriptor).st_size > self._size:
+            self._cut(self._size)
+        return None
+
+    def _cut(self, size: int) -> None:
+        with _writing(self._path):
+            os.ftruncate(self._descriptor, size)
+        self._size = size
+
+    def _write(self, data: bytes) -> None:
+        self.require_there()
+        with _writing(self._path, "" if self._path is None else "the same command goes on behind what is kept"):
+            left = memoryview(data)
+            while left:
+                left = left[os.write(self._descriptor, left) :]
+            if self._path is not None:
+                os.fsync(self._descriptor)
+        self._size += len(data)
+
+
+@contextmanager
+def open_kept(
+    path: str | None, owner: Owner, kind: RecordKind[RecordT], *, force: bool = False, any_inputs: bool = False
+) -> Iterator[Kept[RecordT]]:
+    """A file to which records are added, behind those that a run before it has left there; one run at a time holds it.
+
+    Arguments: path, None for a file without a name that goes when it is closed; owner of this run; kind of its records;
+    force, whether whatever is there is replaced; any_inputs, whether records from other inputs are taken up as well,
+    because each says what it comes from. Raises UsageError: the file holds anything else than the work of this owner,
+    or another run writes it; DataError: it cannot be written, has a record that does not hold, or is removed or cut
+    while it is written.
+    """
+    kept = Kept(path, _locked(path), owner, kind)
+    try:
+        if force:
+            kept.begin()
+        else:
+            kept.take_up(any_inputs=any_inputs)
+        yield kept
+        kept.require_there()
+    finally:
+        os.close(kept._descriptor)  # and with it the lock
+
+
+def read_kept(data: bytes, name: str, kind: RecordKind[RecordT]) -> list[RecordT] | None:
+    """Records of a file that is only read; None where it is not of this form. Raises DataError as `open_kept` does."""
+    lines = BytesIO(data)
+    try:
+        _, above = _owner_of(lines.readline(), name)
+    except UsageError:
+        return None
+    return [record for record, _ in kind.read(lines, above, name)]
+
+
+def _locked(path: str | None) -> int:
+    """Descriptor of a file, held until it is closed or this process ends, in any way.
+
+    Raises UsageError: another run holds it; DataError: it cannot be opened.
+    """
+    import fcntl
+
+    if path is None:
+        with _writing(path), tempfile.TemporaryFile() as file:
+            return os.dup(file.fileno())
+    if is_there(path) and not is_file(path):
+        raise DataError(f"{path} is no file that work can be kept in", "name a file")
+    begun = time.monotonic()
+    while True:
+        with _writing(path):
+            descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
+        try:
+            with _writing(path):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(descriptor), Path(path).stat()):
+                    return descriptor
+        except BlockingIOError:
+            if time.monotonic() - begun > PATIENCE:
+                words = f"{path} is being written by another run"
+                raise UsageError(words, "wait for it to end, or name another file") from None
+            time.sleep(0.05)
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+@contextmanager
+def _writing(path: str | None, hint: str = "") -> Iterator[None]:
+    """Raise DataError, with a hint, for what the system says of a file; BlockingIOError, that of a lock, as it is."""
+    try:
+        yield
+    except BlockingIOError:
+        raise
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+        name = "a temporary file" if path is None else path or "a file without a name"
+        words = f"cannot write {name}: {getattr(error, 'strerror', None) or error}"
+        raise DataError(words, hint, Fault.FILE_UNWRITABLE) from None
+
+
+def _lines(descriptor: int, at: int) -> Iterator[bytes]:
+    """Lines of a file from a place on, each with its end; one that is longer than any of ours breaks off."""
+    rest = b""
+    while part := os.pread(descriptor, PART, at):
+        at += len(part)
+        *whole, rest = (rest + part).split(b"\n")
+        yield from (line + b"\n" for line in whole)
+        if len(rest) > LONGEST:
+            break
+    if rest:
+        yield rest
+
+
+def _is_unfinished(line: bytes, begin: bytes) -> bool:
+    """Whether a line is the start of one that begins so: zeros stand where power was lost before data came to disk."""
+    start = line.rstrip(b"\0")[: len(begin)]
+    return not line.endswith(b"\n") and len(line) <= LONGEST and begin.startswith(start)
+
+
+def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
+    """A JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
+    text = printable(json.dumps(fields, ensure_ascii=True, allow_nan=False, separators=(",", ":"))).encode()
+    return text[:-1] + _SEAL + _digest(text, above) + b'"}\n'
+
+
+def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
+    """Fields and checksum of a line. Raises ValueError: the checksum is not that of the line."""
+    text, _, _ = line.rpartition(_SEAL)
+    checksum = _checksum_of(line)
+    if line != text + _SEAL + checksum + b'"}\n' or checksum != _digest(text + b"}", above):
+        raise ValueError("expected the checksum of this line and of that above it")
+    fields: dict[str, Any] = json.loads(text + b"}")
+    return fields, checksum
+
+
+def _checksum_of(line: bytes) -> bytes:
+    return line[-_DIGITS - 3 : -3]
+
+
+def _digest(text: bytes, above: bytes) -> bytes:
+    return hashlib.sha256(above + text).hexdigest()[:_DIGITS].encode()
+
+
+def _owner_of(line: bytes, name: str) -> tuple[Owner, bytes]:
+    """The owner in the first line of a file, and its checksum.
+
+    Raises UsageError: the file is not of this form; DataError: it is, and was changed.
+    """
+    if not line.startswith(b'{"schema":"%s",' % SCHEMA.encode()):
+        raise UsageError(f"{name} exists, and holds no work that hdassist has kept", _OTHER_FILE)
+    try:
+        fields, checksum = _unsealed(line, b"")
+        return _OWNER.validate_python(fields), checksum
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"{name}:1: invalid first line: {_why(error)}", "it was changed or damaged") from None
+
+
+def _why(error: Exception) -> str:
+    """What is wrong with a line: of a record, its first field at fault."""
+    if not isinstance(error, ValidationError):
+        return "nested too deep" if isinstance(error, RecursionError) else str(error)
+    first = error.errors(include_url=False)[0]
+    where, words = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
+    return f"{where}: {words}" if where else words
+
+
+def _flat(fields: dict[str, Any]) -> dict[str, Any]:
+    """Fields of an owner with those of its tables among them, by their path."""
+    tables = {f"{name}.{key}": value for name in ("inputs", "options") for key, value in fields.pop(name).items()}
+    return fields | tables
+
+
+def _short(value: Any) -> str:
+    text = printable(json.dumps(value))
+    return text if len(text) <= 60 else f"{text[:57]}..."
