@@ -17,7 +17,7 @@ from hdassist.error.search import CycleSearch, worth_searching
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import curve_of
-from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_left, measure
+from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_of, measure
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -171,7 +171,7 @@ def compare(
     apart, level, drift_terms = design.split(design.project(lambda rows: difference[rows, None])[:, 0])
     residual = difference - (level[found.bins.sweep] + design.drift_at(drift_terms, found.bins.travel))
     # a drift that the prediction has too, a beat that the record does not resolve, is none
-    slope = 0.0 if len(drift_terms) else drift_left(found.bins, residual, found.range.value)
+    slope = 0.0 if len(drift_terms) else drift_of(design, design.rest(difference[:, None])[:, 0], found.range.value)
     predicted = record.measured - apart
     curve = curve_of(apart, found.fit.orders, found.grid_turns)
     worst = int(np.abs(curve).argmax())
@@ -200,7 +200,7 @@ def compare(
         conclusion=conclude(now, singles, joint, mirrored=mirror is not None),
         mirror=mirror,
         certificate=solved.certificate + torus.certificate,
-        warnings=(DRIFT_LEFT.format(slope),) if slope else (),
+        warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
     )
 
 
