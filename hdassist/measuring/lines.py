@@ -9,6 +9,7 @@ Slow noise is not even but falls with the order: the side of the neighbours coun
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,12 +124,13 @@ def _settled(fit: TraceFit, orders: Array, degree: int, order: float) -> TraceFi
     """
     bins, told = fit.design.bins, 1 / fit.design.bins.span
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
-    trial = fit_orders(bins, orders, degree, np.append(fit.lines, order))
-    for _ in range(ROUNDS):
-        free = ~np.isin(trial.lines, fit.lines[held])
-        trial = fit_orders(bins, orders, degree, trial.lines + free * np.clip(_step(trial), -told / 2, told / 2))
-    if trial.unresolved.sum() <= fit.unresolved.sum():
-        return trial
+    with suppress(UntrustedError):  # it came to where an order is
+        trial = fit_orders(bins, orders, degree, np.append(fit.lines, order))
+        for _ in range(ROUNDS):
+            free = ~np.isin(trial.lines, fit.lines[held])
+            trial = fit_orders(bins, orders, degree, trial.lines + free * np.clip(_step(trial), -told / 2, told / 2))
+        if trial.unresolved.sum() <= fit.unresolved.sum():
+            return trial
     every = fit.orders
     gaps = np.diff(every) < 2 * APART * told
     places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - told / 2, every + told / 2])
