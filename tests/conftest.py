@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import settings
 
 from hdassist import Drive, load_preset
 
+os.environ["HDASSIST_STRICT"] = "1"  # a plot or a page that fails is a failure here
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 

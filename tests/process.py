@@ -28,7 +28,13 @@ TINY = str(Path(__file__).parent / "data/tiny.yaml")  # for what is said and don
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"  # of the small drive all else is given
 COMMAND = [sys.executable, "-m", "hdassist"]
 ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs
-CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}
+CLEAN = {
+    "PATH": os.environ["PATH"],
+    "LANG": "C.UTF-8",
+    "HOME": os.environ.get("HOME", "/"),
+    "PYTHONPATH": ROOT,
+    "HDASSIST_STRICT": "1",
+}
 CLEAN |= {name: text for name, text in os.environ.items() if name.startswith("OPENBLAS_")}  # the kernels numpy has here
 LONGEST = 240  # s of one process
 

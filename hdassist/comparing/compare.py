@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from hdassist.comparing.doubt import doubtful_waves
 from hdassist.comparing.findings import BY_CHANCE, TOLD, Conclusion, Explanation, conclude, explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
 from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Record, rms, solved_curve
-from hdassist.comparing.vectors import VECTORS
+from hdassist.comparing.vectors import VECTORS, with_vectors
 from hdassist.error.error_map import extremes_of
-from hdassist.error.waves import ErrorWaves
+from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import curve_of
-from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_left, measure
+from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_of, measure
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -158,10 +159,18 @@ def compare(
     found = measurement.directions[0]
     record = Record(found, torus, Kinematics.of(drive))
     free_start, free_zero = convention.start_deg is None, convention.zero_deg is None
-    fitter = VectorFitter(drive, record, torus, start=free_start, zero=free_zero)
-    base = fitter.base(alignment_of(trace, drive, convention))
+
+    def doubted(fit: VectorFit) -> Complex:
+        there = with_vectors(drive, fit.vectors, fit.free.vectors)
+        return doubtful_waves(there, M_g, torus, progress)
+
+    changes = doubtful_waves(drive, M_g, torus, progress)
+    sure = VectorFitter(drive, record, torus, start=free_start, zero=free_zero)
+    fitter, base = sure.doubting(changes, alignment_of(trace, drive, convention))
+    record = fitter.record
     now = explanation(base, base, record, drive)
-    singles, joint, mirror = _explanations(trace, drive, record, fitter, base, now)
+    others = {} if now.sufficient else _mirrored(trace, sure, changes, base)
+    singles, joint, mirror = _explanations(drive, fitter, base, now, others, doubted)
 
     # every range and every rest from solved states
     solved = _SolvedStates(drive, M_g)
@@ -170,7 +179,7 @@ def compare(
     apart, level, drift_terms = design.split(design.project(lambda rows: difference[rows, None])[:, 0])
     residual = difference - (level[found.bins.sweep] + design.drift_at(drift_terms, found.bins.travel))
     # a drift that the prediction has too, a beat that the record does not resolve, is none
-    slope = 0.0 if len(drift_terms) else drift_left(found.bins, residual, found.range.value)
+    slope = 0.0 if len(drift_terms) else drift_of(design, design.rest(difference[:, None])[:, 0], found.range.value)
     predicted = record.measured - apart
     curve = curve_of(apart, found.fit.orders, found.grid_turns)
     worst = int(np.abs(curve).argmax())
@@ -199,42 +208,57 @@ def compare(
         conclusion=conclude(now, singles, joint, mirrored=mirror is not None),
         mirror=mirror,
         certificate=solved.certificate + torus.certificate,
-        warnings=(DRIFT_LEFT.format(slope),) if slope else (),
+        warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
     )
 
 
 def _explanations(
-    trace: MeasuredTrace, drive: Drive, record: Record, fitter: VectorFitter, base: VectorFit, now: Explanation
+    drive: Drive,
+    fitter: VectorFitter,
+    base: VectorFit,
+    now: Explanation,
+    mirrored: Mapping[Swap, tuple[VectorFitter, VectorFit]],
+    doubted: Callable[[VectorFit], Complex],
 ) -> tuple[list[Explanation], Explanation | None, Mirror | None]:
-    """What would explain the difference: each vector alone, all together, or the file read the other way round."""
+    """What would explain the difference: each vector alone, all together, or the file read the other way round.
+
+    doubted: by what the waves of a drive with a fit's deviations change, see doubtful_waves.
+    """
+    record = fitter.record
     usual = now.chi_square <= now.freedom + np.sqrt(2 * now.freedom)
     if now.sufficient and usual and fitter.gains(base).max() < SCREEN * BY_CHANCE:
         return [], None, None
-    swapped, other = (None, base) if now.sufficient else _mirrored(trace, fitter, base)
-    if swapped and record.within_noise(other.chi_square, base.free.count):
-        return [], None, Mirror(swapped, fitter.left_arcsec(other))
+    mirror, other = None, base
+    if mirrored:
+        swapped, (reader, other) = min(mirrored.items(), key=lambda each: each[1][1].chi_square)
+        mirror = Mirror(swapped, reader.left_arcsec(other))
+        if record.within_noise(other.chi_square, base.free.count):
+            return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
     good = POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.polished(fit) if fit.chi_square <= good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
     fits[best] = fitter.profiled(fits[best])
+    fits[best] = fitter.bent(fits[best], doubted(fits[best]))
     singles = [explanation(fit, base, record, drive) for fit in fits]
-    least = min(MIRRORED * base.chi_square, *(single.chi_square for single in singles))
-    mirror = Mirror(swapped, fitter.left_arcsec(other)) if swapped and other.chi_square <= least else None
+    if other.chi_square > min(MIRRORED * base.chi_square, *(single.chi_square for single in singles)):
+        mirror = None
     if conclude(now, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
     together = fitter.joint(min(fits, key=lambda fit: fit.chi_square))
+    together = fitter.bent(together, doubted(together))
     return singles, explanation(together, base, record, drive), mirror
 
 
-def _mirrored(trace: MeasuredTrace, fitter: VectorFitter, base: VectorFit) -> tuple[Swap, VectorFit]:
-    """The file with its signs swapped: what is swapped, and the fit, of the way that fits best."""
+def _mirrored(
+    trace: MeasuredTrace, fitter: VectorFitter, changes: Complex, base: VectorFit
+) -> dict[Swap, tuple[VectorFitter, VectorFit]]:
+    """The file with its signs swapped: by what is swapped, the fit and who made it."""
     here = base.alignment
     ways: dict[Swap, Alignment] = {"cam_sense": replace(here, sense=-here.sense)}
     if not trace.sense:
         ways |= {"error_is": replace(here, sign=-here.sign), "both": replace(here, sign=-here.sign, sense=-here.sense)}
-    fits = {swapped: fitter.base(alignment) for swapped, alignment in ways.items()}
-    return min(fits.items(), key=lambda each: each[1].chi_square)
+    return {swapped: fitter.doubting(changes, alignment) for swapped, alignment in ways.items()}
 
 
 class _SolvedStates:

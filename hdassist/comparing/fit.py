@@ -19,6 +19,7 @@ from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
+DOUBTS = 2  # times the alignment is looked for with the model doubted at the one before
 STEP = 1.0  # of a vector's unit, of a difference quotient
 FARTHEST = 30.0  # of a vector's unit, or deg, of one step
 STEPS = 15
@@ -88,7 +89,7 @@ class VectorFitter:
     """Fits of one record with one drive; unknowns of the alignment are the same in all of them."""
 
     def __init__(self, drive: Drive, record: Record, torus: ErrorWaves, *, start: bool, zero: bool) -> None:
-        self._drive, self._record, self._torus = drive, record, torus
+        self._drive, self.record, self._torus = drive, record, torus
         self._start, self._zero = start, zero
         self._here = vectors_of(drive)
         self._blind = max(LEAST_BLIND, BLIND * float(np.abs(self._here).max()))
@@ -96,19 +97,50 @@ class VectorFitter:
     def base(self, alignment: Alignment) -> VectorFit:
         """The drive as it is, with the alignment fitted where that is asked for."""
         (waves,) = self._torus.waves([self._drive])
-        found, _ = scan(self._record, waves, alignment, start=self._start, zero=self._zero)
+        found, _ = scan(self.record, waves, alignment, start=self._start, zero=self._zero)
         return self._descend(self._here, found, (), POINTS)
+
+    def doubting(self, changes: Complex, alignment: Alignment) -> tuple[VectorFitter, VectorFit]:
+        """A fitter that doubts the model, and the drive as it is by it.
+
+        Arguments: changes of the drive's waves, see Record.doubting; they are taken at the alignment that fits best,
+        which is looked for anew with them.
+        """
+        (waves,) = self._torus.waves([self._drive])
+        fitter, fit = self, self.base(alignment)
+        for _ in range(DOUBTS if self._start or self._zero else 1):
+            record = self.record.doubting(waves, changes, fit.alignment)
+            fitter = VectorFitter(self._drive, record, self._torus, start=self._start, zero=self._zero)
+            fit = fitter.base(alignment)
+        return fitter, fit
+
+    def bent(self, fit: VectorFit, changes: Complex) -> VectorFit:
+        """A fit whose covariance has in it how far it moves with the model doubted at its own deviations.
+
+        changes: of the waves of the drive as the fit has it, see Record.doubting.
+        """
+        free = fit.free.vectors
+        (waves,) = self._waves([fit.vectors], free, POINTS)
+        record = self.record.doubting(waves, changes, fit.alignment)
+        fitter = VectorFitter(self._drive, record, self._torus, start=self._start, zero=self._zero)
+        other = fitter._descend(fit.vectors, fit.alignment, free, POINTS)
+        here, there = fit.alignment, other.alignment
+        turned = [(there.start - here.start, self._start), (there.zero - here.zero, self._zero)]
+        moved = other.vectors[list(free)] - fit.vectors[list(free)]
+        away = np.array([*_parts(moved), *(float(np.degrees(angle)) for angle, wanted in turned if wanted)])
+        away = fit.seen @ (fit.seen.T @ away)
+        return replace(fit, wide=fit.covariance() + np.outer(away, away))
 
     def left_arcsec(self, fit: VectorFit) -> float:
         """Rms of what a fit leaves within the orders [arcsec]."""
         (waves,) = self._waves([fit.vectors], fit.free.vectors, POINTS)
-        return rms(self._record.measured - self._record.predicted(waves, fit.alignment))
+        return rms(self.record.measured - self.record.predicted(waves, fit.alignment))
 
     def single(self, vector: int, base: VectorFit) -> VectorFit:
         """One vector changed, the others as they are; on a torus that is good enough to tell the good ones."""
         starts = self._starts(vector)
         waves = self._waves(starts, [vector], COARSE)
-        looks = [scan(self._record, w, base.alignment, start=self._start, zero=self._zero) for w in waves]
+        looks = [scan(self.record, w, base.alignment, start=self._start, zero=self._zero) for w in waves]
         best = int(np.argmin([chi for _, chi in looks]))
         if looks[best][1] > NEARER * looks[0][1]:
             return self._descend(self._here, base.alignment, (vector,), MIDDLE)
@@ -141,7 +173,7 @@ class VectorFitter:
         step = float(np.sqrt(fit.covariance()[row, row]))
         if step < SHARP:
             return fit
-        still = VectorFitter(self._drive, self._record, self._torus, start=False, zero=False)
+        still = VectorFitter(self._drive, self.record, self._torus, start=False, zero=False)
         found = [still._descend(fit.vectors, fit.alignment, vectors, MIDDLE)]
         for way in (1, -1):
             here = found[0]
@@ -214,7 +246,7 @@ class VectorFitter:
     def _left(self, vectors: Complex, alignment: Alignment, free: Sequence[int], points: int) -> tuple[Array, Complex]:
         """Whitened differences that are left, and the waves."""
         (waves,) = self._waves([vectors], free, points)
-        return self._record.whitened(self._record.measured - self._record.predicted(waves, alignment)), waves
+        return self.record.whitened(self.record.measured - self.record.predicted(waves, alignment)), waves
 
     def _slopes(self, vectors: Complex, alignment: Alignment, free: FreeParameters, waves: Complex) -> Array:
         """Whitened slopes by each unknown, shape (2 orders, unknowns), per unit and deg."""
@@ -226,12 +258,12 @@ class VectorFitter:
                     near.append(vectors.copy())
                     near[-1][k] += part
             found = self._waves(near, free.vectors, MIDDLE)
-            columns += list(self._record.predicted((found[1:] - found[0]) / STEP, alignment))
-        moved = np.radians(self._record.slopes(waves, alignment))
+            columns += list(self.record.predicted((found[1:] - found[0]) / STEP, alignment))
+        moved = np.radians(self.record.slopes(waves, alignment))
         columns += [column for column, wanted in zip(moved, (free.start, free.zero), strict=True) if wanted]
         if not columns:
-            return np.zeros((len(self._record.measured), 0))
-        return self._record.whitened(np.array(columns)).T
+            return np.zeros((len(self.record.measured), 0))
+        return self.record.whitened(np.array(columns)).T
 
     def _alike(self, vectors: Complex, free: FreeParameters) -> Array:
         """Directions among the unknowns that change nothing at all, orthonormal, shape (unknowns, ...).
@@ -239,7 +271,7 @@ class VectorFitter:
         To begin elsewhere is the same as to turn all vectors of a wheel: without effect where they all are free.
         """
         wanted = [place for place, fitted in enumerate((free.start, free.zero)) if fitted]
-        turns = np.stack([self._record.starts, -np.array(self._record.rates)], axis=1)[:, wanted]
+        turns = np.stack([self.record.starts, -np.array(self.record.rates)], axis=1)[:, wanted]
         held = [any(vectors[k] and k not in free.vectors for k in wheel) for wheel in WHEELS]
         columns = []
         for gauge in (null_space(turns[held]) if any(held) else np.eye(len(wanted))).T:

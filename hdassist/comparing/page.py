@@ -71,7 +71,7 @@ def verdict_line(result: Comparison) -> str:
     """The conclusion in a sentence."""
     kind, best = result.conclusion.kind, result.conclusion.best
     if kind == "agrees":
-        return "agrees: the difference is not clear of the noise; no change of the preset is called for"
+        return "agrees: noise and stiffnesses that are a little off explain it; no change of the preset is called for"
     if kind == "mirrored" and result.mirror:
         rms = f"{result.mirror.rms_arcsec:.2f} instead of {result.difference_rms_arcsec:.2f} arcsec rms"
         options = swapping_options(result)

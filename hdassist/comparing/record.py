@@ -6,6 +6,7 @@ measured one: whatever that cannot tell apart it cannot tell apart in either.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
 
 EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve counts as exact
+ROUGH = 0.03  # of each order: what else of a model may be wrong
 CHI_SQUARE_CLEAR = 4.0  # standard deviations of a chi-square
 STARTS = 72  # grid of starts, 5 deg
 STARTS_AND_ZEROS = 48  # of each where both are looked for
@@ -61,15 +63,16 @@ class OrderPair:
 class Record:
     """Coefficients of one direction of a measured trace, and of a model's waves at its angles.
 
-    measured: cosines, then sines, of the error as the file has it [arcsec], shape (2 orders,); covariance: of these,
-    shape (2 orders, 2 orders), with EXACT of the range.
+    measured: cosines, then sines, of the error as the file has it [arcsec], shape (2 orders,); covariance: of the
+    difference to a model's, shape (2 orders, 2 orders), with EXACT of the range.
     """
 
     def __init__(self, found: SweepResult, torus: ErrorWaves, kinematics: Kinematics) -> None:
         self.found, self.design = found, found.fit.design
         self.measured: Array = found.fit.coefficients
         floor = (EXACT * found.range.value) ** 2
-        self.covariance: Array = found.fit.factor @ found.fit.factor.T + floor * np.eye(len(self.measured))
+        self._noise: Array = found.fit.factor @ found.fit.factor.T + floor * np.eye(len(self.measured))
+        self.covariance = self._noise
         self._root = np.linalg.cholesky(self.covariance)
         rate_g, rate_b = (kinematics.teeth_fixed / z for z in (kinematics.z_g, kinematics.z_b))
         self.order = torus.k_g * rate_g + torus.k_b * rate_b  # times per cam turn that a wave goes by
@@ -82,6 +85,19 @@ class Record:
     def _waves(self, rows: slice) -> Array:
         angle = (2 * np.pi) * self.design.bins.turns[rows, None] * self.order
         return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+
+    def doubting(self, waves: Complex, changes: Complex, alignment: Alignment) -> Record:
+        """The record with a covariance that has a model's doubt in it.
+
+        Arguments: waves of the model, shape (waves,); changes of them by a standard deviation of each doubtful field,
+        shape (fields, waves); alignment, at which they are taken. ROUGH of each order is doubted beside these.
+        """
+        result = copy(self)
+        moved, own = self.predicted(changes, alignment), self.predicted(waves, alignment).reshape(2, -1)
+        size = np.tile((own**2).sum(axis=0) / 2, 2)
+        result.covariance = self._noise + moved.T @ moved + np.diag(ROUGH**2 * size)
+        result._root = np.linalg.cholesky(result.covariance)
+        return result
 
     def predicted(self, waves: Complex, alignment: Alignment) -> Array:
         """Coefficients of the file's error [arcsec] that waves of the torus give, shape (..., 2 orders)."""

@@ -34,13 +34,21 @@ class Gearing:
 class Coverage:
     """Cells of cam angle and output angle: as many as there are in the full cycle, and how many were visited.
 
-    In one direction the cam passes each of them once in a cycle. cam_deg, output_deg: size of a cell.
+    In one direction the cam passes each of them once in a cycle. A cell is visited that has a reading, or lies between
+    two that are near enough to follow the highest order. cam_deg, output_deg: size of a cell; step_deg: from reading to
+    reading, of the cam: how sparse the record is says nothing of how much it visited.
     """
 
     cells: int
     visited: int
     cam_deg: float
     output_deg: float
+    step_deg: float
+
+    @property
+    def cam_turns(self) -> float:
+        """Turns of the cam that were visited, each place of the cycle once."""
+        return self.visited * self.cam_deg / 360
 
     @property
     def share(self) -> float:
@@ -74,8 +82,13 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     return Gearing(ratio, doubled // 2 if doubled % 2 == 0 else doubled)
 
 
-def coverage(turns: Array, gearing: Gearing) -> Coverage:
-    """Coverage of a drive's full cycle by cam angles [turns] in one direction."""
+def coverage(turns: Array, readings: Array, gearing: Gearing) -> Coverage:
+    """Coverage of a drive's full cycle in one direction.
+
+    Arguments: turns, cam angles that lie between neighbouring readings; readings, cam angles as they were read; both in
+    turns.
+    """
     total = gearing.cycle * CELLS_PER_TURN
-    visited = len(np.unique(np.mod(np.floor(turns * CELLS_PER_TURN), total)))
-    return Coverage(total, visited, 360 / CELLS_PER_TURN, 360 / gearing.ratio)
+    cells = np.mod(np.floor(np.concatenate([turns, readings]) * CELLS_PER_TURN + ROUNDING), total)
+    step = 360 * float(np.median(np.abs(np.diff(readings))))
+    return Coverage(total, len(np.unique(cells)), 360 / CELLS_PER_TURN, 360 / gearing.ratio, step)

@@ -11,13 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.bins import Bins
 from hdassist.model.geometry import Array
 
+Indices = NDArray[np.int64]
 CHUNK = 8192  # rows of the design that stand in memory at once
 WORST_CONDITION = 1e8  # of the normal equations
 BINS_PER_COLUMN = 1.5
@@ -27,6 +30,8 @@ FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the
 FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
 FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
+APART = 0.75  # of the resolution: a line nearer to an order cannot be told from it
+MOMENTS = 3  # of where readings lie in their places
 NEIGHBOURS = 10.0  # bins: readings closer than that show what goes on from one to the next
 
 
@@ -155,6 +160,37 @@ class TraceFit:
         return np.asarray(np.sqrt((along**2).sum(axis=1)))
 
     @property
+    def groups(self) -> list[Indices]:
+        """Places of the orders, those together that the record does not tell from a line."""
+        line = np.isin(self.orders, self.lines)
+        near = np.diff(self.orders) < APART / self.design.bins.span
+        ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
+        return np.split(np.arange(len(self.orders)), ends)
+
+    @property
+    def unresolved(self) -> NDArray[np.bool_]:
+        """Whether an order stands in a group with others, shape (orders,)."""
+        return np.concatenate([np.full(len(own), len(own) > 1) for own in self.groups])
+
+    def wave(self, own: Indices) -> tuple[float, float, float, float]:
+        """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of what orders of some places make.
+
+        Of several: the amplitude of a wave of the same mean square over the record, and its mean order.
+        """
+        orders, pair = self.orders[own], np.concatenate([own, own + len(self.orders)])
+        coefficients, square = self.coefficients[pair], np.eye(len(pair))
+        a, b = coefficients[: len(own)], coefficients[len(own) :]
+        order = float(orders[0])
+        if len(own) > 1:
+            columns, weight = order_columns(self.design.bins.turns, orders), self.design.bins.weight
+            square = 2 * (columns.T * weight) @ columns / weight.sum()
+            slope = np.concatenate([orders * b, -orders * a])
+            order = float(np.sqrt(slope @ square @ slope / (coefficients @ square @ coefficients)))
+        amplitude = float(np.sqrt(coefficients @ square @ coefficients))
+        along = square @ coefficients / max(amplitude, 1e-300) @ self.factor[pair]
+        return order, amplitude, float(np.linalg.norm(along)), float(np.degrees(np.angle((a - 1j * b).sum())))
+
+    @property
     def noise_power(self) -> Array:
         """Power of the noise in cosine and sine of each order [arcsec^2], shape (orders,)."""
         cosine, sine = self.pair((self.factor**2).sum(axis=1))
@@ -199,6 +235,22 @@ def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None =
     return TraceFit(design, coefficients, factor, lines, level, drift, residual, correlated, unmodelled)
 
 
+def linear_drift(design: Design, residual: Array) -> tuple[float, float]:
+    """Linear drift over a record that residuals of a design show, and its standard uncertainty [arcsec].
+
+    It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as
+    a drift does not. Argument: residual, shape (bins,), of a design without drift.
+    """
+    bins = design.bins
+    own = design.rest(bins.travel[:, None] / design.reach)[:, 0]
+    square = float(bins.weight @ own**2)
+    slope = float((bins.weight * own) @ residual) / square
+    left = residual - slope * own
+    variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
+    correlated, _ = _memory(left, variance, design.columns, bins)
+    return slope, float(np.sqrt(variance * max(correlated, 1.0) / square))
+
+
 def _memory(residual: Array, variance: float, columns: int, bins: Bins) -> tuple[float, float]:
     """How many bins err together, and the size of what goes on from bin to bin [arcsec]."""
     size = len(residual)
@@ -226,12 +278,18 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
     places = np.floor(bins.turns * bins.per_turn).astype(np.int64)
     sizes = [int(np.ptp(places[bins.sweep == k])) + 1 for k in range(bins.sweeps)]
     length = 1 << int(np.ceil(np.log2(2 * max(sizes))))
+    off = bins.turns * bins.per_turn - places - 0.5  # of a reading from the middle of its place
+    turned = -2j * np.pi * np.arange(length // 2 + 1) / length
     power = np.zeros(length // 2 + 1)
     for index, size in enumerate(sizes):
         own = bins.sweep == index
-        line = np.zeros(size)
-        line[places[own] - places[own].min()] = (bins.weight * residual)[own]
-        power += np.abs(np.fft.rfft(line, length)) ** 2
+        at, values = places[own] - places[own].min(), (bins.weight * residual)[own]
+        transform = np.zeros(length // 2 + 1, complex)
+        for k in range(MOMENTS):  # exp(turned off) as a series: without it, even readings in uneven places have images
+            line = np.zeros(size)
+            line[at] = values * off[own] ** k
+            transform += turned**k / factorial(k) * np.fft.rfft(line, length)
+        power += np.abs(transform) ** 2
     power /= float((bins.weight**2).sum()) * variance
     return np.arange(1, len(power)) * bins.per_turn / length, power[1:]
 

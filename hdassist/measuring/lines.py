@@ -9,14 +9,14 @@ Slow noise is not even but falls with the order: the side of the neighbours coun
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
-from hdassist.measuring.bins import Bins
-from hdassist.measuring.fit import BINS_PER_COLUMN, TraceFit, distance, fit_orders, residual_power
+from hdassist.measuring.fit import APART, BINS_PER_COLUMN, TraceFit, distance, fit_orders, order_columns, residual_power
 from hdassist.model.geometry import Array
 
 FALSE_ALARM = 0.01  # of a record without lines
@@ -24,7 +24,7 @@ PROBED = 2.5  # places probed, over those that the record tells apart: a peak be
 NEIGHBOURHOOD = 32  # places told apart, on each side, that stand for the noise
 FEWEST = 2  # of them
 OWN = 1.5  # of the resolution, to either side: the line's own peak
-APART = 0.75  # of the resolution: nearer to an order a line is that order
+CLOSEST = 0.4  # of the resolution: no order is fitted nearer to another
 LOWEST = 3.0  # periods in the record: below, it drifts
 HIGHEST = 4.0  # times the highest order: beyond, averages over bins make lines smaller
 SMALLEST = 0.01  # of the greatest amplitude: a smaller line is left in the noise
@@ -49,7 +49,7 @@ def with_lines(fit: TraceFit, orders: Array, degree: int, finest: float) -> Trac
         if peak is None or peak.chance > FALSE_ALARM or peak.amplitude < SMALLEST * fit.amplitude.max():
             break
         try:
-            fit = _settled(bins, orders, degree, np.append(fit.lines, peak.order))
+            fit = _settled(fit, orders, degree, peak.order)
         except UntrustedError:  # too near to what was fitted
             break
     return fit
@@ -63,23 +63,32 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
         return None
     probes, power = residual_power(bins, fit.residual, variance)
     told = 1 / bins.span
+    each = bins.per_turn * bins.span / len(probes) / 2  # places told apart, for each probe
     free = (distance(probes, fit.orders) >= APART * told) & (probes <= highest)
-    probes, power = probes[free], power[free]
-    if not len(probes):
+    if not (free & (probes >= LOWEST * told)).any():
         return None
-    each = bins.per_turn * bins.span / len(free) / 2  # places told apart, for each probe
-    total = np.concatenate([[0.0], np.cumsum(power)])
+    place, tail = _least_likely(probes[free], power[free], power[free], told, each)
+    order = float(probes[free][place])
+    # in a short record side lobes of a line reach its neighbours: they are looked at without it
+    rest = fit.residual - _taken(fit, np.array([order]))[0][:, 0]
+    _, others = residual_power(bins, rest, variance)
+    near = np.abs(probes[free] - order) < OWN * told
+    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], told, each)
+    chance = PROBED * int(free.sum()) * each * float(np.exp(min(tail, alone)))
+    top = 2 * np.sqrt(power[free][place] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
+    return Peak(order, float(top), chance)
+
+
+def _least_likely(probes: Array, power: Array, others: Array, told: float, each: float) -> tuple[int, float]:
+    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours."""
+    total = np.concatenate([[0.0], np.cumsum(others)])
     reach, at = max(1, int(NEIGHBOURHOOD / each)), np.arange(len(probes))
     below, above = np.searchsorted(probes, probes - OWN * told), np.searchsorted(probes, probes + OWN * told)
     sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
     tail = np.max([_tail(power, total, first, last, each) for first, last in sides], axis=0)
-    known = probes >= LOWEST * told
-    if not known.any():
-        return None
-    best = int(np.where(known, tail, np.inf).argmin())
-    chance = PROBED * len(probes) * each * float(np.exp(tail[best]))
-    amplitude = 2 * np.sqrt(power[best] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
-    return Peak(float(probes[best]), float(amplitude), chance)
+    tail = np.where(probes >= LOWEST * told, tail, np.inf)
+    best = int(tail.argmin())
+    return best, float(tail[best])
 
 
 def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np.int64], each: float) -> Array:
@@ -94,17 +103,51 @@ def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np
     return np.asarray(np.where(places >= FEWEST, -places * np.log1p(ratio), 0.0))
 
 
-def _settled(bins: Bins, orders: Array, degree: int, lines: Array) -> TraceFit:
-    """A fit of orders and lines, the orders of the lines moved to where they fit best."""
-    fit = fit_orders(bins, orders, degree, lines)
-    centre, reach = float(bins.turns.mean()), 0.5 / bins.span
-    for _ in range(ROUNDS):
-        place = np.searchsorted(fit.orders, fit.lines)
-        a, b = (part[place] for part in fit.pair(fit.coefficients))
-        phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
-        slopes = (2 * np.pi) * (bins.turns - centre)[:, None] * (b * np.cos(phase) - a * np.sin(phase))
-        own = fit.design.rest(slopes)
-        weighted = own * bins.weight[:, None]
-        step = np.linalg.lstsq(weighted.T @ own, weighted.T @ fit.residual, rcond=None)[0]
-        fit = fit_orders(bins, orders, degree, fit.lines + np.clip(step, -reach, reach))
-    return fit
+def _taken(fit: TraceFit, orders: Array) -> tuple[Array, Array]:
+    """What a line of each order, by itself, takes of the residuals: curves, shape (bins, orders), and their squares."""
+    bins = fit.design.bins
+    own = fit.design.rest(order_columns(bins.turns, orders))
+    curves = np.empty((len(bins), len(orders)))
+    for k in range(len(orders)):
+        pair = own[:, [k, k + len(orders)]]
+        weighted = pair * bins.weight[:, None]
+        curves[:, k] = pair @ np.linalg.lstsq(weighted.T @ pair, weighted.T @ fit.residual, rcond=None)[0]
+    return curves, np.asarray(bins.weight @ curves**2)
+
+
+def _settled(fit: TraceFit, orders: Array, degree: int, order: float) -> TraceFit:
+    """A fit with one line more, the orders of the lines moved to where they fit best.
+
+    Where a line comes so near to a fitted order that the record does not tell them apart, it is put halfway between two
+    of them, or half the resolution beside one, where it takes most of the residuals: together they fit what is there,
+    and stand for it together. Raises UntrustedError where there is no room.
+    """
+    bins, told = fit.design.bins, 1 / fit.design.bins.span
+    held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
+    with suppress(UntrustedError):  # it came to where an order is
+        trial = fit_orders(bins, orders, degree, np.append(fit.lines, order))
+        for _ in range(ROUNDS):
+            free = ~np.isin(trial.lines, fit.lines[held])
+            trial = fit_orders(bins, orders, degree, trial.lines + free * np.clip(_step(trial), -told / 2, told / 2))
+        if trial.unresolved.sum() <= fit.unresolved.sum():
+            return trial
+    every = fit.orders
+    gaps = np.diff(every) < 2 * APART * told
+    places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - told / 2, every + told / 2])
+    places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST * told)])
+    if not len(places):
+        raise UntrustedError("no room for a line", "")
+    _, taken = _taken(fit, places)
+    return fit_orders(bins, orders, degree, np.append(fit.lines, places[int(taken.argmax())]))
+
+
+def _step(fit: TraceFit) -> Array:
+    """By how much the orders of the lines have to move to fit better, to first order, shape (lines,)."""
+    bins = fit.design.bins
+    place = np.searchsorted(fit.orders, fit.lines)
+    a, b = (part[place] for part in fit.pair(fit.coefficients))
+    phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
+    slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
+    own = fit.design.rest(slopes)
+    weighted = own * bins.weight[:, None]
+    return np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ fit.residual, rcond=None)[0])

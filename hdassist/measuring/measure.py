@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import hypot
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
 
 import numpy as np
 
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
-from hdassist.measuring.fit import BINS_PER_COLUMN, TraceFit, fit_orders
+from hdassist.measuring.fit import BINS_PER_COLUMN, Design, TraceFit, fit_orders, linear_drift
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import DEFAULT, WHOLE, MeasuredOrder, order_grid, order_table
 from hdassist.measuring.range import Range, ranges_of, visited_angles
+from hdassist.measuring.spikes import spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
     OF_THE_RANGE,
@@ -31,8 +32,11 @@ from hdassist.readers.trace import MeasuredTrace
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 SHORTEST = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
-DRIFT_LEFT = "a linear drift of {:.3g} arcsec over the record is left in (--drift linear)"
+DRIFT_LEFT = "linear drift of {:.3g} arcsec over the record left in (--drift linear), if it is no part of a slow order"
+DRIFT_OFF = "the cycle does not close: linear drift of {:.3g} arcsec taken off; with it the curve spans {:.1f} arcsec"
 DRIFTED = 0.05  # of F'_ior: a drift left in that is said
+DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
+BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 COARSE = 1 / 4  # of F'_ior: a step in time with the turns from which on the error is not told from it
 UNMODELLED = 1 / 5  # of F'_ior: error beyond the orders that is said
 
@@ -69,7 +73,9 @@ class SweepResult:
     @property
     def revolution_uncertainty_arcsec(self) -> float:
         """Combined standard uncertainty of the range within one cam turn: its own noise, the other sources alike."""
-        return hypot(self.revolution.spread, self.revolution.bias_uncertainty, combined(self.sources[OF_THE_RANGE:]))
+        own = self.revolution.spread, self.revolution.bias_uncertainty
+        drift = (self.sources[OF_THE_RANGE - 1].arcsec or 0.0) / self.bins.span
+        return hypot(*own, drift, combined(self.sources[OF_THE_RANGE:]))
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
@@ -90,7 +96,7 @@ class SweepResult:
     @property
     def lines(self) -> tuple[MeasuredOrder, ...]:
         """Lines that are none of the declared orders."""
-        return tuple(order for order in self.orders if order.per_cam_rev in self.fit.lines)
+        return tuple(order for order in self.orders if order.is_line)
 
     @property
     def is_bound(self) -> bool:
@@ -146,7 +152,7 @@ def measure(
     """
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
-    notes = list(trace.notes)
+    notes, warnings = list(trace.notes), []
     found: list[SweepResult] = []
     for sign in (0,) if together else (1, -1):
         sweeps = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
@@ -155,19 +161,37 @@ def measure(
             if sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
-        declared = _declared(trace, sweeps, orders, notes)
+        declared, finest = _declared(trace, sweeps, orders, notes)
         bins = bins_of(trace, sweeps, declared[-1])
+
         fit = _fit(bins, declared, gearing, DRIFTS[drift], notes)
-        if not together:
-            fit = with_lines(fit, fit.orders, DRIFTS[drift], _finest(trace, sweeps))
-        found.append(_sweep_result(sign, trace, sweeps, fit, gearing, drive, stated or {}, seed))
+        off = spikes(trace, sweeps, fit)
+        if len(off.rows):
+            rest = measure(
+                trace.without(off.rows), drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
+                together=together,
+            )  # fmt: skip
+            return replace(rest, trace=trace, warnings=(off.require_few(trace), *rest.warnings))
+        left = 0.0
+        if not together:  # a comparison looks for drift in the difference, and counts lines as noise
+            fit, left = _with_lines_or_drift(fit, finest)
+            if left and gearing and bins.span >= WHOLE * gearing.cycle:
+                warnings.append(DRIFT_OFF.format(left, float(np.ptp(fit.curve(bins.turns)))))
+                fit, left = _with_lines_or_drift(_fit(bins, declared, gearing, 1, notes), finest)
+            elif left:
+                warnings.append(DRIFT_LEFT.format(left))
+        result = _sweep_result(sign, trace, sweeps, fit, left, gearing, drive, stated or {}, seed)
+        if not fit.unmodelled < UNMODELLED * result.range.value:
+            size = f"{fit.unmodelled:.2g} arcsec"
+            warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
+        found.append(result)
     if not found:
         hint = "F'_ior is looked for over whole turns; is the angle that of the cam, and its unit right?"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
-    warnings = tuple(dict.fromkeys(text for each in found for text in _warnings(each)))
     reversal = _reversal(*found) if len(found) == 2 else None
     found.sort(key=lambda each: -each.range.value)
-    return Measurement(trace, gearing, tuple(found), reversal, tuple(dict.fromkeys(notes)), warnings, seed)
+    notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
+    return Measurement(trace, gearing, tuple(found), reversal, tuple(notes), tuple(warnings), seed)
 
 
 def require_drift(kind: str) -> None:
@@ -176,24 +200,31 @@ def require_drift(kind: str) -> None:
         raise UsageError(f"--drift must be none, linear or quadratic, not {kind}")
 
 
-def drift_left(bins: Bins, residual: Array, extent: float) -> float:
+def drift_of(design: Design, residual: Array, extent: float) -> float:
     """Linear drift [arcsec] over the record that residuals show clearly beside a range; 0 where there is none."""
-    travel = bins.travel - bins.travel.mean()
-    slope = float(travel @ residual) / float(travel @ travel)
-    size = slope * float(np.ptp(travel))
-    scatter = float(np.std(residual - slope * travel))
-    error = scatter * float(np.sqrt(12 / (2 * bins.span)))  # of a straight line, residuals alike for half a turn
-    return size if abs(size) > max(4 * error, DRIFTED * extent) else 0.0
+    size, uncertainty = linear_drift(design, residual)
+    return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
+
+
+def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
+    """A fit with the lines up to the finest order, and the linear drift [arcsec] that it has not taken off."""
+    fit = with_lines(fit, fit.orders, len(fit.drift), finest)
+    extent = float(np.ptp(fit.design.bins.error - fit.residual))
+    return fit, 0.0 if len(fit.drift) else drift_of(fit.design, fit.residual, extent)
 
 
 def _declared(
     trace: MeasuredTrace, sweeps: Sequence[Sweep], orders: Sequence[float] | None, notes: list[str]
-) -> Sequence[float]:
-    """Declared orders, refused where the steps of the angle do not resolve them; the default ones cut instead."""
+) -> tuple[Sequence[float], float]:
+    """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead.
+
+    And the highest order per cam turn that the steps resolve.
+    """
     declared = orders or DEFAULT
-    highest = _finest(trace, sweeps)
+    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
+    highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
-        return declared
+        return declared, highest
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
         message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g} deg are too long for order {declared[-1]:g}"
@@ -201,13 +232,7 @@ def _declared(
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
     notes.append(f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more")
-    return kept
-
-
-def _finest(trace: MeasuredTrace, sweeps: Sequence[Sweep]) -> float:
-    """The highest order per cam turn that the steps of the angle resolve."""
-    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
-    return 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
+    return kept, highest
 
 
 def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, degree: int, notes: list[str]) -> TraceFit:
@@ -230,12 +255,16 @@ def _sweep_result(
     trace: MeasuredTrace,
     sweeps: Sequence[Sweep],
     fit: TraceFit,
+    left: float,
     gearing: Gearing | None,
     drive: Drive | None,
     stated: Mapping[str, float],
     seed: int,
 ) -> SweepResult:
-    """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage."""
+    """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage.
+
+    left: linear drift [arcsec] that the fit has in it.
+    """
     bins = fit.design.bins
     again = gearing is not None and bins.span >= WHOLE * gearing.ratio and not len(fit.lines)
     cycle = gearing.cycle if gearing and again else None
@@ -243,33 +272,24 @@ def _sweep_result(
     extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
     scatter = float(np.sqrt(np.mean(bins.rows * fit.residual**2)))
     step = trace.step_arcsec
+    # one that was left in may be none at all; one that was taken off may be bent
+    drift = abs(left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
     sources = budget(
-        extent.spread, extent.bias_uncertainty, fit.unmodelled, step, scatter, stated, in_time=trace.in_time
-    )
+        extent.spread, extent.bias_uncertainty, drift / sqrt(3), fit.unmodelled, step, scatter, stated,
+        in_time=trace.in_time, ratio=gearing.ratio if gearing else None,
+    )  # fmt: skip
     if trace.in_time and step > COARSE * extent.value:
         message = f"the output is read in steps of {step:.2g} arcsec at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
     alone = combined(sources[:OF_THE_RECORD])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
-        drifts = not len(fit.drift) and drift_left(bins, fit.residual, 0.0)
-        hint = "it drifts: --drift linear" if drifts else "record longer or with less noise; is it the right column?"
+        hint = "it drifts: --drift linear" if left else "record longer or with less noise; is it the right column?"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
     raw = float(np.ptp(trace.error_arcsec[rows] - fit.drift_at(travel_of(trace)[rows])))
-    visits = coverage(trace.cam_deg[rows] / 360, gearing) if gearing else None
+    visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
     return SweepResult(sign, fit, grid, extent, revolution, raw, order_table(fit, drive, gearing), visits, sources)
-
-
-def _warnings(found: SweepResult) -> list[str]:
-    """What stands in the way of trust in a direction: a drift left in, or error beyond the orders."""
-    fit, extent, warnings = found.fit, found.range.value, []
-    if not len(fit.drift) and (left := drift_left(found.bins, fit.residual, extent)):
-        warnings.append(DRIFT_LEFT.format(left))
-    if not fit.unmodelled < UNMODELLED * extent:
-        size = f"{fit.unmodelled:.2g} arcsec"
-        warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
-    return warnings
 
 
 def _reversal(up: SweepResult, down: SweepResult) -> Reversal | None:

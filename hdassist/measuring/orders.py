@@ -16,7 +16,7 @@ import numpy as np
 from hdassist.error.orders import UNKNOWN, known_causes
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import Gearing
-from hdassist.measuring.fit import TraceFit
+from hdassist.measuring.fit import Indices, TraceFit
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
@@ -27,14 +27,19 @@ USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
 WHOLE = 0.97  # of an output turn: a record that has its beats
 LINE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
-OUTPUT = "once per output turn: also encoder graduation and coupling"
+TOGETHER = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
+RIG = {  # what of the rig comes round so often in a turn of the output
+    1.0: "once per output turn: also encoder graduation and coupling",
+    2.0: "twice per output turn: also encoder graduation and coupling",
+}
+CAM = "once per cam turn: also the cam's encoder"
 
 
 @dataclass(frozen=True)
 class MeasuredOrder:
     """amplitude cos(per_cam_rev phi + phase), with the standard uncertainty of the amplitude and the cause in words.
 
-    cause: empty where no drive is known.
+    cause: empty where no drive is known; is_line: whether it is none of the declared orders, or has such a line in it.
     """
 
     per_cam_rev: float
@@ -42,6 +47,7 @@ class MeasuredOrder:
     uncertainty_arcsec: float
     phase_deg: float
     cause: str
+    is_line: bool = False
 
 
 def parse_orders(text: str | None) -> tuple[float, ...] | None:
@@ -80,7 +86,10 @@ def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, 
 
 
 def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[MeasuredOrder, ...]:
-    """Orders of a fit, rising, with the simplest causes of each that lie nearest to it."""
+    """Orders of a fit, rising, with the simplest causes of each that lie nearest to it.
+
+    A line and the orders that the record does not tell from it are one entry.
+    """
     orders = fit.orders
     declared = orders[~np.isin(orders, fit.lines)]
     width = float(np.diff(declared).min()) / 2 if len(declared) > 1 else 0.5
@@ -90,18 +99,19 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
         if abs(orders[place] - order) <= width + 1e-9:
             causes[place].append((abs(k_g) + abs(k_b), words))
 
-    def cause(order: float, known: list[tuple[int, str]]) -> str:
+    def cause(own: Indices) -> str:
+        known = [each for place in own for each in causes[place]]
         words = [text for degree, text in known if degree == min(known)[0]]
-        if gearing and abs(order - 1 / gearing.ratio) < min(width, 0.5 / gearing.ratio):
-            words.append(OUTPUT)
-        if order in fit.lines:
-            words.append(LINE)
-        return "; ".join(words) or (UNKNOWN if drive else "")
+        for order in orders[own] if gearing else ():
+            reach = min(width * gearing.ratio, 0.5) if gearing else 0.0
+            words += [text for often, text in RIG.items() if gearing and abs(order * gearing.ratio - often) < reach]
+            words += [CAM] * bool(abs(order - 1) < 1e-9)
+        if np.isin(orders[own], fit.lines).any():
+            words.append(LINE if len(own) == 1 else TOGETHER.format(orders[own[0]], orders[own[-1]]))
+        return "; ".join(dict.fromkeys(words)) or (UNKNOWN if drive else "")
 
-    cosine, sine = fit.pair(fit.coefficients)
-    phase = np.degrees(np.arctan2(-sine, cosine))
-    columns = (column.tolist() for column in (orders, fit.amplitude, fit.amplitude_uncertainty, phase))
-    return tuple(
-        MeasuredOrder(order, amplitude, uncertainty, angle, cause(order, known))
-        for order, amplitude, uncertainty, angle, known in zip(*columns, causes, strict=True)
-    )
+    found = []
+    for own in fit.groups:
+        is_line = bool(np.isin(orders[own], fit.lines).any())
+        found.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
+    return tuple(found)

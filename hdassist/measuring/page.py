@@ -100,7 +100,7 @@ def _below(result: Measurement, drive: Drive | None, *, details: bool) -> Iterat
 
 def _order(order: MeasuredOrder) -> str:
     """An order in words: 2.01 a turn, 6.46 arcsec (flexspline + rigid wheel)."""
-    cause = f" ({order.cause.partition(';')[0]})" if order.cause else ""
+    cause = f" ({order.cause})" if order.cause else ""
     return f"{order.per_cam_rev:.2f} a turn, {order.amplitude_arcsec:.2f} arcsec{cause}"
 
 
@@ -123,11 +123,11 @@ def _visited(result: Measurement, found: SweepResult, *, details: bool) -> str:
     c, gearing = found.coverage, result.gearing
     turns = "turn" if gearing.cycle_output == 1 else "turns"
     cycle = f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output {turns}"
-    share = f"{100 * c.share:.1f} % of the cycle"
+    share = f"{c.cam_turns:.4g} of {gearing.cycle} cam turns, {100 * c.share:.1f} % of the cycle"
     if not details:
-        return f"{share} ({cycle})"
+        return f"{share}, a reading every {c.step_deg:.3g} deg ({cycle})"
     cells = f"{c.visited} of {c.cells} cells of {c.cam_deg:g} deg of the cam by {c.output_deg:.3g} deg of the output"
-    return f"{share}, {cells} ({cycle})"
+    return f"{share}, {cells}, a reading every {c.step_deg:.3g} deg of the cam ({cycle})"
 
 
 def _orders(found: SweepResult, style: Style) -> Table:
@@ -209,6 +209,8 @@ def _sweep(found: SweepResult) -> Json:
         "coverage": c
         and {
             "share": c.share,
+            "visited_cam_revolutions": c.cam_turns,
+            "step_cam_deg": c.step_deg,
             "visited_cells": c.visited,
             "cells": c.cells,
             "cell_cam_deg": c.cam_deg,

@@ -69,10 +69,11 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
     """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
     best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    line = np.isin(fit.orders, fit.lines)
+    waves = [own for own in fit.groups if np.isin(fit.orders[own], fit.lines).any()]
+    line = np.isin(np.arange(len(fit.orders)), np.concatenate([np.array([], np.int64), *waves]))
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
-    lines = 2 * float(fit.amplitude[line].sum())
+    lines = 2 * sum(fit.wave(own)[1] for own in waves)
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     begins = range(int(part[-1]) + 1)

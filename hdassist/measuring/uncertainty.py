@@ -10,14 +10,15 @@ from hdassist.errors import UsageError
 from hdassist.numerals import number_of
 
 STATED = {  # sources of which a single record says nothing
-    "encoder": "encoder graduation: cannot be told from once-per-output error",
+    "encoder": "graduation of the output's encoder, once per output turn; the cam's off its centre, once per cam turn",
     "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
     "reseating": "taking the drive off the rig and putting it back",
     "temperature": "temperature of drive and rig",
 }
 COVERAGE_FACTOR = 2.0
-OF_THE_RANGE = 2  # so many sources, the first ones, belong to one range alone
-OF_THE_RECORD = 4  # so many, the first ones, show in the record itself
+OFF_CENTRE = 0.05  # deg: error of an angle by an encoder that sits off its centre, as an example
+OF_THE_RANGE = 3  # so many sources, the first ones, belong to one range alone
+OF_THE_RECORD = 5  # so many, the first ones, show in the record itself
 
 
 @dataclass(frozen=True)
@@ -48,20 +49,23 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
 def budget(
     noise: float,
     bias: float,
+    drift: float,
     unmodelled: float,
     step: float,
     scatter: float,
     stated: Mapping[str, float],
     *,
     in_time: bool = False,
+    ratio: float | None = None,
 ) -> tuple[UncertaintySource, ...]:
     """Sources of uncertainty of a range.
 
-    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; unmodelled,
-    size of error beyond the declared orders; step, resolution of a reading; scatter, of single readings; stated, by
-    source; in_time, whether what a step rounds comes round with the turns. The two extremes of a range err by
-    themselves: hence sqrt(2). A step below twice the scatter is dithered. In time with the turns the fit follows what
-    is rounded, and both extremes may err together: hence 2.
+    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; drift, what
+    a drift leaves open; unmodelled, size of error beyond the declared orders; step, resolution of a reading; scatter,
+    of single readings; stated, by source; in_time, whether what a step rounds comes round with the turns; ratio, cam
+    turns per output turn, None where it is not known. The two extremes of a range err by themselves: hence sqrt(2). A
+    step below twice the scatter is dithered. In time with the turns the fit follows what is rounded, and both extremes
+    may err together: hence 2.
     """
     hidden = step / 2 < scatter
     size, words = (
@@ -72,6 +76,7 @@ def budget(
     sources = [
         UncertaintySource("noise", noise, "bootstrap of the residuals"),
         UncertaintySource("bias correction", bias, "a third of what was taken off"),
+        UncertaintySource("drift", drift, "how straight it is, or whether it is one"),
         UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
         UncertaintySource(
             "resolution",
@@ -79,9 +84,12 @@ def budget(
             "no step seen above the noise" if hidden else words,
         ),
     ]
+    words_of = dict(STATED)
+    if ratio:
+        words_of["encoder"] += f" ({OFF_CENTRE:g} deg of it are {3600 * OFF_CENTRE / ratio:.2g} arcsec)"
     given = [
         UncertaintySource(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
-        for name, words in STATED.items()
+        for name, words in words_of.items()
     ]
     return (*sources, *given)
 

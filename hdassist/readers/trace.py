@@ -7,7 +7,7 @@ output; then the error is output angle - cam angle / ratio, with the sign of the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -94,6 +94,15 @@ class MeasuredTrace:
     sense: int = 0
     in_time: bool = False
 
+    def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
+        """The trace without some rows."""
+        kept = np.ones(len(self.line), bool)
+        kept[rows] = False
+        cam = self.cam_deg[kept]
+        return replace(
+            self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam))
+        )
+
 
 def read_trace(
     source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST
@@ -123,18 +132,12 @@ def read_trace(
         cam *= abs(ratio)
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
-    step, in_time = _step(readings), False
-    if not step and column.other_is == "second":
-        step = _step_between(readings)
-        # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such; ways of
-        # either sign, but for the few at the ends of a sweep
-        uneven = float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) / abs(ratio or 1) * ARCSEC
-        in_time = uneven < step * column.other_size
-        step = step if in_time else 0.0
-    step *= column.other_size
+    step, in_time = _step(readings) * column.other_size, False
     if column.other_is == "second":
         output = _angle(table, column.other, readings * (column.other_size / ARCSEC), form.wrap, notes)
         error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
+        if not step:
+            step, in_time = _step_in_time(cam, output, abs(ratio or 1))
     else:
         error, sense = readings * column.other_size, 0
     try:
@@ -195,15 +198,24 @@ def _step(readings: Array) -> float:
     return step if np.abs(apart / step - np.rint(apart / step)).max() < 0.01 else 0.0
 
 
-def _step_between(readings: Array) -> float:
-    """Resolution of angles that go on: they seldom repeat themselves, the ways between them do; 0: no step is seen."""
-    ways = np.sort(np.abs(np.diff(readings)))
+def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]:
+    """Resolution [arcsec] of output angles [deg] read at even angles of the cam, and whether there is such a one.
+
+    Angles that go on seldom repeat themselves, the ways between them do; a way over a missing row is none of them.
+    """
+    turned = np.abs(np.diff(cam))
+    usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
+    ways = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC
     apart = np.diff(ways)
     apart = apart[apart > ROUNDED * apart.max(initial=0.0)]  # printed digits differ by less
     if 2 * len(apart) > len(ways) or not len(apart):
-        return 0.0
+        return 0.0, False
     step = float(apart.min())
-    return step if np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED else 0.0
+    # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such; but for the
+    # few at the ends of a sweep
+    uneven = float(np.ptp(np.quantile(turned, (0.05, 0.95)))) / ratio * ARCSEC
+    in_time = np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED and uneven < step
+    return (step, True) if in_time else (0.0, False)
 
 
 def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -> PresetError:

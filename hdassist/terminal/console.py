@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from rich import box
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -18,6 +18,8 @@ from rich.text import Text
 from hdassist.visible import visible
 
 PIPE_WIDTH = 80
+STRICT = "HDASSIST_STRICT"
+Made = TypeVar("Made")
 PLAIN = str.maketrans(
     {
         "·": "*",
@@ -85,6 +87,20 @@ def say(line: str) -> None:
         sys.stderr.flush()
     except OSError:
         silence(sys.stderr)
+
+
+def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) -> Made:
+    """What shows an answer; where making it fails, something simpler and a remark on stderr, and the answer stands.
+
+    name: of what is made, in the remark. With STRICT in the environment, as the tests have it, what failed is raised.
+    """
+    try:
+        return make()
+    except Exception as error:
+        if os.environ.get(STRICT):
+            raise
+        say(f"warning: no {name}, the answer stands: {type(error).__name__}: {error} (a bug in hdassist)")
+        return instead()
 
 
 class _QuietConsole(Console):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.terminal.console import Style
-from hdassist.terminal.plot import WIDEST
+from hdassist.terminal.plot import WIDEST, figure
 
 ROWS = 20  # at most
 NONE = "!"  # where there is no value
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
+@figure
 def heat(style: Style, x: Sequence[float], y: Sequence[float], z: Array, *, x_label: str, y_label: str) -> str:
     """Draw z, shape (x, y), NaN where there is none, with y upwards, numbered axes and a legend.
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import wraps
+from typing import ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.terminal.console import Style
+from hdassist.terminal.console import Style, made_or
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
 
+Drawn = ParamSpec("Drawn")
 Array = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
@@ -20,6 +23,17 @@ HEIGHT = 10  # rows, about
 WIDEST = 80  # columns: wider says no more
 
 
+def figure(draw: Callable[Drawn, str]) -> Callable[Drawn, str]:
+    """A figure that takes no answer with it: empty, with a remark on stderr, where it cannot be drawn."""
+
+    @wraps(draw)
+    def drawn(*args: Drawn.args, **kwargs: Drawn.kwargs) -> str:
+        return made_or("plot", lambda: draw(*args, **kwargs), lambda: "")
+
+    return drawn
+
+
+@figure
 def curve(
     style: Style, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT, over: float = 0.0
 ) -> str:
@@ -38,6 +52,7 @@ def curve(
     return frame.drawn(style, rows, x, x_label, y_label)
 
 
+@figure
 def two_curves(
     style: Style, x: Array, first: Array, second: Array, *, names: tuple[str, str], x_label: str, y_label: str
 ) -> str:
@@ -97,12 +112,15 @@ def dots_to_ascii(dots: Dots) -> list[list[str]]:
 
 
 def _envelope(x: Array, y: Array, columns: int, over: float) -> list[tuple[Array, Array]]:
-    """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least."""
+    """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
+
+    NaN where nothing lies: a gap.
+    """
     reach = max(over, float(x[-1] - x[0]) / columns) / 2
     places = np.linspace(x[0], x[-1], columns)
     ends = zip(np.searchsorted(x, places - reach), np.searchsorted(x, places + reach, "right"), strict=True)
     parts = [y[first:last] for first, last in ends]
-    return [(places, np.array([end(part) for part in parts])) for end in (np.min, np.max)]
+    return [(places, np.array([end(part) if len(part) else np.nan for part in parts])) for end in (np.min, np.max)]
 
 
 def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float) -> Dots:
@@ -111,12 +129,14 @@ def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float
         x, y = (fine := np.linspace(x[0], x[-1], 4 * columns)), np.interp(fine, x, y)
     span = max(float(x[-1] - x[0]), np.finfo(float).tiny)
     place = np.minimum(((x - x[0]) / span * columns).astype(int), columns - 1)
+    place, y = place[np.isfinite(y)], y[np.isfinite(y)]
     row = np.rint((top - y) / (top - bottom) * (rows - 1)).astype(int)
     dots = np.zeros((rows, columns), dtype=bool)
     previous: int | None = None
     for column in range(columns):
         here = row[place == column]
         if not len(here):
+            previous = None  # a gap
             continue
         first, last = int(here.min()), int(here.max())
         if previous is not None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
 from hdassist.terminal.answers import Json, combine, csv_text, failure, json_text
-from hdassist.terminal.console import Style
+from hdassist.terminal.console import Style, made_or
 from hdassist.terminal.options import AnswerOptions
 from hdassist.terminal.output import Output, complain, note, warn
 from hdassist.verdict import worst_exit_code
@@ -99,7 +100,10 @@ def give(
         if options.quiet:
             out.human("\n".join(answer.summary_line() for answer in pages))
         else:
-            out.human(Group(*(answer.page(out.style) for answer in pages if answer.page), *below))
+            made = [
+                made_or("page", partial(answer.page, out.style), answer.summary_line) for answer in pages if answer.page
+            ]
+            out.human(Group(*made, *below))
     if out.csv is not None and (tables := [answer.figures() for answer in answers if answer.figures]):
         out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))
     return worst_exit_code(answer.exit_code for answer in answers)

@@ -151,6 +151,30 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
         assert words in page
 
 
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("supports.C_2", 7.8e3), ("supports.C_3", 1.4e3), ("contact.c_t", 7.8e-5), ("gears.j_n", 7.0), ("cam.W_0", 0.591)],
+)
+def test_another_stiffness_is_no_deviation_and_is_in_the_interval(drive, path, value):
+    result = compare(rig(drive.with_values({path: value}), 30, noise=0.5), drive, M_G)
+    assert result.conclusion.kind == "agrees"
+    assert result.start_uncertainty_deg is not None
+    assert result.start_uncertainty_deg < 3
+    off = np.degrees(result.unchanged.alignment.start) - START
+    assert abs((off + 180) % 360 - 180) < 3 * result.start_uncertainty_deg
+
+
+@pytest.mark.slow
+def test_a_deviation_is_found_beside_another_stiffness(drive):
+    hidden = drive.with_values({"tolerances.F_i2": 60.0, "gears.j_n": 7.0})
+    result = compare(rig(hidden, 30, noise=0.5), drive, M_G, convention=KNOWN)
+    best = min(result.singles, key=lambda single: single.chi_square)
+    (change,) = best.changes
+    assert best.clear
+    assert change.vector == 1
+    assert change.size_um == pytest.approx(60, abs=2 * change.size_uncertainty_um)
+
+
 @pytest.mark.slow
 def test_what_a_short_record_does_not_tell_has_no_number(drive):
     hidden = drive.with_values({"phases.xi_b": 150.0})

@@ -39,6 +39,38 @@ def test_a_line_is_found_where_it_is(order):
     }
 
 
+TEN = np.arange(2000) / 200  # turns
+WAVE = 8 * np.cos(4 * np.pi * TEN + 0.3) + 2 * np.cos(2 * np.pi * TEN) + np.cos(8 * np.pi * TEN + 1)
+
+
+@pytest.mark.parametrize("order", [6.95, 11.07, 5.08, 0.554])
+def test_a_line_beside_an_order_of_a_short_record_is_one_with_it(order):
+    # ten turns tell orders apart that lie 0.1 apart: 6.95 lies between 6.9 and 7.0
+    error = WAVE + line(order, 3.0, turns=TEN)
+    found = found_in(error + 0.3 * np.random.default_rng(0).standard_normal(len(TEN)), TEN)
+    (only,) = found.lines
+    assert only.amplitude_arcsec == pytest.approx(3.0, abs=0.05)
+    assert only.per_cam_rev == pytest.approx(order, abs=0.02)
+    assert ("together" in only.cause) == (order > 1)
+    assert sum(o.amplitude_arcsec > 0.2 for o in found.orders) == 4
+    low, high = found.interval_arcsec
+    assert low < np.ptp(error) < high < low + 1
+
+
+@pytest.mark.parametrize("order", [6.95, 5.08])
+def test_a_line_between_beats_of_the_full_cycle_is_one_with_them(order):
+    found = found_in(CURVE(TURNS) + line(order, 3.0) + NOISE)
+    (only,) = found.lines
+    assert only.per_cam_rev == pytest.approx(order, abs=0.02)
+    assert found.rise_arcsec < 2 * 3.0
+
+
+def test_even_readings_in_uneven_places_have_no_images():
+    # 200 readings a turn in places of 1/480: a wave that is left has no image at 40 a turn
+    slow = measure(recorded(TEN, WAVE + line(0.25, 3.0, turns=TEN)), ratio=100).directions[0]
+    assert not [o for o in slow.lines if o.per_cam_rev > 20]
+
+
 def test_several_lines_are_found_the_strongest_first():
     error = CURVE(TURNS) + line(6.48, 1.0) + line(14.02, 4.0) + line(17.5, 2.0) + NOISE
     found = found_in(error)

@@ -83,7 +83,10 @@ def test_orders_of_a_model_have_its_causes(model):
     (found,) = measure(recorded(*model), drive=load_preset(SMALL)).directions
     causes = {round(o.per_cam_rev, 3): o for o in found.orders}
     assert causes[round(2 + 1 / 30, 3)].cause == "flexspline + rigid wheel"
-    assert "once per output turn" in causes[round(1 / 30, 3)].cause
+    assert "once per output turn: also encoder" in causes[round(1 / 30, 3)].cause
+    assert "once per cam turn: also the cam's encoder" in causes[1.0].cause
+    (encoder,) = (s.origin for s in found.sources if s.name == "encoder")
+    assert "0.05 deg of it are 6 arcsec" in encoder
     spectrum = 2 * np.abs(np.fft.rfft(model[1])) / len(model[1])
     assert causes[2.0].amplitude_arcsec == pytest.approx(spectrum[60], abs=0.05)
 
@@ -167,6 +170,49 @@ def test_drift_is_taken_off_when_asked_and_said_when_not():
     assert bent.F_ior_arcsec == pytest.approx(24.2, abs=0.4)
 
 
+def test_a_cycle_that_does_not_close_drifts():
+    turns, error, curve = simulated(0)
+    clean = measure(recorded(turns, error), ratio=RATIO)
+    assert not clean.warnings
+    for shape in (turns / RATIO, (turns / RATIO) ** 2, np.sqrt(turns / RATIO)):
+        result = measure(recorded(turns, error + 12 * shape), ratio=RATIO)
+        (text,) = result.warnings
+        assert "does not close: linear drift of 1" in text
+        (found,) = result.directions
+        low, high = found.interval_arcsec
+        assert low < whole_range(curve, RATIO) < high
+        assert found.range.value == pytest.approx(clean.F_ior_arcsec, abs=3)
+        assert next(s.arcsec for s in found.sources if s.name == "drift") == pytest.approx(12 / 4 / np.sqrt(3), rel=0.2)
+
+
+def test_a_spike_is_left_out_and_named():
+    turns, error, curve = simulated(0)
+    error[777] += 500
+    result = measure(recorded(turns, error), ratio=RATIO)
+    (text,) = result.warnings
+    assert text.startswith("line 778: ")
+    assert "left out" in text
+    low, high = result.directions[0].interval_arcsec
+    assert low < whole_range(curve, RATIO) < high < low + 3
+    error[::100] += 500
+    with pytest.raises(UntrustedError, match=r"lines 1, 101, 201 and 34 more: .* too many to leave out"):
+        measure(recorded(turns, error), ratio=RATIO)
+    bump = simulated(0)[1]
+    bump[700:760] += 60  # lasts half a turn: no reading of one row
+    assert not [text for text in measure(recorded(turns, bump), ratio=RATIO).warnings if "left out" in text]
+
+
+@pytest.mark.parametrize(("turns", "step", "share"), [(69.84, 20, 69.84 / 101), (101, 15, 1.0)])
+def test_coverage_is_of_turns_however_sparse(turns, step, share):
+    x = np.arange(0, turns * 360, step) / 360
+    found = measure(recorded(x, wave(x)), ratio=101).directions[0]
+    assert found.coverage is not None
+    assert found.coverage.share == pytest.approx(share, abs=0.002)
+    assert found.coverage.cam_turns == pytest.approx(turns, abs=0.2)
+    assert found.coverage.step_deg == pytest.approx(step)
+    assert found.is_bound == (share < 1)
+
+
 def test_a_part_of_the_cycle_is_a_bound():
     (part,) = measure(recorded(EVEN, wave(EVEN)), ratio=100).directions
     assert part.is_bound
@@ -244,6 +290,16 @@ def test_steps_are_seen_in_a_record_of_both_directions(uneven: float, in_time: b
     assert len(found.sweeps) == 2
     assert found.in_time is in_time
     assert found.step_arcsec == pytest.approx(1.0 if in_time else 0.0, rel=1e-3)
+
+
+def test_a_missing_row_is_no_step():
+    turns = np.arange(5000) / 50
+    error = 14 * np.cos(4 * np.pi * turns) + np.cos(2 * np.pi * turns / 100)
+    file = encoders.recorded(error, 100, 1e-3, 0.01, 0.0, encoders.CAM).splitlines()
+    file.pop(1234)
+    trace = read_trace(b"\n".join(file), TraceForm(second="output_deg"), ratio=100)
+    assert (trace.step_arcsec, trace.in_time) == (0, False)
+    assert measure(trace, ratio=100).F_ior_arcsec == pytest.approx(30, abs=0.2)
 
 
 def test_steps_that_may_be_the_error_are_refused():

@@ -61,6 +61,15 @@ def test_an_envelope_has_two_lines_and_nothing_between():
     assert drawn[-1] == marked[-1]
 
 
+def test_a_gap_is_drawn_as_one():
+    x = np.linspace(0, 100, 20000)
+    x = x[(x < 30) | (x > 60)]
+    drawn = rows(curve(ASCII, x, 10 * np.sin(2 * np.pi * x), x_label="x", y_label="y", over=1.0))
+    marked = [row for row in drawn if row.strip()]
+    assert len(marked) == 2
+    assert all(row[:20] == "*" * 20 and not row[23:40].strip() and row[45:65] == "*" * 20 for row in marked)
+
+
 def test_braille_dots_are_where_unicode_has_them():
     dots = np.zeros((4, 2), dtype=bool)
     dots[0, 0] = dots[3, 1] = True
