@@ -179,6 +179,7 @@ class Explorer(Writing):
         self.seat.border_subtitle = words.stage(known, of_trials, self.busy, ink).plain
         changed = {path for path, _ in session.changes}
         slopes = known.slopes.get(session.turn_deg)
+        self.side.border_subtitle = "step: unknown as 0" if slopes and known.facts and known.facts.unknown else ""
         self.levers.fill(levers(session.drive, changed), slopes.changes if slopes else {}, ink)
         torque = rig_of(session.drive, session.rig).M_g
         self.trials.update(words.trials_text(session, torque, ink))
@@ -194,13 +195,13 @@ class Explorer(Writing):
         if of_trials and (advised := of_trials.advised):
             ghost, curve, best, next_ = curve, advised.curve, advised.best_deg, advised.next_deg
             next_ = None if advised.settled else next_
-        elif known.facts and known.facts.any_hole:
-            curve = ghost = None  # against holes it would mean nothing
         limits = {M_g: limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))}
         trials = tuple((t.rotation_deg, t.F_ior_arcsec) for t in read(session.trials, session.drive))
         torque = rig_of(session.drive, session.rig).M_g
         unknown = known.facts is not None and known.facts.any_hole
-        empty = "no answer" if known.failed else "directions unknown: any hole" if unknown else "computing …"
+        empty = "no answer" if known.failed else "computing …"
+        if unknown and not known.failed:
+            empty = "\n".join(["directions unknown: any hole", "", *(words.ranges(known) or [empty])])
         return Plotted(curve, session.turn_deg, ghost, limits, trials, torque, best, next_, empty)
 
     def _legend(self, plotted: Plotted) -> str:

@@ -131,8 +131,7 @@ class Asking(App[int]):
         if self.wants_slopes() and turn not in known.slopes:
             self.follow(SlopesQuestion(session.drive, turn, self.effort), known.take, "slopes")
         place = curve.at(turn)
-        open_ = known.facts and known.facts.any_hole
-        if known.advised and not open_ and (place is None or place.sure is not Sure.PROVEN):
+        if known.advised and (place is None or place.sure not in (Sure.PROVEN, Sure.AT_ZERO)):
             self.follow(ProofQuestion(session.drive, turn, self.effort), known.take, "proof")
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Slopes, Underway
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Ranges, Slopes, Underway
 from hdassist.explorer.state import Session, Step
 
 MOST = 64  # steps that are remembered
@@ -15,7 +15,8 @@ class Known:
     """Answers about one drive, or about one drive with trials."""
 
     facts: Facts | None = None
-    curve: Curve | None = None
+    curve: Curve | None = None  # none where any hole may be the best: against holes it would mean nothing
+    ranges: Ranges | None = None
     advised: Advised | None = None
     failed: Failed | None = None
     share: float = 0.0  # of what is under way
@@ -28,11 +29,14 @@ class Known:
                 self.facts = answer
             case Curve():
                 self.curve = merged(self.curve, answer)
+            case Ranges():
+                self.ranges = answer
             case Slopes():
                 self.slopes[answer.rotation_deg] = answer
             case Advised():
                 self.advised = answer
-                self.curve = merged(self.curve, answer.curve)
+                if not (self.facts and self.facts.any_hole):
+                    self.curve = merged(self.curve, answer.curve)
             case Underway():
                 self.share = answer.share
             case Failed():

@@ -8,14 +8,18 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
+from hdassist.design.check import check
+from hdassist.error.unknown_range import DRAWS
+from hdassist.explorer import state
 from hdassist.explorer.answers import Sure
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST
+from hdassist.explorer.questions import FULL
 from hdassist.explorer.screens import Confirm, Explain, Form
-from hdassist.explorer.state import opened, with_trials
+from hdassist.explorer.state import Session, opened, with_trials
 from hdassist.explorer.words import advice_text
 from hdassist.preset.load import load_text
-from tests.explorer.rig import FEW, explored, said, screen, settled, small, typed
+from tests.explorer.rig import FEW, QUICK, explored, said, screen, settled, small, typed
 from tests.process import SMALL
 
 SETS = [word for text in FEW for word in ("--set", text)]
@@ -217,17 +221,61 @@ def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() 
     explored(act, small("operation.M_g=[9000000.0]"))
 
 
-def test_unknown_directions_have_no_curve_no_order_and_no_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+TURNABLE = ("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0")  # any hole may be the best
+
+
+def range_of_check(session: Session) -> str:
+    """F'_ior over what is not known by the function and the seed of `hdassist check`, as the explorer writes it."""
+    [point] = check(session.drive, draws=QUICK.draws, cross_check="CLARABEL").points
+    assert point.over is not None and FULL.draws == DRAWS
+    return f"4 N·m {point.over.low:.2f} to {point.over.high:.2f}″"
+
+
+def test_unknown_directions_have_the_range_of_check_no_order_and_no_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         told = screen(app)
-        assert "PHASES UNKNOWN" in told and "directions unknown" in told and "NO ORDER" in told and "″" not in told
+        assert "PHASES UNKNOWN" in told and "directions unknown" in told and "NO ORDER" in told and "PROVEN" not in told
+        assert app.known.curve is None and range_of_check(app.session) in told and told.count("″") == 1
         await pilot.press("c")
         await pilot.pause()
         assert "no card" in said(app) and not isinstance(app.screen, Form) and not list(tmp_path.iterdir())
 
-    explored(act, small("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0"))
+    explored(act, small(*TURNABLE))
+
+
+def test_a_variant_with_unknown_directions_is_no_curve_to_compare_with() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        app.show(state.edited(state.edited(app.session, "phases.xi_b", "90"), "phases.phi_eb", "0"))
+        await settled(app, pilot)
+        assert app.known.curve is not None and "┄" not in screen(app)
+
+    explored(act, small(*TURNABLE))
+
+
+def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        curve = app.known.curve
+        assert curve is not None and {place.sure for place in curve.places} == {Sure.AT_ZERO}
+        told = screen(app)
+        assert "F'_ior, arcsec · unknown as 0" in told and "UNKNOWN AS 0 ─╯" in told and "◎ unknown as 0" in told
+        assert range_of_check(app.session) in told
+        low, high = curve.places[0].values[0].band or (0, 0)
+        assert 0 < low < high and f"4 N·m {low:.1f}…{high:.1f}″" in told
+        await pilot.press("right")
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        assert "step: unknown as 0" in screen(app) and "PROVEN" not in screen(app)
+        await pilot.press("2")
+        await settled(app, pilot)
+        turned = screen(app)
+        assert "UNKNOWN AS 0 · 4 N·m" in turned and "computed as 0: tolerances.e_hh" in turned.replace("│", "")
+        assert "PROVEN" not in told + turned
+
+    explored(act, small("tolerances.e_hh=unknown"), size=(160, 45))
 
 
 def test_panes_fold_where_there_is_little_room() -> None:
