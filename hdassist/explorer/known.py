@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Ranges, Slopes, Underway
-from hdassist.explorer.state import Session, Step
+from hdassist.explorer.state import Step
 
 MOST = 64  # steps that are remembered
 
@@ -58,19 +58,8 @@ class Memory:
     def __init__(self) -> None:
         self._known: dict[Step, Known] = {}
 
-    def of_drive(self, session: Session) -> Known:
-        """What is known without trials."""
-        return self._of(Step(session.changes))
-
-    def of_pinned(self, session: Session) -> Known:
-        """What is known of the variant to compare with."""
-        return self._of(Step(session.pinned))
-
-    def of_trials(self, session: Session) -> Known:
-        """What is known from the trials."""
-        return self._of(session.step)
-
-    def _of(self, step: Step) -> Known:
+    def of(self, step: Step) -> Known:
+        """What is known at a step; of the drive alone at one without trials."""
         known = self._known.pop(step, None) or Known()
         self._known[step] = known  # the last one asked for is forgotten last
         while len(self._known) > MOST:

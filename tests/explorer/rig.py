@@ -15,6 +15,7 @@ from hdassist.explorer.answers import Answer, Failed
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import answers
 from hdassist.explorer.questions import Effort, Question
+from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import USUAL, Session, opened
 from hdassist.terminal.options import TrialOptions
 from tests.process import SMALL
@@ -61,9 +62,10 @@ def explored(
     session: Session | None = None,
     size: tuple[int, int] = (100, 30),
     ascii: bool = False,
+    kept: SessionFile | None = None,
 ) -> Explorer:
     """Run an explorer without a terminal, do something with it once its first answers are there, and give it back."""
-    app = Explorer(session or small(), Recorded(), QUICK, ascii=ascii)  # type: ignore[arg-type]
+    app = Explorer(session or small(), Recorded(), QUICK, ascii=ascii, kept=kept)  # type: ignore[arg-type]
 
     async def run() -> None:
         async with app.run_test(size=size) as pilot:
