@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Sure(StrEnum):
     """How sure an F'_ior is: from a few states of the cycle, its extremes searched, every state solved and proven.
 
-    FITTED: what trials make likely, with a band; it is no better or worse than the trials.
+    FITTED: what trials make likely, with a band; it is no better or worse than the trials. AT_ZERO: searched or solved
+    with 0 for deviations that are not known, so that nothing is proven of the drive.
     """
 
     COARSE = "COARSE"
     REFINED = "REFINED"
+    AT_ZERO = "UNKNOWN AS 0"
     FITTED = "FITTED"
     PROVEN = "PROVEN"
 
@@ -98,11 +100,21 @@ class Curve:
 
 @dataclass(frozen=True)
 class Facts:
-    """What is not known and what is assumed of a drive: fields by path; low and high of the assumed ones."""
+    """What is not known and what is assumed of a drive: fields by path, and how many have an assumed range."""
 
     unknown: tuple[str, ...]
     any_hole: bool
-    assumed: dict[str, tuple[float, float]] = field(default_factory=dict)
+    assumed: int = 0
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """F'_ior over what is not known or uncertain, with the wheel as it stands, as `hdassist check` has it.
+
+    rows: torque [N*m], 5th and 95th percentile [arcsec]; none where all is known, or the cycle cannot be searched.
+    """
+
+    rows: tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -120,16 +132,13 @@ class Slopes:
 class Advised:
     """The advice of a command in words.
 
-    command: mount or trials, whose answer this is; order: turn, leave or none; words: the instruction; target and best
-    [deg], where the wheel is to be and where it would be best; reasons: what it rests on, chances, proof; warnings;
-    settled: whether there is a card; why_not: why there is none; next_deg: where to measure next, None without trials;
-    sealed: the advice itself, for process that renders it.
+    command: mount or trials, whose answer this is; words: the instruction; best_deg, where the wheel would be best;
+    reasons: what it rests on, chances, proof; warnings; settled: whether there is a card; why_not: why there is none;
+    next_deg: where to measure next, None without trials; sealed: the advice itself, for process that renders it.
     """
 
     command: str
-    order: str
     words: str
-    target_deg: float
     best_deg: float
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -146,7 +155,7 @@ class Turned:
 
     phi_h_deg and error_arcsec, one each state; range_arcsec; orders as (per cam turn, amplitude arcsec, cause); zones:
     for each of the two mesh zones the angle [deg] of each flank from its middle and its side (1 or -1), and force_N by
-    state and flank; shares: of the torque on each zone, by state.
+    state and flank; shares: of the torque on each zone, by state; warnings: what was taken as 0.
     """
 
     M_g: float
@@ -159,18 +168,17 @@ class Turned:
     force_N: tuple[tuple[tuple[float, ...], ...], ...]
     shares: tuple[tuple[float, float], ...]
     proof: str
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A measured trace over the prediction: both at cam angles [turns], in words, and the whole page."""
+    """A measured trace over the prediction: both at cam angles [turns], and the page of the comparison."""
 
     file: str
     turns: tuple[float, ...]
     measured_arcsec: tuple[float, ...]
     predicted_arcsec: tuple[float, ...]
-    words: tuple[str, ...]
-    orders: tuple[tuple[float, float, float], ...]
     page: str
 
 
@@ -196,4 +204,4 @@ class Failed:
     hint: str = ""
 
 
-Answer = Facts | Curve | Slopes | Advised | Turned | Compared | Rendered | Underway | Failed
+Answer = Facts | Curve | Ranges | Slopes | Advised | Turned | Compared | Rendered | Underway | Failed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from math import isfinite
@@ -24,9 +24,9 @@ from hdassist.explorer.answers import Failed
 from hdassist.explorer.levers import is_knob, levers, stepped, text_of
 from hdassist.explorer.pictures import MARKS, Plotted
 from hdassist.explorer.questions import FULL, Effort, TraceQuestion, TurnQuestion
-from hdassist.explorer.screens import Explain, Form
+from hdassist.explorer.screens import Confirm, Explain
 from hdassist.explorer.service import Service
-from hdassist.explorer.state import Session
+from hdassist.explorer.state import Session, Step
 from hdassist.explorer.themes import THEMES
 from hdassist.explorer.trial_entry import read, rig_of
 from hdassist.explorer.views import Opened, Started, TraceView, TurnView
@@ -47,14 +47,14 @@ def _require_trace(values: tuple[str, ...]) -> None:
     torque = number_of(values[1])
     if not (isfinite(torque) and torque):
         raise UsageError(f"{values[1]!r} is no torque", "in N·m, like 80")
-    if not values[0].strip():
+    if not values[0]:
         raise UsageError("no file is named")
 
 
 class Explorer(Writing):
     """A drive turned on the screen.
 
-    Arguments: session, what is shown at first; service, which computes; effort, how much; ascii, whether in 7 bits.
+    Arguments: session, what is shown at first; service, which computes; effort, how much; options of `Asking`.
     """
 
     CSS_PATH = "app.tcss"
@@ -83,10 +83,8 @@ class Explorer(Writing):
         Binding("q", "quit", "quit"),
     ]
 
-    def __init__(
-        self, session: Session, service: Service, effort: Effort = FULL, *, dark: bool = True, ascii: bool = False
-    ) -> None:
-        super().__init__(session, service, effort, dark=dark, ascii=ascii)
+    def __init__(self, session: Session, service: Service, effort: Effort = FULL, **options: Any) -> None:
+        super().__init__(session, service, effort, **options)
         self.head, self.command = Static(id="head"), Static(id="command", markup=False)
         self.seat, self.plot, self.levers = Seat(id="seat"), CurvePlot(id="curve"), Levers(id="levers")
         self.about, self.side = Static(id="about", markup=False), Vertical(id="side")
@@ -95,9 +93,6 @@ class Explorer(Writing):
         self.views, self.bottom = ContentSwitcher(initial="seat-view", id="views"), Horizontal(id="bottom")
         self.turn_view, self.trace_view = TurnView(), TraceView()
         self.trace_torque = 0.0  # N*m, of the trace that was compared
-        for theme in THEMES:
-            self.register_theme(theme)
-        self.theme = THEMES[0 if dark else 1].name
 
     def compose(self) -> ComposeResult:
         """Head, the views, trials and advice, the command line, the keys."""
@@ -132,6 +127,27 @@ class Explorer(Writing):
         self.ask_of_drive()
         self.ask_of_trials()
         self.draw()
+        self._offer_kept()
+
+    def _offer_kept(self) -> None:
+        """Ask whether to go on with the session that was kept, if one was."""
+        try:
+            found = self.kept.read(self.session) if self.kept else None
+        except HdassistError as error:
+            self.complain(error)
+            return
+        if not found:
+            return
+        earlier, same_text = found
+
+        def answered(sure: bool | None) -> None:
+            if sure:
+                self.settled = earlier.step
+                self.show(earlier)
+
+        since = "" if same_text else "\nThe preset has changed since."
+        question = f"A session of this preset was kept:\n\n{earlier.command('explore')}\n{since}"
+        self.push_screen(Confirm(question, "go on with it", "begin anew; the first change replaces it"), answered)
 
     def _end_when_told(self) -> None:
         """End in order at a stop from outside: raised in the middle of the loop, it would be lost in some task."""
@@ -177,6 +193,7 @@ class Explorer(Writing):
         self.seat.border_subtitle = words.stage(known, of_trials, self.busy, ink).plain
         changed = {path for path, _ in session.changes}
         slopes = known.slopes.get(session.turn_deg)
+        self.side.border_subtitle = "step: unknown as 0" if slopes and known.facts and known.facts.unknown else ""
         self.levers.fill(levers(session.drive, changed), slopes.changes if slopes else {}, ink)
         torque = rig_of(session.drive, session.rig).M_g
         self.trials.update(words.trials_text(session, torque, ink))
@@ -186,19 +203,19 @@ class Explorer(Writing):
     def _plotted(self) -> Plotted:
         session, known, of_trials = self.session, self.known, self.of_trials
         curve, best, next_ = known.curve, None, None
-        ghost = self.memory.of_pinned(session).curve if session.pinned != session.changes else None
+        ghost = self.memory.of(Step(session.pinned)).curve if session.pinned != session.changes else None
         if known.advised and known.advised.settled:
             best = known.advised.best_deg
         if of_trials and (advised := of_trials.advised):
             ghost, curve, best, next_ = curve, advised.curve, advised.best_deg, advised.next_deg
             next_ = None if advised.settled else next_
-        elif known.facts and known.facts.any_hole:
-            curve = ghost = None  # against holes it would mean nothing
         limits = {M_g: limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))}
         trials = tuple((t.rotation_deg, t.F_ior_arcsec) for t in read(session.trials, session.drive))
         torque = rig_of(session.drive, session.rig).M_g
         unknown = known.facts is not None and known.facts.any_hole
-        empty = "no answer" if known.failed else "directions unknown: any hole" if unknown else "computing …"
+        empty = "no answer" if known.failed else "computing …"
+        if unknown and not known.failed:
+            empty = "\n".join(["directions unknown: any hole", "", *(words.ranges(known) or [empty])])
         return Plotted(curve, session.turn_deg, ghost, limits, trials, torque, best, next_, empty)
 
     def _legend(self, plotted: Plotted) -> str:
@@ -271,11 +288,10 @@ class Explorer(Writing):
         fields = [("file", self.trace_view.file), ("torque on the rig, N·m", torque)]
         hint = "a column of cam angles and one of errors, as hdassist compare reads it"
 
-        def opened(values: tuple[str, ...] | None) -> None:
-            if values:
-                self.compare(values[0].strip(), number_of(values[1]))
+        def take(values: tuple[str, ...]) -> None:
+            self.compare(values[0], number_of(values[1]))
 
-        self.push_screen(Form("a measured trace over the prediction", fields, hint, _require_trace), opened)
+        self.fill_in("a measured trace over the prediction", fields, hint, take, _require_trace)
 
     def compare(self, file: str, M_g: float) -> None:
         """Compare a trace in a file with the drive as the wheel is looked at, at a torque [N*m]."""
@@ -346,10 +362,7 @@ class Explorer(Writing):
         here = words.where(session.turn_deg, session.drive.mounting.holes)
         torque = rig_of(session.drive, session.rig).M_g
         hint = f"F'_ior in arcsec at {torque:g} N·m: 28.1 for {here}, or h4:17.3; several with blanks between"
-        form = Form("add trials", [("", "")], hint, lambda values: state.with_trials(self.session, values[0]))
-        self.push_screen(
-            form, lambda values: self.change(lambda s: state.with_trials(s, values[0])) if values else None
-        )
+        self._ask_change("add trials", "", hint, state.with_trials)
 
     def action_drop_trial(self) -> None:
         """Drop the last trial."""
@@ -364,10 +377,15 @@ class Explorer(Writing):
         found = next(each for each in levers(self.session.drive, set()) if each.path == path)
         title = f"{path}, {found.unit}" if found.unit else path
         hint = f"{found.meaning}{f'; {found.range}' if found.range else ''}. Empty takes a change back."
-        form = Form(title, [("", found.text)], hint, lambda values: state.edited(self.session, path, values[0]))
-        self.push_screen(
-            form, lambda values: self.change(lambda s: state.edited(s, path, values[0])) if values else None
-        )
+        self._ask_change(title, found.text, hint, lambda s, value: state.edited(s, path, value))
+
+    def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
+        """Have a text filled in that changes the session."""
+
+        def take(values: tuple[str, ...]) -> None:
+            self.change(lambda s: change(s, values[0]))
+
+        self.fill_in(title, [("", text)], hint, take, lambda values: change(self.session, values[0]))
 
     def action_nudge(self, steps: int) -> None:
         """Turn the knob of the field under the cursor by steps."""
@@ -387,9 +405,25 @@ class Explorer(Writing):
 
     def action_theme(self) -> None:
         """Change between dark and light."""
-        names = [theme.name for theme in THEMES]
-        self.theme = names[1 - names.index(self.theme)] if self.theme in names else names[0]
+        self.theme = THEMES[self.current_theme.dark].name  # the dark one stands first
         self.draw()
+
+    async def action_quit(self) -> None:
+        """Leave; where changes or trials are not saved, ask before. Asked again over a question, leave at once."""
+        if self.session.step == self.settled or isinstance(self.screen, Confirm):
+            self.exit()
+            return
+
+        def answered(keep: bool | None) -> None:
+            if keep is False and self.kept:
+                with suppress(HdassistError, OSError):
+                    self.kept.put_back()
+            if keep is not None:
+                self.exit()
+
+        told = f"They are not kept: {self.unkept}" if self.unkept else "They are kept for next time."
+        question = f"Changes and trials of this session are in no preset. {told}\nEscape stays, s saves the preset."
+        self.push_screen(Confirm(question, "leave", "leave, and do not keep them"), answered)
 
     def action_explain(self) -> None:
         """Explain what is on the screen."""

@@ -13,9 +13,19 @@ from hdassist.explorer.answers import Advised, Answer, Curve, Sure
 from hdassist.explorer.known import Known, Memory
 from hdassist.explorer.pictures import Inks
 from hdassist.explorer.plain import SevenBits
-from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, SlopesQuestion, TrialsQuestion
+from hdassist.explorer.questions import (
+    FULL,
+    Effort,
+    MountQuestion,
+    ProofQuestion,
+    Question,
+    SlopesQuestion,
+    TrialsQuestion,
+)
+from hdassist.explorer.screens import Form
 from hdassist.explorer.service import Service
-from hdassist.explorer.state import Session
+from hdassist.explorer.session_file import SessionFile
+from hdassist.explorer.state import Session, Step
 from hdassist.explorer.themes import THEMES, inks
 from hdassist.visible import visible
 
@@ -23,10 +33,25 @@ REST = 0.7  # s that the wheel rests in a position before that is proven
 
 
 class Asking(App[int]):
-    """A session, and questions about it: each change asks what is not known yet, and ends what is no longer wanted."""
+    """A session, and questions about it: each change asks what is not known yet, and ends what is no longer wanted.
 
-    def __init__(self, session: Session, service: Service, effort: Effort, *, dark: bool, ascii: bool) -> None:
+    Arguments: session, service and effort of the first questions; dark or light; ascii, whether in 7 bits; kept, the
+    file that holds the session for next time.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        service: Service,
+        effort: Effort = FULL,
+        *,
+        dark: bool = True,
+        ascii: bool = False,
+        kept: SessionFile | None = None,
+    ) -> None:
         super().__init__()
+        self.kept, self.unkept = kept, ""
+        self.settled = session.step  # that needs no keeping: as it was opened, or saved
         self._plain = [SevenBits()] if ascii else []
         self.session, self.service, self.effort = session, service, effort
         self.memory = Memory()
@@ -54,12 +79,12 @@ class Asking(App[int]):
     @property
     def known(self) -> Known:
         """What is known of the drive without trials."""
-        return self.memory.of_drive(self.session)
+        return self.memory.of(Step(self.session.changes))
 
     @property
     def of_trials(self) -> Known | None:
         """What is known from the trials; None where there are none."""
-        return self.memory.of_trials(self.session) if self.session.trials else None
+        return self.memory.of(self.session.step) if self.session.trials else None
 
     def show(self, session: Session) -> None:
         """Go on with another session: ask what is not known of it, and draw it."""
@@ -67,9 +92,21 @@ class Asking(App[int]):
         if session.changes != old.changes:
             self.ask_of_drive()
         if session.step != old.step:
+            self.keep()
             self.ask_of_trials()
         self.when_at_rest()
         self.draw()
+
+    def keep(self) -> None:
+        """Have the session in the user's file; say so once where that cannot be."""
+        try:
+            if self.kept:
+                self.kept.write(self.session)
+            self.unkept = ""
+        except HdassistError as error:
+            if not self.unkept:
+                self.complain(error)
+            self.unkept = error.message
 
     def change(self, change: Callable[[Session], Session]) -> None:
         """Go on with a changed session; say why where that cannot be."""
@@ -82,6 +119,17 @@ class Asking(App[int]):
         """Say what is wrong, and what to do about it."""
         hint = f"\n{error.hint}" if error.hint else ""
         self.notify(visible(f"{error.message}{hint}"), severity="error", markup=False, timeout=8)
+
+    def fill_in(
+        self,
+        title: str,
+        fields: Sequence[tuple[str, str]],
+        hint: str,
+        take: Callable[[tuple[str, ...]], None],
+        check: Callable[[tuple[str, ...]], object] | None = None,
+    ) -> None:
+        """Have a form filled in, and take its values unless it is left."""
+        self.push_screen(Form(title, fields, hint, check), lambda values: take(values) if values else None)
 
     def ask_of_drive(self) -> None:
         """Ask where the wheel of the drive is best, unless that is known."""
@@ -131,8 +179,7 @@ class Asking(App[int]):
         if self.wants_slopes() and turn not in known.slopes:
             self.follow(SlopesQuestion(session.drive, turn, self.effort), known.take, "slopes")
         place = curve.at(turn)
-        open_ = known.facts and known.facts.any_hole
-        if known.advised and not open_ and (place is None or place.sure is not Sure.PROVEN):
+        if known.advised and (place is None or place.sure not in (Sure.PROVEN, Sure.AT_ZERO)):
             self.follow(ProofQuestion(session.drive, turn, self.effort), known.take, "proof")
 
     @property

@@ -57,14 +57,19 @@ def command(
     from hdassist.explorer.guard import terminal_guarded
     from hdassist.explorer.questions import Effort
     from hdassist.explorer.service import Service
-    from hdassist.terminal.console import Style
+    from hdassist.explorer.session_file import SessionFile
+    from hdassist.terminal.console import Style, say
 
     with terminal_guarded():
         service = Service()
         try:
             plain = Style.of(sys.stdout, ascii=ascii).ascii
-            app = Explorer(session, service, Effort(jobs=jobs), dark=not light, ascii=plain)
+            kept = SessionFile(preset)
+            app = Explorer(session, service, Effort(jobs=jobs), dark=not light, ascii=plain, kept=kept)
             app.run()
         finally:
             service.close()
+    if app.session.step != session.step:
+        for name in ("explore", "check"):
+            say(f"back to it: {app.session.command(name)}")
     raise typer.Exit(app.return_code or 0)

@@ -19,9 +19,22 @@ import numpy as np
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import DEVIATIONS
+from hdassist.error.unknown_range import unknown_ranges
 from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Place, Rendered, Slopes, Sure, Underway, Value
+from hdassist.explorer.answers import (
+    Advised,
+    Answer,
+    Curve,
+    Facts,
+    Place,
+    Ranges,
+    Rendered,
+    Slopes,
+    Sure,
+    Underway,
+    Value,
+)
 from hdassist.explorer.compute_views import compared, turned
 from hdassist.explorer.levers import SETTINGS, stepped
 from hdassist.explorer.questions import (
@@ -57,7 +70,8 @@ from hdassist.terminal.answers import json_text
 from hdassist.terminal.texts import texts
 from hdassist.terminal.workers import workers
 from hdassist.trials import page as trials_page
-from hdassist.trials.advice import TrialAdvice
+from hdassist.trials.advice import TrialAdvice, advise_from_trials
+from hdassist.trials.prior import SAMPLES
 
 FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
 FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
@@ -90,13 +104,18 @@ def answers(question: Question, tell: Callable[[Answer], None] = lambda _: None)
 
 
 def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
-    """What is known of a drive, its curve ever surer, and the advice of `hdassist mount`."""
-    yield _facts(drive)
-    if searchable(drive):
+    """What is known of a drive, its curve ever surer, the ranges of `hdassist check`, advice of `hdassist mount`."""
+    facts = _facts(drive)
+    yield facts
+    has_curve = searchable(drive) and not facts.any_hole
+    if has_curve:
         yield from _coarse(drive, effort.turns)
     with workers(effort.jobs) as executor:
-        if searchable(drive):
+        if has_curve:
             yield from _refined(drive, executor)
+        ranges = partial(unknown_ranges, torques=drive.operation.M_g, draws=effort.draws, seed=SEED, executor=executor)
+        found = in_wide_enough_window(drive, ranges)
+        yield Ranges(tuple((each.M_g, each.low, each.high) for each in found))
         analysis = partial(
             advise,
             torques=drive.operation.M_g,
@@ -110,14 +129,18 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
 
 def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
     """The advice of `hdassist trials`; told on the way, how far it is."""
-    torques = {*asked.drive.operation.M_g, trial_entry.rig_of(asked.drive, asked.rig).M_g}
-    progress, samples = _in_shares(len(torques) * MESH.states(asked.drive), tell), asked.effort.trial_samples
+    drive, rig = asked.drive, trial_entry.rig_of(asked.drive, asked.rig)
     with workers(asked.effort.jobs) as executor:
-        yield _trials_advised(
-            trial_entry.advice(
-                asked.drive, asked.trials, asked.rig, samples=samples, executor=executor, progress=progress
-            )
+        analysis = partial(
+            advise_from_trials,
+            trials=trial_entry.read(asked.trials, drive),
+            rig=rig,
+            needed=asked.rig.sure,
+            samples=asked.effort.trial_samples or SAMPLES,
+            executor=executor,
+            progress=_in_shares(len({*drive.operation.M_g, rig.M_g}) * MESH.states(asked.drive), tell),
         )
+        yield _trials_advised(in_wide_enough_window(drive, analysis))
 
 
 def _in_shares(states: int, tell: Callable[[Answer], None]) -> Progress:
@@ -179,7 +202,7 @@ def _rendered(asked: RenderQuestion) -> str:
     page: Any = mount_page if isinstance(advice, Advice) else trials_page
     if asked.kind == "json":
         return json_text(page.to_json(advice, *([SEED] if isinstance(advice, Advice) else [])))
-    say = texts(asked.language)
+    say = texts()
     card = card_of(page.card_facts(advice, say), say, serial=asked.serial, made=date.today())
     made = {".html": card_render.html, ".md": card_render.markdown, ".txt": card_render.plain_text}
     return made[asked.kind](card)
@@ -187,8 +210,7 @@ def _rendered(asked: RenderQuestion) -> str:
 
 def _facts(drive: Drive) -> Facts:
     open_ = unknowns(drive)
-    assumed = {each.path: (each.low, each.high) for each in assumptions(drive)}
-    return Facts(tuple(each.path for each in open_), bool(open_ and unknown_turn(drive)), assumed)
+    return Facts(tuple(each.path for each in open_), bool(open_ and unknown_turn(drive)), len(list(assumptions(drive))))
 
 
 def _places(drive: Drive) -> list[float]:
@@ -244,11 +266,16 @@ def _refined(drive: Drive, executor: Executor) -> Iterator[Curve]:
     values = np.full((len(torques), len(rotations)), np.nan)
     tasks = [(drive, M_g, [rotations[k] for k in group]) for group in groups for M_g in torques]
     found = executor.map(_searched, tasks)
-    sure = [[Sure.REFINED] * len(rotations)] * len(torques)
+    sure = [[_sure(drive, Sure.REFINED)] * len(rotations)] * len(torques)
     for group in groups:
         for t in range(len(torques)):
             values[t, group] = next(found)
         yield _curve(drive, values, sure)
+
+
+def _sure(drive: Drive, reached: Sure) -> Sure:
+    """How sure an F'_ior is that was searched or solved: no more than what is not known allows."""
+    return Sure.AT_ZERO if unknowns(drive) else reached
 
 
 def _searched(task: tuple[Drive, float, Sequence[float]]) -> list[float]:
@@ -272,9 +299,7 @@ def _mount_advised(advice: Advice) -> Advised:
     why = "" if settled else "nothing can be ordered: what is not known could reverse it"
     return Advised(
         command="mount",
-        order=advice.order,
         words=mount_page.what_to_do(advice),
-        target_deg=advice.choice.target.rotation_deg if settled else 0.0,
         best_deg=advice.chosen.rotation_deg,
         reasons=tuple(_mount_reasons(advice)),
         warnings=mount_page.warnings(advice),
@@ -318,7 +343,7 @@ def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
         values = tuple(
             Value(
                 float(value),
-                Sure.PROVEN if every[t] else Sure.REFINED,
+                _sure(drive, Sure.PROVEN if every[t] else Sure.REFINED),
                 None if band is None else (float(band[0, t]), float(band[1, t])),
             )
             for t, value in enumerate(curve.F_ior_arcsec[:, k])
@@ -342,9 +367,7 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
     toward = "direction open" if advice.facing[0] is None else f"at {facing:.0f} deg (sd {off:.0f})"
     return Advised(
         command="trials",
-        order=("turn" if advice.choice.turn else "leave") if advice.settled else "none",
         words=trials_page.instruction(advice),
-        target_deg=best,
         best_deg=best,
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",

@@ -17,6 +17,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import told as taken_as_zero
 from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import TraceForm, read_trace
@@ -53,6 +54,7 @@ def turned(asked: TurnQuestion) -> Turned:
         force_N=forces,
         shares=tuple((float(a), float(b)) for a, b in error.zone_share),
         proof=f"{proof.states} states, greatest residual {proof.max_residual:.0e}",
+        warnings=taken_as_zero(asked.drive),
     )
 
 
@@ -105,22 +107,8 @@ def compared(asked: TraceQuestion) -> Compared:
         turns=tuple(np.asarray(result.found.bins.turns).tolist()),
         measured_arcsec=tuple((predicted + result.residual_arcsec).tolist()),
         predicted_arcsec=tuple(predicted.tolist()),
-        words=tuple(_words(result)),
-        orders=tuple(
-            (pair.measured.per_cam_rev, pair.measured.amplitude_arcsec, pair.predicted_arcsec) for pair in result.orders
-        ),
         page=_page(result),
     )
-
-
-def _words(result: Comparison) -> list[str]:
-    measured = result.found.range
-    return [
-        compare_page.verdict_line(result),
-        f"range measured {measured.value:.2f}, predicted {result.predicted_range_arcsec:.2f} arcsec; difference "
-        f"{result.difference_rms_arcsec:.2f} arcsec rms",
-        *result.warnings,
-    ]
 
 
 def _page(result: Comparison) -> str:

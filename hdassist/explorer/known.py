@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Slopes, Underway
-from hdassist.explorer.state import Session, Step
+from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Ranges, Slopes, Underway
+from hdassist.explorer.state import Step
 
 MOST = 64  # steps that are remembered
 
@@ -15,7 +15,8 @@ class Known:
     """Answers about one drive, or about one drive with trials."""
 
     facts: Facts | None = None
-    curve: Curve | None = None
+    curve: Curve | None = None  # none where any hole may be the best: against holes it would mean nothing
+    ranges: Ranges | None = None
     advised: Advised | None = None
     failed: Failed | None = None
     share: float = 0.0  # of what is under way
@@ -28,11 +29,14 @@ class Known:
                 self.facts = answer
             case Curve():
                 self.curve = merged(self.curve, answer)
+            case Ranges():
+                self.ranges = answer
             case Slopes():
                 self.slopes[answer.rotation_deg] = answer
             case Advised():
                 self.advised = answer
-                self.curve = merged(self.curve, answer.curve)
+                if not (self.facts and self.facts.any_hole):
+                    self.curve = merged(self.curve, answer.curve)
             case Underway():
                 self.share = answer.share
             case Failed():
@@ -54,19 +58,8 @@ class Memory:
     def __init__(self) -> None:
         self._known: dict[Step, Known] = {}
 
-    def of_drive(self, session: Session) -> Known:
-        """What is known without trials."""
-        return self._of(Step(session.changes))
-
-    def of_pinned(self, session: Session) -> Known:
-        """What is known of the variant to compare with."""
-        return self._of(Step(session.pinned))
-
-    def of_trials(self, session: Session) -> Known:
-        """What is known from the trials."""
-        return self._of(session.step)
-
-    def _of(self, step: Step) -> Known:
+    def of(self, step: Step) -> Known:
+        """What is known at a step; of the drive alone at one without trials."""
         known = self._known.pop(step, None) or Known()
         self._known[step] = known  # the last one asked for is forgotten last
         while len(self._known) > MOST:

@@ -6,13 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil, cos, floor, log10, pi, radians, sin
+from textwrap import wrap
 
 from rich.text import Text
 
 from hdassist.explorer.answers import Curve, Place, Sure
 from hdassist.explorer.canvas import TALL, WIDE, Canvas
 
-MARKS = {Sure.COARSE: "·", Sure.REFINED: "○", Sure.PROVEN: "●", Sure.FITTED: "◌"}
+MARKS = {Sure.COARSE: "·", Sure.REFINED: "○", Sure.AT_ZERO: "◎", Sure.PROVEN: "●", Sure.FITTED: "◌"}
 LABELS = 5  # columns of the numbers at the left
 ROOM = 24  # holes that have room for their number
 
@@ -42,7 +43,7 @@ class Inks:
 class Plotted:
     """What a curve is drawn with: rotation looked at, a curve behind it, limits by torque, trials at one torque.
 
-    empty: what is said where there is no curve.
+    empty: lines where there is no curve.
     """
 
     curve: Curve | None
@@ -60,7 +61,9 @@ def curve_picture(plot: Plotted, columns: int, rows: int, inks: Inks) -> Text:
     """F'_ior against the position, a curve a torque, from nothing up, over the whole turn."""
     canvas = Canvas(columns, rows)
     if plot.curve is None or not plot.curve.places or rows < 5 or columns < 20:
-        canvas.text((columns - len(plot.empty)) // 2, rows // 2, plot.empty, inks.muted)
+        lines = [line for text in plot.empty.split("\n") for line in wrap(text, max(columns - 2, 1)) or [""]]
+        for k, line in enumerate(lines):
+            canvas.text((columns - len(line)) // 2, (rows - len(lines)) // 2 + k, line, inks.muted)
         return canvas.drawn()
     top = _top(plot)
     step = round_step(top, max(2, (rows - 2) // 3))
@@ -278,6 +281,9 @@ def value_words(place: Place, now: Place | None, torques: Sequence[float]) -> li
         change = ""
         if now and now is not place and t < len(now.values):
             change = f" {value.F_ior_arcsec / max(now.values[t].F_ior_arcsec, 1e-9) - 1:+.0%}"
+        if value.band and value.sure is Sure.AT_ZERO:
+            lines.append(f"{M_g:g} N·m {value.band[0]:.1f}…{value.band[1]:.1f}″ (90 %)")
+            continue
         if value.band:
             change = f" {value.band[0]:.0f}…{value.band[1]:.0f}"
         lines.append(f"{M_g:g} N·m {told}″{change} {value.sure}")

@@ -10,7 +10,7 @@ from textual.filter import LineFilter
 from hdassist.explorer.canvas import BRAILLE, DOTS
 from hdassist.terminal.console import PLAIN
 
-SIGNS = str.maketrans("○●◌◆…°″±←→↑↓─━┄╌│█▀", "o@%#~d\"~<>^v----|#'")
+SIGNS = str.maketrans("○◎●◌◆…°″±←→↑↓─━┄╌│█▀", "o0@%#~d\"~<>^v----|#'")
 BOXES = range(0x2500, 0x2580)  # lines, corners of frames
 UPPER = sum(bit for row in DOTS[:2] for bit in row)
 

@@ -37,7 +37,7 @@ t add trials           x drop the last one
 Enter edit a field     + - a step      u undo   r redo       p pin the drive as it is, to compare
 c card   s save   j JSON   g picture   y copy the command line
 1 seat   2 over the cam angle   3 a measured trace over the prediction
-l levers   d dark or light   ctrl+p all actions   q quit
+l levers   d dark or light   ctrl+p all actions   q leave: the session is kept for next time
 """
 
 
@@ -73,7 +73,7 @@ class Form(ModalScreen[tuple[str, ...] | None]):
 
     def on_input_submitted(self) -> None:
         """Take what was filled in, or say what is wrong with it."""
-        values = tuple(line.value for line in self.query(Input))
+        values = tuple(line.value.strip() for line in self.query(Input))
         try:
             if self._check:
                 self._check(values)
@@ -84,21 +84,22 @@ class Form(ModalScreen[tuple[str, ...] | None]):
         self.dismiss(values)
 
 
-class Confirm(ModalScreen[bool]):
-    """A question with yes and no."""
+class Confirm(ModalScreen[bool | None]):
+    """A question that y and n answer; Escape, with None, leaves it open. Arguments: question; meanings of y and n."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", "dismiss(True)", "yes"),
-        Binding("n,escape", "dismiss(False)", "no"),
+        Binding("n", "dismiss(False)", "no"),
+        Binding("escape", "dismiss(None)", "leave it open"),
     ]
 
-    def __init__(self, question: str) -> None:
+    def __init__(self, question: str, yes: str = "yes", no: str = "no") -> None:
         super().__init__()
-        self._question = question
+        self._text = f"{question}\n\ny {yes}\nn {no}"
 
     def compose(self) -> ComposeResult:
         """The question."""
-        yield Static(f"{visible(self._question)}\n\ny yes    n no", id="confirm", markup=False)
+        yield Static(visible(self._text), id="confirm", markup=False)
 
 
 class Explain(ModalScreen[None]):

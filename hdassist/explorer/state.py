@@ -30,6 +30,8 @@ class Source:
 
     def drive(self, changes: tuple[Change, ...] = ()) -> Drive:
         """The drive with changes. Raises PresetError, or UsageError with the loader's words about them."""
+        if any("\n" in value for _, value in changes):
+            raise UsageError("a value is one line")
         return load_text(self.text, self.file, [*self.overrides, *(f"{path}={value}" for path, value in changes)])
 
 
@@ -91,7 +93,7 @@ class Session:
         Arguments: name of the command, mount without or, where there are trials, trials; more of its words.
         """
         name, behind = name or ("trials" if self.trials else "mount"), list(more)
-        if name == "trials":
+        if name in ("trials", "explore"):
             behind = [*self.trials, *self.rig.words()]
         changes = self.turned_changes() if name in ("trace", "compare") else self.changes
         for text in _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in changes))):
@@ -118,8 +120,6 @@ def edited(session: Session, path: str, value: str) -> Session:
     """
     if path not in field_table():
         raise UsageError(f"no field {path}")
-    if "\n" in value:
-        raise UsageError("a value is one line")
     changes = dict(session.changes)
     changes.pop(path, None)
     if value.strip():
@@ -139,13 +139,9 @@ def with_trials(session: Session, text: str) -> Session:
     return _stepped(session, replace(session.step, trials=(*session.trials, *told)))
 
 
-def without_trial(session: Session, place: int = -1) -> Session:
-    """The session without one of its trials, the last one unless said."""
-    if not session.trials:
-        return session
-    kept = list(session.trials)
-    kept.pop(place)
-    return _stepped(session, replace(session.step, trials=tuple(kept)))
+def without_trial(session: Session) -> Session:
+    """The session without the last of its trials."""
+    return _stepped(session, replace(session.step, trials=session.trials[:-1]))
 
 
 def turned(session: Session, by: int) -> Session:
@@ -169,7 +165,7 @@ def undone(session: Session) -> Session:
     """The session before its last change."""
     if not session.past:
         return session
-    back = _at(session, session.past[-1])
+    back = at_step(session, session.past[-1])
     return replace(back, past=session.past[:-1], future=(session.step, *session.future))
 
 
@@ -177,7 +173,7 @@ def redone(session: Session) -> Session:
     """The session with the change that was undone last."""
     if not session.future:
         return session
-    on = _at(session, session.future[0])
+    on = at_step(session, session.future[0])
     return replace(on, past=(*session.past, session.step), future=session.future[1:])
 
 
@@ -185,10 +181,10 @@ def _stepped(session: Session, step: Step) -> Session:
     """The session at a new step, which forgets what was undone."""
     if step == session.step:
         return session
-    return replace(_at(session, step), past=(*session.past, session.step)[-MOST_PAST:], future=())
+    return replace(at_step(session, step), past=(*session.past, session.step)[-MOST_PAST:], future=())
 
 
-def _at(session: Session, step: Step) -> Session:
+def at_step(session: Session, step: Step) -> Session:
     """The session at a step. Raises what loading raises."""
     drive = session.drive if step.changes == session.changes else session.source.drive(step.changes)
     for trial in step.trials:

@@ -13,7 +13,8 @@ from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Static
 
-from hdassist.explorer.answers import Answer, Compared, Failed, Turned
+from hdassist.explorer import words
+from hdassist.explorer.answers import Answer, Compared, Failed, Sure, Turned
 from hdassist.explorer.graphs import graph, zone_picture
 from hdassist.explorer.pictures import Inks
 from hdassist.visible import visible
@@ -96,19 +97,20 @@ class TurnView(Vertical, can_focus=True):
             self._orders.update(visible(told))
             return
         error, zones = self._parts[0], self._parts[1:]
-        error.border_title = f"error over the cam angle, arcsec · {found.M_g:g} N·m · PROVEN"
+        sure = Sure.AT_ZERO if found.warnings else Sure.PROVEN
+        error.border_title = f"{sure} · {found.M_g:g} N·m · error over the cam angle, arcsec"
         error.border_subtitle = (
             f"start {found.start_deg:g}° (↑↓)  cam {found.phi_h_deg[self.state]:.1f}° (←→)  "
             f"error {found.error_arcsec[self.state]:+.2f}  range {found.range_arcsec:.2f}"
         )
         for name, zone in zip(("0°", "180°"), zones, strict=True):
             zone.border_title = f"mesh zone at {name}: force on each tooth"
-        lines = Text()
+        lines = Text("".join(f"{line}\n" for line in words.ranges(cast("Asking", self.app).known)), inks.limit)
         for per_turn, amplitude, cause in found.orders:
             lines.append(f"{per_turn:6.2f} {amplitude:7.2f}  ", inks.text)
             first, *others = cause.split("; ")
             lines.append(f"{first}{' …' if others else ''}\n", inks.muted)
-        lines.append(f"\n{found.proof}", inks.muted)
+        lines.append("\n".join(["", *found.warnings, found.proof]), inks.muted)
         self._orders.border_title = "orders: per cam turn, arcsec"
         self._orders.update(lines)
 

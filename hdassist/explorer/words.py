@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from rich.text import Text
 
-from hdassist.explorer.answers import Advised, Curve, Sure
+from hdassist.explorer.answers import Curve, Sure
 from hdassist.explorer.known import Known
 from hdassist.explorer.pictures import Inks
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import hole_of
 from hdassist.visible import visible
-
-STAGES = (Sure.COARSE, Sure.REFINED, Sure.PROVEN)
 
 
 def where(rotation_deg: float, holes: int) -> str:
@@ -34,7 +30,7 @@ def head(session: Session, known: Known, inks: Inks) -> Text:
     elif facts and facts.unknown:
         line.append(f"  {len(facts.unknown)} unknown", inks.limit)
     if facts and facts.assumed:
-        line.append(f"  {len(facts.assumed)} ranges assumed", inks.muted)
+        line.append(f"  {facts.assumed} ranges assumed", inks.muted)
     if session.changes:
         line.append(f"  {len(session.changes)} changed", inks.best)
     return line
@@ -44,9 +40,17 @@ def basis(known: Known, of_trials: Known | None) -> str:
     """What the curve rests on, in its title; empty where all is known."""
     if of_trials and of_trials.advised:
         return " · 90 % band"
-    if known.facts and known.facts.any_hole:
-        return ""
-    return " · not known taken as 0" if known.facts and known.facts.unknown else ""
+    return " · unknown as 0" if known.curve and known.facts and known.facts.unknown else ""
+
+
+def ranges(known: Known) -> list[str]:
+    """F'_ior over what is not known or uncertain, a line a torque, in the figures of `hdassist check`."""
+    unknown = known.facts and known.facts.unknown
+    if known.ranges is None or not (known.ranges.rows or unknown):
+        return []
+    first = f"F'_ior over what is {'not known' if unknown else 'uncertain'}, 5 to 95 %, as hdassist check has it:"
+    rows = [f"{M_g:g} N·m {low:.2f} to {high:.2f}″" for M_g, low, high in known.ranges.rows]
+    return [first, *(rows or ["none: the cycle of rolling balls cannot be searched"])]
 
 
 def stage(known: Known, of_trials: Known | None, busy: bool, inks: Inks) -> Text:
@@ -91,7 +95,12 @@ def advice_text(session: Session, known: Known, of_trials: Known | None, inks: I
         if here.failed.hint:
             text.append(f"\n{visible(here.failed.hint)}", inks.muted)
     elif advised := here.advised:
-        _append_advice(text, advised, inks)
+        text.append(visible(advised.words), f"{inks.text} bold" if advised.settled else inks.text)
+        first = "c writes the card" if advised.settled else f"no card: {advised.why_not}"
+        text.append(f"\n{visible(' · '.join([first, *advised.reasons]))}", inks.muted)
+        text.append("".join(f"\n{line}" for line in ranges(here) if here.curve), inks.muted)
+        for warning in advised.warnings:
+            text.append(f"\n{visible(warning)}", inks.trial)
     elif of_trials is not None:
         by_now = f"{of_trials.share:.0%} of the tables, after them what is assumed"
         text.append(f"Weighing the trials … {by_now}", inks.muted)
@@ -104,26 +113,13 @@ def advice_text(session: Session, known: Known, of_trials: Known | None, inks: I
     return text
 
 
-def _append_advice(text: Text, advised: Advised, inks: Inks) -> None:
-    text.append(visible(advised.words), f"{inks.text} bold" if advised.settled else inks.text)
-    told = " · ".join(_reasons(advised))
-    text.append(f"\n{visible(told)}", inks.muted)
-    for warning in advised.warnings:
-        text.append(f"\n{visible(warning)}", inks.trial)
-
-
-def _reasons(advised: Advised) -> Iterator[str]:
-    yield "c writes the card" if advised.settled else f"no card: {advised.why_not}"
-    yield from advised.reasons
-
-
 def _preview(session: Session, known: Known, curve: Curve, inks: Inks) -> Text:
     """What looks best by now; nothing is ordered from that."""
     best, now = curve.best, curve.places[0]
-    if best is now:
-        return Text(f"{curve.sure}: best where it stands, by now. No order before it is proven …", inks.text)
     if known.facts and known.facts.unknown:
         return Text("What is not known is taken as 0 so far; the order takes it in …", inks.text)
+    if best is now:
+        return Text(f"{curve.sure}: best where it stands, by now. No order before it is proven …", inks.text)
     gain = 1 - curve.merit(best)
     hole = where(best.rotation_deg, session.drive.mounting.holes)
     return Text(f"{curve.sure}: {hole} looks best, {gain:.0%} less than now. No order before it is proven …", inks.text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.explorer.answers import Advised, Failed, Rendered
 from hdassist.explorer.asking import Asking
 from hdassist.explorer.questions import RenderQuestion
-from hdassist.explorer.screens import Confirm, Form
+from hdassist.explorer.screens import Confirm
 from hdassist.loading.write import with_changes
 from hdassist.mounting.card_command import KINDS, SERIAL
 from hdassist.terminal.files import put_text, require_writable
@@ -34,13 +35,11 @@ class Writing(Asking):
         fields = [("file", f"{name_of(self.session.source.name)}-card.html"), ("serial number", "")]
         hint = f"{', '.join(KINDS)}; from {'these trials' if advised.command == 'trials' else 'the prediction'}"
 
-        def write(values: tuple[str, ...] | None) -> None:
-            if values:
-                path, serial = values[0].strip(), values[1].strip()
-                question = RenderQuestion(advised.sealed, Path(path).suffix.lower(), serial=serial)
-                self._write_rendered(path, question)
+        def take(values: tuple[str, ...]) -> None:
+            path, serial = values
+            self._write_rendered(path, RenderQuestion(advised.sealed, Path(path).suffix.lower(), serial))
 
-        self.push_screen(Form("assembly card", fields, hint, _require_card), write)
+        self.fill_in("assembly card", fields, hint, take, _require_card)
 
     def _settled_advice(self) -> Advised | None:
         """The advice that a card may be made of; None, with the reason said, where there is none."""
@@ -60,13 +59,11 @@ class Writing(Asking):
             self.notify("no JSON yet: the answer is being computed", severity="warning")
             return
         default = f"{name_of(self.session.source.name)}-{advised.command}.json"
-        form = Form("JSON", [("file", default)], f"as {self.session.command()} --json")
-        self.push_screen(
-            form,
-            lambda values: (
-                self._write_rendered(values[0].strip(), RenderQuestion(advised.sealed, "json")) if values else None
-            ),
-        )
+
+        def take(values: tuple[str, ...]) -> None:
+            self._write_rendered(values[0], RenderQuestion(advised.sealed, "json"))
+
+        self.fill_in("JSON", [("file", default)], f"as {self.session.command()} --json", take)
 
     def _write_rendered(self, path: str, question: RenderQuestion) -> None:
         """Have a text made, and write it."""
@@ -87,33 +84,32 @@ class Writing(Asking):
             self.notify("nothing is changed: there is nothing to save")
             return
         default = source.file if Path(source.file).suffix else f"{name_of(source.name)}-changed.yaml"
-        form = Form("save the preset", [("file", default)], "comments and order of the original are kept")
 
-        def write(values: tuple[str, ...] | None) -> None:
-            if values:
-                self.write(values[0].strip(), lambda: with_changes(source.text, source.file, session.overrides))
+        def saved() -> None:
+            self.settled = replace(self.settled, changes=session.changes)
 
-        self.push_screen(form, write)
+        def take(values: tuple[str, ...]) -> None:
+            self.write(values[0], partial(with_changes, source.text, source.file, session.overrides), saved)
+
+        self.fill_in("save the preset", [("file", default)], "comments and order of the original are kept", take)
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
-        form = Form("picture", [("file", f"{name_of(self.session.source.name)}.svg")], "the screen as it is, as SVG")
 
-        def write(values: tuple[str, ...] | None) -> None:
-            if values:
-                path = values[0].strip()
-                # once the form has gone
-                self.set_timer(0.1, lambda: self.write(path, lambda: without_fonts(self.export_screenshot())))
+        def take(values: tuple[str, ...]) -> None:
+            # once the form has gone
+            self.set_timer(0.1, lambda: self.write(values[0], lambda: without_fonts(self.export_screenshot())))
 
-        self.push_screen(form, write)
+        default = f"{name_of(self.session.source.name)}.svg"
+        self.fill_in("picture", [("file", default)], "the screen as it is, as SVG", take)
 
     def action_copy(self) -> None:
         """Put the command line on the clipboard."""
         self.copy_to_clipboard(self.session.command())
         self.notify("the command line is on the clipboard")
 
-    def write(self, path: str, text: Callable[[], str]) -> None:
-        """Write a text to a file; one that is there only after asking."""
+    def write(self, path: str, text: Callable[[], str], done: Callable[[], None] = lambda: None) -> None:
+        """Write a text to a file, one that is there only after asking, and then do what is to be done after it."""
         try:
             if path == "-":
                 raise UsageError("the screen has standard output", "name a file")
@@ -132,6 +128,7 @@ class Writing(Asking):
                 self.complain(error)
                 return
             self.notify(visible(f"wrote {path}"), markup=False)
+            done()
 
         if Path(path).exists():
             self.push_screen(Confirm(f"{path} exists. Replace it?"), put)
@@ -142,7 +139,7 @@ class Writing(Asking):
 def _require_card(values: tuple[str, ...]) -> None:
     """Raise UsageError for a name or a serial number that a card cannot have."""
     path, serial = values
-    if Path(path.strip()).suffix.lower() not in KINDS:
+    if Path(path).suffix.lower() not in KINDS:
         raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(KINDS)}")
     if len(serial) > SERIAL or (serial and not serial.isprintable()):
         raise UsageError(f"a serial number has up to {SERIAL} printable characters")

@@ -15,11 +15,12 @@ from hdassist.explorer.answers import Answer, Failed
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import answers
 from hdassist.explorer.questions import Effort, Question
+from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import USUAL, Session, opened
 from hdassist.terminal.options import TrialOptions
 from tests.process import SMALL
 
-QUICK = Effort(turns=4, samples=64, trial_samples=1024, jobs=1)
+QUICK = Effort(turns=4, draws=8, samples=64, trial_samples=1024, jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6", "numerics.n_max=8", "numerics.n_2=16")  # states, and quick ones
 LONGEST = 60.0  # s
 
@@ -61,9 +62,10 @@ def explored(
     session: Session | None = None,
     size: tuple[int, int] = (100, 30),
     ascii: bool = False,
+    kept: SessionFile | None = None,
 ) -> Explorer:
     """Run an explorer without a terminal, do something with it once its first answers are there, and give it back."""
-    app = Explorer(session or small(), Recorded(), QUICK, ascii=ascii)  # type: ignore[arg-type]
+    app = Explorer(session or small(), Recorded(), QUICK, ascii=ascii, kept=kept)  # type: ignore[arg-type]
 
     async def run() -> None:
         async with app.run_test(size=size) as pilot:

@@ -22,12 +22,11 @@ def test_every_field_is_a_lever_with_what_the_preset_says_of_it() -> None:
 
 def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
     session = opened(SMALL)
-    for lever in levers(session.drive, set()):
-        there = (
-            load_text(session.source.text, SMALL, [f"{lever.path}={lever.text}"]) if lever.text != "unknown" else None
-        )
-        if there:
-            assert there.value(lever.path) == session.drive.value(lever.path), lever.path
+    given = [lever for lever in levers(session.drive, set()) if lever.text != "unknown"]
+    assert len(given) > len(field_table()) / 2
+    for lever in given:
+        there = load_text(session.source.text, SMALL, [f"{lever.path}={lever.text}"])
+        assert there.value(lever.path) == session.drive.value(lever.path), lever.path
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,13 @@ import signal
 import struct
 import subprocess
 import sys
+import tempfile
 import termios
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from shlex import quote
 
 import pyte
 import pytest
@@ -30,13 +33,14 @@ class Terminal:
     """A process on a pseudo-terminal, and the screen that its user sees."""
 
     def __init__(self, *args: str, command: Sequence[str] = COMMAND) -> None:
+        self.states = tempfile.TemporaryDirectory()
         self._leader, follower = pty.openpty()
         fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
         self.before = termios.tcgetattr(follower)
         self._follower = follower
         self.process = subprocess.Popen(
             [*command, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
-            start_new_session=True, env=CLEAN | {"TERM": "xterm-256color"},
+            start_new_session=True, env=CLEAN | {"TERM": "xterm-256color", "XDG_STATE_HOME": self.states.name},
         )  # fmt: skip
         self._screen = pyte.Screen(COLUMNS, ROWS)
         self._stream = pyte.ByteStream(self._screen)
@@ -86,6 +90,7 @@ class Terminal:
             self.process.wait()
         os.close(self._leader)
         os.close(self._follower)
+        self.states.cleanup()
 
 
 @contextmanager
@@ -112,9 +117,20 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("\x1b")
         while "add trials" in terminal.read():  # an escape and a letter at once would be another key
             pass
+        terminal.press("t")
+        terminal.wait_for("add trials")
+        terminal.press("28.1\r")
+        terminal.wait_for("h1:28.1")
         terminal.press("q")
+        terminal.wait_for("leave, and do not keep them")
+        terminal.press("y")
         assert terminal.end() == 0
         assert terminal.as_it_was
+        left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
+        sets = " ".join(f"--set {quote(text)}" for text in FEW)
+        assert f"back to it: hdassist explore {SMALL} h1:28.1 {sets}\r\n" in left
+        assert f"back to it: hdassist check {SMALL} {sets}\r\n" in left
+        assert len(list(Path(terminal.states.name).rglob("*.json"))) == 1
     assert vanished(before)
 
 

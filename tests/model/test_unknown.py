@@ -37,9 +37,11 @@ def test_each_deviation_that_is_not_given_is_open_with_its_direction():
     for size, direction in sizes.items():
         assert open_fields(f"{size}=unknown", f"{direction}=unknown") == {size, direction}
         assert open_fields(f"{size}=unknown", f"{size}=0", f"{direction}=unknown") == set()  # nothing has no direction
-        if not direction.startswith("harmonics."):
-            assert open_fields(f"{size}=3", f"{direction}=unknown") == {direction}
-            assert open_fields(f"{size}=unknown", f"{direction}=20") == {size}
+    whole = {size: direction for size, direction in sizes.items() if not direction.startswith("harmonics.")}
+    assert len(whole) == 6
+    for size, direction in whole.items():
+        assert open_fields(f"{size}=3", f"{direction}=unknown") == {direction}
+        assert open_fields(f"{size}=unknown", f"{direction}=20") == {size}
 
 
 def test_sizes_go_as_far_as_their_part_may_and_directions_around():
