@@ -54,6 +54,25 @@ def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subpro
     return subprocess.CompletedProcess(["hdassist", *args], code, _told(out), _told(err))
 
 
+def default_signals() -> None:
+    """Have a process that begins (preexec_fn) hear what its parent may ignore, under nohup or in the background."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def ends(pid: int) -> bool:
+    """Whether a process that was begun by another one ends soon, or has ended; needs /proc."""
+    until = time.monotonic() + 5
+    while time.monotonic() < until:
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except OSError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
 def _told(stream: io.TextIOWrapper) -> str:
     """All that a stream was given, to the last carriage return."""
     stream.seek(0)
@@ -74,7 +93,7 @@ def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
     """Run a command in a process, and interrupt it when its own processes have worked for so long [s]."""
     process = subprocess.Popen(
         [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8",
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell has it ignored in the background
+        preexec_fn=default_signals,
     )  # fmt: skip
     begun = time.monotonic()
     while process.poll() is None and _worked(process.pid, time.monotonic() - begun) < after:

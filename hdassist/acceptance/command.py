@@ -206,11 +206,11 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
     from hdassist.acceptance.decision import limits_of, needed_for
     from hdassist.acceptance.request import carry_out, read_measurements, read_wheels
+    from hdassist.run.processes import workers
     from hdassist.terminal.files import write_text
     from hdassist.terminal.runs import Answer as RunAnswer
     from hdassist.terminal.runs import give, run_each
     from hdassist.terminal.wheels import say_notes
-    from hdassist.terminal.workers import workers
 
     answers: list[Answer] = []
 

@@ -21,10 +21,11 @@ from hdassist.measuring.measure import require_drift
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
+from hdassist.run.processes import count, workers
+from hdassist.run.stops import at_stop
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import add_line, held, put_text, write_text
 from hdassist.terminal.output import complain, note
-from hdassist.terminal.workers import count, workers
 from hdassist.textfile import is_file, is_there
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
@@ -53,23 +54,24 @@ def _accept_lot(path: str, run: Run) -> int:
     shown = not (options.json or files.take_stdout or out.csv == "-")
     done: list[Answer] = []
     lines: list[str] = []
-    try:
-        with closing(_all(lot, kept, run)) as answers:
-            for answer in answers:
-                done.append(answer)
-                if isinstance(answer, Unanswered):
-                    error = answer.error
-                    complain(HdassistError(f"{report.title(answer)}: {error.message}", error.hint, error.code))
-                if shown:
-                    words = f"{report.title(answer)} {answer.status}" if options.quiet else report.line(answer, width)
-                    lines.append(out.style.text(words))
-                    if out.target == "-":
-                        out.text(lines[-1] + "\n")
-    except KeyboardInterrupt:
-        known = len(kept) + sum(answer.serial not in kept for answer in done)
+
+    def state() -> str:
+        count = len(kept) + sum(answer.serial not in kept for answer in done)
         where = f"are kept in {files.lines_file}: the same command with --resume goes on"
-        note(f"{known} of {len(lot.rows)} rows {where if files.lines_file else 'are done, none is kept: --jsonl FILE'}")
-        raise
+        known = where if files.lines_file else "are done, none is kept: --jsonl FILE"
+        return f"{count} of {len(lot.rows)} rows {known}"
+
+    with at_stop(state), closing(_all(lot, kept, run)) as answers:
+        for answer in answers:
+            done.append(answer)
+            if isinstance(answer, Unanswered):
+                error = answer.error
+                complain(HdassistError(f"{report.title(answer)}: {error.message}", error.hint, error.code))
+            if shown:
+                words = f"{report.title(answer)} {answer.status}" if options.quiet else report.line(answer, width)
+                lines.append(out.style.text(words))
+                if out.target == "-":
+                    out.text(lines[-1] + "\n")
     if files.lines_file is not None:
         if kept:
             put_text(files.lines_file, to_lines(done))  # in the order of the rows

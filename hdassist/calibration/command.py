@@ -59,10 +59,11 @@ def command(
     from hdassist.errors import UsageError
     from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.preset.write import with_found_values
+    from hdassist.run.processes import workers
+    from hdassist.run.stops import at_stop
     from hdassist.terminal.files import held, require_writable, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
-    from hdassist.terminal.workers import workers
     from hdassist.textfile import read_bytes
 
     o.stdin_once(preset, str(targets))
@@ -80,20 +81,17 @@ def command(
         given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
         if write is not None:  # a text that cannot be changed is better known before than after
             with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
-        try:
-            with (
-                held(None if state is None else str(state)),
-                out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
-                workers(jobs) as executor,
-            ):
-                known = Evaluations(drive, wanted, executor, state)
-                if known.remembered:
-                    note(f"going on from {state}: {known.remembered} drives are known")
-                result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
-        except KeyboardInterrupt:
-            if state is not None:
-                note(f"{state} keeps what was computed: the same command goes on from there")
-            raise
+        kept = f"{state} keeps what was computed: the same command goes on from there" if state is not None else ""
+        with (
+            held(None if state is None else str(state)),
+            at_stop(lambda: kept),
+            out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
+            workers(jobs) as executor,
+        ):
+            known = Evaluations(drive, wanted, executor, state)
+            if known.remembered:
+                note(f"going on from {state}: {known.remembered} drives are known")
+            result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
             ref, curve = f"hdassist calibrate, {wanted.name or targets.name}", drive.numerics.nominal_curve

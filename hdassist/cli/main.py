@@ -5,13 +5,9 @@ from __future__ import annotations
 import errno
 import io
 import os
-import signal
 import sys
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from difflib import get_close_matches
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -38,13 +34,11 @@ from hdassist.tolerance import tolerance_command as tolerance
 from hdassist.trials import command as trials
 from hdassist.version import __version__
 
-INTERRUPTED = 130
 BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
-AGAIN = 0.02  # s after which a stop is told again where it cannot be heard
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -125,11 +119,9 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
-    came: list[int] = []
     try:
-        with _stops_heard(came):
-            _require_lines(sys.argv[1:])
-            sys.exit(app(prog_name="hdassist", standalone_mode=False))
+        _require_lines(sys.argv[1:])
+        sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
         error.show(told)
@@ -142,15 +134,10 @@ def main() -> None:
 
         complain(error)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        _say("interrupted")
-        sys.exit(INTERRUPTED)
     except MemoryError:
         _say("error: there is not memory enough for an answer", "fewer --jobs take less of it", Fault.MEMORY_SHORT)
         sys.exit(UntrustedError.exit_code)
     except Exception as error:
-        if came:  # raised while a module was imported, a stop comes out as another error
-            sys.exit(128 + came[0])
         if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
             from hdassist.terminal.console import silence
 
@@ -184,36 +171,6 @@ def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
     from hdassist.terminal.output import with_code
 
     say(text.rstrip("\n") + (f"\n  hint: {with_code(hint, fault)}" if fault else ""))
-
-
-@contextmanager
-def _stops_heard(came: list[int]) -> Iterator[None]:
-    """End in order when told to: bars off, workers ended, no half file. came: the signals that said so.
-
-    That is an interrupt, SIGTERM, or a terminal that goes: SIGHUP.
-    """
-
-    def end(number: int, frame: FrameType | None) -> None:
-        if frame is not None and frame.f_globals.get("__name__") == "logging":
-            # around a fork Python calls it, and swallows what is raised there: told again in a moment
-            signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
-            signal.setitimer(signal.ITIMER_REAL, AGAIN)
-            return
-        came.append(number)
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        sys.exit(128 + number)
-
-    own = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-    # nohup has SIGHUP ignored, and means it
-    heard = {number: handler for number, handler in own.items() if signal.getsignal(number) is handler}
-    for number in heard:
-        signal.signal(number, end)
-    try:
-        yield
-    finally:
-        for number, handler in heard.items():
-            signal.signal(number, handler)
 
 
 def _open_streams() -> None:

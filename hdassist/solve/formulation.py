@@ -14,11 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import cvxpy as cp
 import numpy as np
 
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
-from hdassist.solve.cvx import cp
 
 MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 

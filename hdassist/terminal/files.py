@@ -10,9 +10,11 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault, UsageError
+from hdassist.run.stops import at_stop
 from hdassist.terminal.console import say, silence
 from hdassist.textfile import is_file, is_there
 from hdassist.visible import visible
@@ -111,13 +113,18 @@ def held(path: str | None) -> Iterator[None]:
         raise UsageError(words, "wait for it to end, or name another file") from None
     except OSError as error:
         raise _unwritable(str(beside), error.strerror or str(error)) from None
-    try:
-        yield
-    finally:
+
+    def release() -> None:
         if descriptor is not None:
             with contextlib.suppress(OSError):
                 beside.unlink()
             os.close(descriptor)
+
+    try:
+        with at_stop(release):
+            yield
+    finally:
+        release()
 
 
 def _locked(path: Path) -> int:
@@ -179,12 +186,13 @@ def _replace(target: Path, data: bytes) -> None:
     """Write beside the target under another name, then give it its own."""
     beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
     try:
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
-            stream.write(data)
-        if target.exists():
-            shutil.copymode(target, beside)
-        beside.replace(target)
+        with at_stop(partial(beside.unlink, missing_ok=True)):
+            descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+            with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
+                stream.write(data)
+            if target.exists():
+                shutil.copymode(target, beside)
+            beside.replace(target)
     except BaseException:
         with contextlib.suppress(OSError):
             beside.unlink()

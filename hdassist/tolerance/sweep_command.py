@@ -12,8 +12,8 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
+    from hdassist.run.cluster import Pool
     from hdassist.terminal.output import Output
-    from hdassist.terminal.schedulers import Pool
     from hdassist.tolerance.results import Header, Record, Results
     from hdassist.tolerance.sweep import Sweep
 
@@ -66,6 +66,7 @@ def command(
     """
     from contextlib import ExitStack
 
+    from hdassist.run.stops import at_stop
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import require_writable, write_bytes
     from hdassist.terminal.output import note
@@ -88,12 +89,9 @@ def command(
         pool = stack.enter_context(work.pools())
         results = stack.enter_context(open_results(None if packed else file, header, force=options.force))
         rows = _rows(sweep, drive.name, results, pool, out)
-        try:
+        kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
+        with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
             swept = collect(sweep, drive, _told(rows, sweep) if streamed else rows)
-        except KeyboardInterrupt:
-            kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
-            note(f"{results.done} of {sweep.rows} rows {kept}")
-            raise
         if out.csv not in (None, "-"):
             out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
         if packed is not None:
