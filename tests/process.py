@@ -54,10 +54,14 @@ def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subpro
     return subprocess.CompletedProcess(["hdassist", *args], code, _told(out), _told(err))
 
 
-def default_signals() -> None:
-    """Have a process that begins (preexec_fn) hear what its parent may ignore, under nohup or in the background."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
+def hear_what_is_ignored() -> None:
+    """Have children hear SIGINT and SIGHUP where the tests were begun with these ignored (nohup, in the background).
+
+    A handler that does nothing: unlike what is ignored it is not inherited.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
 
 
 def ends(pid: int) -> bool:
@@ -93,7 +97,6 @@ def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
     """Run a command in a process, and interrupt it when its own processes have worked for so long [s]."""
     process = subprocess.Popen(
         [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8",
-        preexec_fn=default_signals,
     )  # fmt: skip
     begun = time.monotonic()
     while process.poll() is None and _worked(process.pid, time.monotonic() - begun) < after:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from hdassist.cli.main import THREADS
+from tests.process import hear_what_is_ignored
 
 for name in THREADS:
     os.environ.setdefault(name, "1")  # as the command line has it, before numpy is loaded
@@ -84,6 +85,7 @@ def main() -> int:
     study.add_argument("--guided", action="store_true", help="readers alone, guided by coverage (needs .[fuzz])")
     study.set_defaults(run=inputs)
     args = parser.parse_args()
+    hear_what_is_ignored()
     return 0 if args.run(args) else 1
 
 

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.process import CLEAN, COMMAND, SMALL, default_signals
+from tests.process import CLEAN, COMMAND, SMALL
 
 MARK = "HDASSIST_MARK"
 OLD = "what was there before\n"
@@ -273,7 +273,7 @@ def signals(count: int, seed: int, seconds: float = 8.0) -> Tally:
 def _interrupt(case: Case, number: signal.Signals, moment: float, is_for_all: bool, tally: Tally) -> None:
     with folder() as place:
         mark = secrets.token_hex(8)
-        process = start(case, place, mark, start_new_session=True, preexec_fn=default_signals)
+        process = start(case, place, mark, start_new_session=True)
         time.sleep(moment)
         is_done = process.poll() is not None
         sent = time.monotonic()

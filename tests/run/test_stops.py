@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import CLEAN, COMMAND, SMALL, TINY, default_signals, ends
+from tests.process import CLEAN, COMMAND, SMALL, TINY, ends
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 
@@ -47,7 +47,6 @@ def test_nothing_is_left_at_work(tmp_path, arguments, number, code):
     (tmp_path / "targets.yaml").write_text(TARGETS)
     process = subprocess.Popen(
         [*COMMAND, *arguments, "--jobs", "2"], cwd=tmp_path, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        preexec_fn=default_signals,
     )  # fmt: skip
     workers = workers_of(process)
     time.sleep(0.3)  # at work
@@ -79,7 +78,7 @@ import os, signal, sys
 
 class Stopped:
     def find_spec(self, name, *_):
-        if name == "cvxpy":
+        if name == "typer":
             os.kill(os.getpid(), signal.{0})
 
 sys.meta_path.insert(0, Stopped())
@@ -97,7 +96,6 @@ LINES = [("SIGINT", "interrupted"), ("SIGTERM", "terminated"), ("SIGHUP", "hung 
 def test_a_stop_in_an_import_that_swallows_what_is_raised_ends_the_command_with_one_line(stop, line):
     done = subprocess.run(
         [sys.executable, "-c", IMPORTED.format(stop, TINY)], env=CLEAN, capture_output=True, text=True, check=False,
-        preexec_fn=default_signals,
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (128 + signal.Signals[stop], "", f"{line}\n")
 
@@ -115,9 +113,7 @@ with at_stop(lambda: (os.write(1, b"putting away\\n"), time.sleep(3600))):
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_second_stop_ends_a_command_that_hangs_in_the_first(stop):
-    with subprocess.Popen(
-        [sys.executable, "-c", HANGS], env=CLEAN, stdout=subprocess.PIPE, text=True, preexec_fn=default_signals
-    ) as process:
+    with subprocess.Popen([sys.executable, "-c", HANGS], env=CLEAN, stdout=subprocess.PIPE, text=True) as process:
         for line in ("at work\n", "putting away\n"):
             assert process.stdout.readline() == line
             process.send_signal(signal.Signals[stop])
@@ -159,7 +155,40 @@ os.kill(os.getpid(), signal.SIGINT)
 )
 def test_an_interrupt_leaves_what_is_known_to_be_answered_and_a_second_one_ends(moment, out):
     code = PARTIAL.format(*moment.split(", "))
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=CLEAN, capture_output=True, text=True, check=False, preexec_fn=default_signals
-    )
+    done = subprocess.run([sys.executable, "-c", code], env=CLEAN, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, out, "interrupted\n")
+
+
+def ignoring() -> None:
+    for stop in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(stop, signal.SIG_IGN)
+
+
+def test_what_the_caller_ignores_stays_ignored_in_the_command_and_its_workers():
+    with subprocess.Popen(
+        [*COMMAND, "check", "vzp160", "-q", "--jobs", "2"], env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        start_new_session=True, preexec_fn=ignoring,
+    ) as process:  # fmt: skip
+        workers_of(process)
+        for stop in (signal.SIGINT, signal.SIGHUP):
+            os.killpg(process.pid, stop)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out.count(b"\n"), err) == (0, 2, b"")
+
+
+SENDS = """
+import subprocess, sys
+from tests.process import COMMAND, hear_what_is_ignored
+
+hear_what_is_ignored()
+with subprocess.Popen([*COMMAND, "check", "vzp160"], stderr=subprocess.PIPE, text=True) as process:
+    process.send_signal(__import__("signal").SIGHUP)
+    print(process.wait())
+"""
+
+
+def test_children_of_tests_that_were_begun_under_nohup_hear_signals():
+    done = subprocess.run(
+        [sys.executable, "-c", SENDS], env=CLEAN, capture_output=True, text=True, check=False, preexec_fn=ignoring
+    )
+    assert int(done.stdout) in (-signal.SIGHUP, 129)  # the first before the command has begun

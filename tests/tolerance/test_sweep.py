@@ -21,7 +21,7 @@ from hdassist import load_preset
 from hdassist.preset.library import read_preset
 from hdassist.tolerance.sweep import Sweep, collect
 from hdassist.tolerance.vary import read_axes
-from tests.process import CLEAN, COMMAND, SMALL, default_signals, ends, run, run_cold
+from tests.process import CLEAN, COMMAND, SMALL, ends, run, run_cold
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 GRID = ("--vary", "tolerances.e_hb=10:80:15", "--vary", "operation.M_g=2,4")
@@ -177,7 +177,6 @@ def begun(file: Path) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(
         [*COMMAND, "sweep", SMALL, *GRID, "--jobs", "2", "-o", str(file), "-q"], env=CLEAN,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=default_signals,
     ) as process:  # fmt: skip
         try:
             until = time.monotonic() + 60
