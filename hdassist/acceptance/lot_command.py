@@ -23,6 +23,7 @@ from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.run.processes import count, workers
 from hdassist.run.stops import at_stop
+from hdassist.runfiles import note_input
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import add_line, held, put_text, write_text
 from hdassist.terminal.output import complain, note
@@ -49,6 +50,9 @@ def _accept_lot(path: str, run: Run) -> int:
     lot = read_lot(path, base)
     for text in lot.notes:
         note(f"{lot.file}: {text}")
+    for row in lot.rows:
+        for path in row.request.files():
+            note_input(path)
     kept = _kept(lot, files.lines_file, run) if files.lines_file and files.resume else {}
     width = max(len(row.serial) for row in lot.rows)
     shown = not (options.json or files.take_stdout or out.csv == "-")

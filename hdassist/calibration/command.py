@@ -61,7 +61,7 @@ def command(
     from hdassist.preset.write import with_found_values
     from hdassist.run.processes import workers
     from hdassist.run.stops import at_stop
-    from hdassist.terminal.files import held, require_writable, write_text
+    from hdassist.terminal.files import held, take_output, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.textfile import read_bytes
@@ -69,7 +69,7 @@ def command(
     o.stdin_once(preset, str(targets))
     out, changed = options.open(), ""
     if write is not None:
-        require_writable(write, options.force)
+        take_output(write, options.force)
         if preset == "-" or drives.overrides:
             raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
 
@@ -81,6 +81,8 @@ def command(
         given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
         if write is not None:  # a text that cannot be changed is better known before than after
             with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
+        if state is not None:
+            take_output(str(state), force=True, is_kept=True)
         kept = f"{state} keeps what was computed: the same command goes on from there" if state is not None else ""
         with (
             held(None if state is None else str(state)),

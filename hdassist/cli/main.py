@@ -27,6 +27,7 @@ from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.reporting import command as report
+from hdassist.runfiles import begin_run
 from hdassist.tolerance import allocate_command as allocate
 from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
@@ -37,7 +38,7 @@ from hdassist.version import __version__
 BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)  # of a device that takes no more, or none
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -119,6 +120,7 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
+    begin_run()
     try:
         _require_lines(sys.argv[1:])
         sys.exit(app(prog_name="hdassist", standalone_mode=False))
@@ -142,9 +144,8 @@ def main() -> None:
             from hdassist.terminal.console import silence
 
             silence()  # or what is left in the buffer fails once more at the end
-            _say(
-                f"error: cannot write: {error.strerror}", "is standard output on a full device?", Fault.FILE_UNWRITABLE
-            )
+            hint = "is standard output closed, or on a full device?"
+            _say(f"error: cannot write: {error.strerror}", hint, Fault.FILE_UNWRITABLE)
             sys.exit(DataError.exit_code)
         if isinstance(error, OSError) and error.errno in SCARCE:
             _say(
@@ -174,10 +175,14 @@ def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
 
 
 def _open_streams() -> None:
-    """Give a stream that was closed by the caller (>&-) somewhere to go: Python has None in its place."""
+    """Give a stream that was closed by the caller (>&-) a place of its own: Python has None in it.
+
+    Messages go nowhere; an answer on standard output cannot be written, and the command says so by its exit code.
+    """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
+            mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
+            setattr(sys, name, os.fdopen(os.open(os.devnull, mode), "w", encoding="utf-8"))
 
 
 def _trace_if_asked() -> None:

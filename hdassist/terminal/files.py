@@ -15,6 +15,7 @@ from pathlib import Path
 
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.run.stops import at_stop
+from hdassist.runfiles import claim_output, is_claimed
 from hdassist.terminal.console import say, silence
 from hdassist.textfile import is_file, is_there
 from hdassist.visible import visible
@@ -37,6 +38,8 @@ def write_text(path: str, text: str, force: bool) -> None:
 
 def write_bytes(path: str, data: bytes, force: bool) -> None:
     """Write bytes to a file, and say "wrote FILE" on standard error; as `write_text` but for standard output."""
+    if not is_claimed(path):
+        claim_output(path)
     require_writable(path, force)
     _put(path, data)
     say(f"wrote {path}")
@@ -141,6 +144,17 @@ def _locked(path: Path) -> int:
             os.close(descriptor)
             raise
         os.close(descriptor)  # that which was locked has been taken away by the run before
+
+
+def take_output(path: str, force: bool, *, is_kept: bool = False) -> None:
+    """Claim a file for an answer of this run, before anything is computed for it.
+
+    Arguments: path, "-" for standard output; force, whether an existing file may be replaced; is_kept, whether the run
+    goes on with what it has. Raises UsageError: the file exists, or the run reads it or writes it for another option;
+    DataError: it cannot be written.
+    """
+    claim_output(path, is_kept=is_kept)
+    require_writable(path, force or is_kept)
 
 
 def require_writable(path: str, force: bool) -> None:

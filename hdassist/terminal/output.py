@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from hdassist.errors import Fault, HdassistError
 from hdassist.run.stops import at_stop
 from hdassist.terminal.console import PIPE_WIDTH, Style, console, say, stderr_style
-from hdassist.terminal.files import require_writable, write_text
+from hdassist.terminal.files import take_output, write_text
 from hdassist.visible import visible
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Output:
     ) -> Output:
         """Output of a command; refuses files that cannot be written before anything is computed."""
         for path in filter(None, (target, csv)):
-            require_writable(path, force)
+            take_output(path, force)
         style = Style.of(sys.stdout, ascii=ascii, no_color=no_color)
         return cls(style if target == "-" else Style(style.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
 

@@ -67,8 +67,9 @@ def command(
     from contextlib import ExitStack
 
     from hdassist.run.stops import at_stop
+    from hdassist.runfiles import claim_output
     from hdassist.terminal.answers import csv_text
-    from hdassist.terminal.files import require_writable, write_bytes
+    from hdassist.terminal.files import take_output, write_bytes
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.tolerance import sweep_page as page
@@ -81,12 +82,14 @@ def command(
     packed = file if file is not None and file.endswith(SUFFIX) else None
     if packed is not None:
         require_pyarrow()
-        require_writable(packed, options.force)
+        take_output(packed, options.force)
     streamed = _takes_stdout(options)
 
     def one(name: str) -> Answer:
         sweep, drive, header = _read(name, vary, drives, options.json)
         pool = stack.enter_context(work.pools())
+        if file is not None and not packed:
+            claim_output(file, is_kept=True)
         results = stack.enter_context(open_results(None if packed else file, header, force=options.force))
         rows = _rows(sweep, drive.name, results, pool, out)
         kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"

@@ -50,6 +50,7 @@ def command(
     """
     from hdassist.error.self_error import self_error
     from hdassist.run.stops import at_stop, until_interrupted
+    from hdassist.runfiles import claim_output
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
     from hdassist.tolerance.draw_options import require_limits
@@ -72,6 +73,9 @@ def command(
         command="tolerance", preset=drive.name, preset_sha256=drive.origin.sha256, seed=draws.seed,
         options=production.told(),
     )  # fmt: skip
+
+    if results is not None:
+        claim_output(results, is_kept=True)
 
     def known() -> str:
         where = f"are kept in {results}: the same command goes on"

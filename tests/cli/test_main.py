@@ -87,7 +87,7 @@ def test_debug_shows_where_an_error_came_from():
 @pytest.mark.skipif(sys.platform == "win32", reason="closed streams of a shell")
 @pytest.mark.parametrize(
     ("args", "closed", "code"),
-    [("explain F_IOR", ">&-", 0), ("explain NOTHING", "2>&-", 2), ("check nowhere.yaml", "2> >(exec true; :)", 4)],
+    [("explain NOTHING", "2>&-", 2), ("check nowhere.yaml", "2> >(exec true; :)", 4)],
 )
 def test_a_closed_stream_changes_no_exit_code(args, closed, code, tmp_path):
     shell = f'"{sys.executable}" -m hdassist {args} {closed}'
