@@ -128,7 +128,7 @@ def speed(case: str, count: int) -> dict:
 
 @contextmanager
 def processes(jobs: int) -> Iterator[tuple[Executor, int]]:
-    from hdassist.terminal.workers import workers
+    from hdassist.run.processes import workers
 
     with workers(jobs) as executor:
         yield executor, jobs

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, BinaryIO
 
 from hdassist.errors import DataError, Fault, Finding, PresetError
+from hdassist.runfiles import note_input
 
 STDIN = "<stdin>"
 GZIP = b"\x1f\x8b"
@@ -137,6 +138,9 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise DataError("cannot read standard input: it is closed", "", Fault.FILE_UNREADABLE)
     try:
         with nullcontext(sys.stdin.buffer) if name == "-" else open_at_once(name) as stream:
+            if name == "-":
+                with suppress(OSError):  # it has no descriptor
+                    note_input(stream.fileno(), STDIN)
             yield stream
     except FileNotFoundError:
         raise DataError(f"no such file: {name}", _near_by(Path(name)), Fault.FILE_UNREADABLE) from None
@@ -149,10 +153,15 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def open_at_once(name: str) -> BinaryIO:
-    """Open a file to read; a pipe that nobody writes to is not waited for, as open() would for ever."""
+    """Open a file to read, an input of this run.
+
+    A pipe that nobody writes to is not waited for, as open() would for ever. Raises OSError and ValueError: it cannot
+    be opened; UsageError: it is an output of this run.
+    """
 
     def opener(path: str, flags: int) -> int:
         descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+        note_input(descriptor, name)
         if hasattr(os, "O_NONBLOCK"):
             os.set_blocking(descriptor, True)
         return descriptor

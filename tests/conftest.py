@@ -7,10 +7,12 @@ import pytest
 from hypothesis import settings
 
 from hdassist import Drive, load_preset
+from tests.process import hear_what_is_ignored
 
 os.environ["HDASSIST_STRICT"] = "1"  # a plot or a page that fails is a failure here
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
+hear_what_is_ignored()
 
 ROOT = Path(__file__).parents[1]
 

@@ -61,6 +61,29 @@ def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subpro
     return subprocess.CompletedProcess(["hdassist", *args], code, _told(out), _told(err))
 
 
+def hear_what_is_ignored() -> None:
+    """Have children hear SIGINT and SIGHUP where the tests were begun with these ignored (nohup, in the background).
+
+    A handler that does nothing: unlike what is ignored it is not inherited.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+
+
+def ends(pid: int) -> bool:
+    """Whether a process that was begun by another one ends soon, or has ended; needs /proc."""
+    until = time.monotonic() + 5
+    while time.monotonic() < until:
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except OSError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
 def _told(stream: io.TextIOWrapper) -> str:
     """All that a stream was given, to the last carriage return."""
     stream.seek(0)
@@ -81,7 +104,6 @@ def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
     """Run a command in a process, and interrupt it when its own processes have worked for so long [s]."""
     process = subprocess.Popen(
         [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8",
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell has it ignored in the background
     )  # fmt: skip
     begun = time.monotonic()
     while process.poll() is None and _worked(process.pid, time.monotonic() - begun) < after:

@@ -53,6 +53,7 @@ def test_wheel_holds_the_presets_as_they_are(tmp_path):
         data = [p.name for p in (ROOT / folder).iterdir()]
         assert data
         assert all((site / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
+    assert (site / "hdassist/py.typed").exists()  # types of the package are for its users too
     (metadata,) = site.glob("*.dist-info/METADATA")
     assert "Requires-Python: >=3.11" in metadata.read_text()
     assert not list(site.glob("tests"))

@@ -59,21 +59,18 @@ class Run:
 
     def require_sound(self) -> None:
         """Raise UsageError unless each file has its own place, and can be written."""
-        from hdassist.terminal.files import require_writable
+        from hdassist.terminal.files import take_output
 
         files, out = self.files, self.out
         if files.resume and files.lines_file is None:
             raise UsageError("--resume goes on with a file of answers", "--jsonl FILE --resume")
-        named = [path for path in (out.csv, files.jsonl, files.junit) if path is not None]
-        named += [out.target] if out.target != "-" or self.options.json else []
-        for path in named:
-            if named.count(path) > 1:
-                where = "standard output" if path == "-" else path
-                raise UsageError(f"{where} can take one of --json, --csv, --jsonl and --junit")
+        page = out.target if self.options.json else None
+        if [out.csv, files.jsonl, files.junit, page].count("-") > 1:
+            raise UsageError("standard output can take one of --json, --csv, --jsonl and --junit")
         if files.jsonl is not None:
-            require_writable(files.jsonl, out.force or files.resume)
+            take_output(files.jsonl, out.force, is_kept=files.resume)
         if files.junit is not None:
-            require_writable(files.junit, out.force)
+            take_output(files.junit, self._replaces(files.junit))
 
     def write_suite(self, name: str, answers: Sequence[Answer], facts: Mapping[str, object]) -> None:
         """Write the JUnit suite where it was asked for."""
@@ -81,7 +78,14 @@ class Run:
         from hdassist.terminal.files import write_text
 
         if self.files.junit is not None:
-            write_text(self.files.junit, junit(name, answers, {**facts, "seed": self.base.seed}), self.out.force)
+            text = junit(name, answers, {**facts, "seed": self.base.seed})
+            write_text(self.files.junit, text, self._replaces(self.files.junit))
+
+    def _replaces(self, suite: str) -> bool:
+        """Whether the JUnit suite of a file may be replaced: a lot that goes on replaces that of its last run."""
+        from hdassist.acceptance.junit import is_suite_of_lot
+
+        return self.out.force or (self.files.resume and is_suite_of_lot(suite))
 
 
 @o.with_groups
@@ -206,11 +210,11 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
     from hdassist.acceptance.decision import limits_of, needed_for
     from hdassist.acceptance.request import carry_out, read_measurements, read_wheels
+    from hdassist.run.processes import workers
     from hdassist.terminal.files import write_text
     from hdassist.terminal.runs import Answer as RunAnswer
     from hdassist.terminal.runs import give, run_each
     from hdassist.terminal.wheels import say_notes
-    from hdassist.terminal.workers import workers
 
     answers: list[Answer] = []
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -17,6 +18,9 @@ from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, provenance
 from hdassist.acceptance.page import how_to_decide, sentence
 from hdassist.visible import visible
 
+HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
+LOT = "lot_sha256"  # a property of each suite of a lot
+STARTS = 100_000  # bytes in which the first suite of a lot has it
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 NUMBERS = ("value", "expanded_uncertainty", "rise", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
@@ -31,7 +35,17 @@ def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str
         _count(suite, COUNTED)
     _count(root, {key: tag for key, tag in COUNTED.items() if key != "skipped"})
     indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+    return HEAD + tostring(root, encoding="unicode") + "\n"
+
+
+def is_suite_of_lot(path: str) -> bool:
+    """Whether a file holds suites that `junit` made of a lot."""
+    try:
+        with Path(path).open("rb") as stream:
+            start = stream.read(STARTS).decode("utf-8", "replace")
+    except (OSError, ValueError):
+        return False
+    return start.startswith(f"{HEAD}<testsuites ") and f'<property name="{LOT}" ' in start
 
 
 def _count(element: Element, counted: Mapping[str, str]) -> None:

@@ -21,10 +21,12 @@ from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.run.kept import Kept, Owner, open_kept
+from hdassist.run.processes import count, workers
+from hdassist.run.stops import at_stop
+from hdassist.runfiles import note_input
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import write_text
 from hdassist.terminal.output import complain, note
-from hdassist.terminal.workers import count, workers
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
@@ -40,6 +42,9 @@ def accept_lot(path: str, run: Run) -> int:
     lot = read_lot(path, run.base)
     for text in lot.notes:
         note(f"{lot.file}: {text}")
+    for row in lot.rows:
+        for path in row.request.files():
+            note_input(path)
     file = run.files.lines_file
     if file is None:
         return _accept_lot(lot, run, None)
@@ -56,23 +61,24 @@ def _accept_lot(lot: Lot, run: Run, file: Kept[Answer] | None) -> int:
     shown = not (options.json or files.take_stdout or out.csv == "-")
     done: list[Answer] = []
     lines: list[str] = []
-    try:
-        with closing(_all(lot, kept, run, file)) as answers:
-            for answer in answers:
-                done.append(answer)
-                if isinstance(answer, Unanswered):
-                    error = answer.error
-                    complain(HdassistError(f"{report.title(answer)}: {error.message}", error.hint, error.code))
-                if shown:
-                    words = f"{report.title(answer)} {answer.status}" if options.quiet else report.line(answer, width)
-                    lines.append(out.style.text(words))
-                    if out.target == "-":
-                        out.text(lines[-1] + "\n")
-    except KeyboardInterrupt:
-        known = len(kept) + sum(answer.serial not in kept for answer in done)
+
+    def state() -> str:
+        count = len(kept) + sum(answer.serial not in kept for answer in done)
         where = f"are kept in {files.lines_file}: the same command with --resume goes on"
-        note(f"{known} of {len(lot.rows)} rows {where if files.lines_file else 'are done, none is kept: --jsonl FILE'}")
-        raise
+        known = where if files.lines_file else "are done, none is kept: --jsonl FILE"
+        return f"{count} of {len(lot.rows)} rows {known}"
+
+    with at_stop(state), closing(_all(lot, kept, run, file)) as answers:
+        for answer in answers:
+            done.append(answer)
+            if isinstance(answer, Unanswered):
+                error = answer.error
+                complain(HdassistError(f"{report.title(answer)}: {error.message}", error.hint, error.code))
+            if shown:
+                words = f"{report.title(answer)} {answer.status}" if options.quiet else report.line(answer, width)
+                lines.append(out.style.text(words))
+                if out.target == "-":
+                    out.text(lines[-1] + "\n")
     if file is not None:
         if files.resume:
             file.rewrite(done)  # in the order of the rows, each once

@@ -12,9 +12,9 @@ from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.replay import RELATIVE, Replayed, differences, prepare
 from hdassist.errors import DataError, UsageError
+from hdassist.run.processes import count, workers
 from hdassist.terminal.answers import combine, json_text
 from hdassist.terminal.output import complain
-from hdassist.terminal.workers import count, workers
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 

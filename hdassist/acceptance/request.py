@@ -123,6 +123,10 @@ class Request(ClosedRecord):
     seed: Seed = 0
     wheels: Wheels = field(default_factory=Wheels)
 
+    def files(self) -> list[str]:
+        """Paths of all that is read for it; its preset may be one of the library."""
+        return [self.preset, *(trace.file for trace in self.measured), *self.wheels.files.values()]
+
     def load(self) -> Drive:
         """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
         try:

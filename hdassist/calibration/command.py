@@ -60,16 +60,17 @@ def command(
     from hdassist.loading.write import with_found_values
     from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.run.kept import open_kept
-    from hdassist.terminal.files import require_writable, write_text
+    from hdassist.run.processes import workers
+    from hdassist.run.stops import at_stop
+    from hdassist.terminal.files import take_output, write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
-    from hdassist.terminal.workers import workers
     from hdassist.textfile import read_bytes
 
     o.stdin_once(preset, str(targets))
     out, changed = options.open(), ""
     if write is not None:
-        require_writable(write, options.force)
+        take_output(write, options.force)
         if preset == "-" or drives.overrides:
             raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
 
@@ -81,22 +82,20 @@ def command(
         given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
         if write is not None:  # a text that cannot be changed is better known before than after
             with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
-        try:
-            with (
-                open_kept(
-                    None if state is None else str(state), evaluations_owner(drive, wanted), evaluations_kind(wanted)
-                ) as kept,
-                out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
-                workers(jobs) as executor,
-            ):
-                known = Evaluations(drive, wanted, executor, kept)
-                if known.remembered:
-                    note(f"going on from {state}: {known.remembered} drives are known")
-                result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
-        except KeyboardInterrupt:
-            if state is not None:
-                note(f"{state} keeps what was computed: the same command goes on from there")
-            raise
+        if state is not None:
+            take_output(str(state), force=True, is_kept=True)
+        words = f"{state} keeps what was computed: the same command goes on from there" if state is not None else ""
+        file, owner = None if state is None else str(state), evaluations_owner(drive, wanted)
+        with (
+            open_kept(file, owner, evaluations_kind(wanted)) as kept,
+            at_stop(lambda: words),
+            out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
+            workers(jobs) as executor,
+        ):
+            known = Evaluations(drive, wanted, executor, kept)
+            if known.remembered:
+                note(f"going on from {state}: {known.remembered} drives are known")
+            result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
             ref, curve = f"hdassist calibrate, {wanted.name or targets.name}", drive.numerics.nominal_curve

@@ -5,13 +5,9 @@ from __future__ import annotations
 import errno
 import io
 import os
-import signal
 import sys
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from difflib import get_close_matches
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -31,6 +27,7 @@ from hdassist.explorer import command as explore
 from hdassist.measuring import command as measure
 from hdassist.mounting import command as mount
 from hdassist.reporting import command as report
+from hdassist.runfiles import begin_run
 from hdassist.tolerance import allocate_command as allocate
 from hdassist.tolerance import sensitivity_command as sensitivity
 from hdassist.tolerance import sweep_command as sweep
@@ -38,13 +35,11 @@ from hdassist.tolerance import tolerance_command as tolerance
 from hdassist.trials import command as trials
 from hdassist.version import __version__
 
-INTERRUPTED = 130
 BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what a device says that takes no more
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)  # of a device that takes no more, or none
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
-AGAIN = 0.02  # s after which a stop is told again where it cannot be heard
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -125,11 +120,10 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
     _open_streams()
-    came: list[int] = []
+    begin_run()
     try:
-        with _stops_heard(came):
-            _require_lines(sys.argv[1:])
-            sys.exit(app(prog_name="hdassist", standalone_mode=False))
+        _require_lines(sys.argv[1:])
+        sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except ClickException as error:
         told = io.StringIO()
         error.show(told)
@@ -142,22 +136,16 @@ def main() -> None:
 
         complain(error)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        _say("interrupted")
-        sys.exit(INTERRUPTED)
     except MemoryError:
         _say("error: there is not memory enough for an answer", "fewer --jobs take less of it", Fault.MEMORY_SHORT)
         sys.exit(UntrustedError.exit_code)
     except Exception as error:
-        if came:  # raised while a module was imported, a stop comes out as another error
-            sys.exit(128 + came[0])
         if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
             from hdassist.terminal.console import silence
 
             silence()  # or what is left in the buffer fails once more at the end
-            _say(
-                f"error: cannot write: {error.strerror}", "is standard output on a full device?", Fault.FILE_UNWRITABLE
-            )
+            hint = "is standard output closed, or on a full device?"
+            _say(f"error: cannot write: {error.strerror}", hint, Fault.FILE_UNWRITABLE)
             sys.exit(DataError.exit_code)
         if isinstance(error, OSError) and error.errno in SCARCE:
             _say(
@@ -186,41 +174,15 @@ def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
     say(text.rstrip("\n") + (f"\n  hint: {with_code(hint, fault)}" if fault else ""))
 
 
-@contextmanager
-def _stops_heard(came: list[int]) -> Iterator[None]:
-    """End in order when told to: bars off, workers ended, no half file. came: the signals that said so.
-
-    That is an interrupt, SIGTERM, or a terminal that goes: SIGHUP.
-    """
-
-    def end(number: int, frame: FrameType | None) -> None:
-        if frame is not None and frame.f_globals.get("__name__") == "logging":
-            # around a fork Python calls it, and swallows what is raised there: told again in a moment
-            signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
-            signal.setitimer(signal.ITIMER_REAL, AGAIN)
-            return
-        came.append(number)
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        sys.exit(128 + number)
-
-    own = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-    # nohup has SIGHUP ignored, and means it
-    heard = {number: handler for number, handler in own.items() if signal.getsignal(number) is handler}
-    for number in heard:
-        signal.signal(number, end)
-    try:
-        yield
-    finally:
-        for number, handler in heard.items():
-            signal.signal(number, handler)
-
-
 def _open_streams() -> None:
-    """Give a stream that was closed by the caller (>&-) somewhere to go: Python has None in its place."""
+    """Give a stream that was closed by the caller (>&-) a place of its own: Python has None in it.
+
+    Messages go nowhere; an answer on standard output cannot be written, and the command says so by its exit code.
+    """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
+            mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
+            setattr(sys, name, os.fdopen(os.open(os.devnull, mode), "w", encoding="utf-8"))
 
 
 def _trace_if_asked() -> None:

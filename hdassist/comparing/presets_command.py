@@ -44,10 +44,10 @@ def compare_presets(
     """
     from hdassist.comparing.presets import common_torques, compare_drives, estimate_comparison
     from hdassist.comparing.presets_page import answer, warnings
+    from hdassist.run.processes import workers
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
     from hdassist.terminal.runs import Answer, give, run_each
-    from hdassist.terminal.workers import workers
 
     if torque is not None and not 0 < abs(torque) <= MOST:
         raise UsageError(f"--torque must be a torque in N*m, and not {torque:g}", f"up to {MOST:g}, and not 0")

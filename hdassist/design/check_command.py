@@ -43,10 +43,10 @@ def command(
     """
     from hdassist.design.check import check, estimate_states
     from hdassist.design.check_page import answer
+    from hdassist.run.processes import workers
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.wheels import PitchFiles
-    from hdassist.terminal.workers import workers
 
     out = options.open()
     files = PitchFiles.asked(presets, pitch)

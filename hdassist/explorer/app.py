@@ -34,7 +34,7 @@ from hdassist.explorer.widgets import CurvePlot, Levers, Seat, Turned
 from hdassist.explorer.writing import Writing
 from hdassist.numerals import number_of
 from hdassist.preset.fields import field_table
-from hdassist.terminal.workers import STOPS
+from hdassist.run.stops import STOPS, end_at_stops
 from hdassist.visible import visible
 
 NARROW, LOW = 100, 28  # columns and rows below which panes fold
@@ -150,12 +150,19 @@ class Explorer(Writing):
         self.push_screen(Confirm(question, "go on with it", "begin anew; the first change replaces it"), answered)
 
     def _end_when_told(self) -> None:
-        """End in order at a stop from outside: raised in the middle of the loop, it would be lost in some task."""
+        """End in order at a stop from outside, at once at a second one."""
         loop = asyncio.get_running_loop()
+
+        def end(number: int) -> None:
+            for each in STOPS:
+                loop.remove_signal_handler(each)
+            end_at_stops()
+            self.exit(None, 128 + number)
+
         for number in STOPS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 with suppress(NotImplementedError, RuntimeError, ValueError):  # not here, or not in this thread
-                    loop.add_signal_handler(number, self.exit, None, 128 + number)
+                    loop.add_signal_handler(number, end, number)
 
     def on_resize(self, event: Resize) -> None:
         """Fold panes where there is little room; say so where there is too little."""

@@ -63,12 +63,12 @@ from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_po
 from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
+from hdassist.run.processes import workers
 from hdassist.solve.answers import Progress
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.texts import texts
-from hdassist.terminal.workers import workers
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
 from hdassist.trials.prior import SAMPLES

@@ -6,6 +6,6 @@ It ends with the screen, in whatever way that ends, and with it all that it fork
 import os
 
 import hdassist.explorer.compute  # noqa: F401 (so that what is forked has it)
-from hdassist.terminal.workers import begin_worker
+from hdassist.run.processes import begin_worker
 
 begin_worker(os.getppid())

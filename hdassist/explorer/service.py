@@ -98,7 +98,7 @@ async def _readable(connection: Connection) -> None:
 def answer(question: Question, there: Connection) -> None:
     """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
     from hdassist.explorer.compute import answers
-    from hdassist.terminal.workers import begin_worker
+    from hdassist.run.processes import begin_worker
 
     begin_worker(os.getppid())
     _silence()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import date
@@ -72,7 +71,7 @@ class CardFile:
             if asked.lang is not None or asked.serial is not None:
                 raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
             return None
-        from hdassist.terminal.files import require_writable
+        from hdassist.terminal.files import take_output
         from hdassist.terminal.texts import HOME, texts
 
         say = texts(HOME if asked.lang is None else asked.lang)
@@ -81,12 +80,10 @@ class CardFile:
             raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(KINDS)}")
         if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
             raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
-        if path != "-" and any(_same(path, other) for other in (out.target, out.csv)):
-            raise UsageError(f"{path} is to take the card and another answer")
         serial = asked.serial or ""
         if not (serial == "" or serial.isprintable()) or len(serial) > SERIAL:
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
-        require_writable(path, out.force)
+        take_output(path, out.force)
         ascii = options.ascii or (path == "-" and out.style.ascii)
         return cls(path, kind, say, serial.strip(), ascii, out.force)
 
@@ -132,8 +129,3 @@ def give_with_card(
     elif card:
         note("no card: the work was interrupted" if code == 130 else "no card: nothing can be ordered")
     return code
-
-
-def _same(path: str, other: str | None) -> bool:
-    """Whether two names are of one file; a circle of links is none, and is refused where it is written."""
-    return other not in (None, "-") and os.path.realpath(path) == os.path.realpath(str(other))

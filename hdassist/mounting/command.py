@@ -80,10 +80,10 @@ def command(
     from hdassist.model.unknown import with_zeros
     from hdassist.mounting.advice import advise, estimate_states
     from hdassist.mounting.page import answer, card_facts
+    from hdassist.run.processes import workers
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.wheels import PitchFiles
-    from hdassist.terminal.workers import workers
 
     if moved:
         raise UsageError("trials have a command of their own", "like hdassist trials PRESET h0:28.1 h4:17.3")

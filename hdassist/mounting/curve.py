@@ -24,6 +24,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import MountingCurve, Position, merit, phase_deg, require_weights, rotated
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
+from hdassist.run.stops import until_interrupted
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
 
@@ -243,10 +244,8 @@ class _Job:
     def _run(self, function: Callable[[_Task], _Result], tasks: list[_Task]) -> Iterator[_Result]:
         if self.interrupted:
             return
-        try:
-            yield from self.executor.map(function, tasks) if self.executor else map(function, tasks)
-        except KeyboardInterrupt:
-            self.interrupted = True
+        run = self.executor.map if self.executor else map
+        self.interrupted = yield from until_interrupted(iter(run(function, tasks)))
 
     def _take(self, proof: Certificate) -> None:
         self.certificate += proof

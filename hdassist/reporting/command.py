@@ -45,9 +45,9 @@ def command(
     from hdassist.design.check_page import summary_line
     from hdassist.reporting.page import exit_code, report_of, to_json
     from hdassist.reporting.render import html, markdown
+    from hdassist.run.processes import workers
     from hdassist.terminal.answers import json_text
     from hdassist.terminal.output import note, warn
-    from hdassist.terminal.workers import workers
 
     kind = _kind(options)
     out, begun = options.open(), time.monotonic()

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
@@ -23,6 +24,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from hdassist.errors import DataError, Fault, UsageError
+from hdassist.run.stops import at_stop
 from hdassist.textfile import PART, in_place_of, is_file, is_there
 from hdassist.version import __version__
 from hdassist.visible import printable
@@ -146,7 +148,11 @@ class Kept(Generic[RecordT]):
     def rewrite(self, records: Iterable[RecordT]) -> None:
         """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
         assert self._path is not None
-        with _writing(self._path), in_place_of(self._path) as beside:
+        with (
+            _writing(self._path),
+            in_place_of(self._path) as beside,
+            at_stop(partial(beside.unlink, missing_ok=True)),
+        ):
             fresh = Kept(str(beside), _locked(str(beside)), self._owner, self._kind)
             fresh.begin()
             fresh.append(records)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import cvxpy as cp
 import numpy as np
 
 from hdassist.model.contacts import ROTATION, ContactSystem
@@ -70,7 +71,7 @@ class Formulation:
     @cached_property
     def statement(self) -> Statement:
         """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
-        from hdassist.solve.cvx import cp
+        import cvxpy as cp
 
         forces = cp.Variable(len(self.P), name="F", nonneg=True)
         gaps = cp.Parameter(len(self.P), name="delta_p")

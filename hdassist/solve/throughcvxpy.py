@@ -53,7 +53,7 @@ def require_solver(name: str) -> str:
 
 @cache  # cvxpy looks for every solver anew each time
 def _able() -> list[str]:
-    from hdassist.solve.cvx import cp
+    import cvxpy as cp
 
     return sorted(set(cp.installed_solvers()) & QUADRATIC)
 
@@ -64,7 +64,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
     Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
-    from hdassist.solve.cvx import cp
+    import cvxpy as cp
 
     name, stated = require_solver(solver), formulation.statement
     stated.gaps.value = formulation.gaps(delta_p)

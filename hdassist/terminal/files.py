@@ -5,9 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault, UsageError
+from hdassist.run.stops import at_stop
+from hdassist.runfiles import claim_output, is_claimed
 from hdassist.terminal.console import say, silence
 from hdassist.textfile import in_place_of, is_file, is_there
 from hdassist.visible import visible
@@ -30,6 +33,8 @@ def write_text(path: str, text: str, force: bool) -> None:
 
 def write_bytes(path: str, data: bytes, force: bool) -> None:
     """Write bytes to a file, and say "wrote FILE" on standard error; as `write_text` but for standard output."""
+    if not is_claimed(path):
+        claim_output(path)
     require_writable(path, force)
     _put(path, data)
     say(f"wrote {path}")
@@ -62,7 +67,7 @@ def _put(path: str, data: bytes) -> None:
             with open(target, "wb", opener=_at_once) as stream:
                 stream.write(data)
         else:
-            with in_place_of(target) as beside:
+            with in_place_of(target) as beside, at_stop(partial(beside.unlink, missing_ok=True)):
                 descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
                 with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
                     stream.write(data)
@@ -81,6 +86,17 @@ def _at_once(path: str, flags: int) -> int:
     if hasattr(os, "O_NONBLOCK"):
         os.set_blocking(descriptor, True)
     return descriptor
+
+
+def take_output(path: str, force: bool, *, is_kept: bool = False) -> None:
+    """Claim a file for an answer of this run, before anything is computed for it.
+
+    Arguments: path, "-" for standard output; force, whether an existing file may be replaced; is_kept, whether the run
+    goes on with what it has. Raises UsageError: the file exists, or the run reads it or writes it for another option;
+    DataError: it cannot be written.
+    """
+    claim_output(path, is_kept=is_kept)
+    require_writable(path, force or is_kept)
 
 
 def require_writable(path: str, force: bool) -> None:

@@ -21,8 +21,8 @@ from hdassist.terminal.limits import require_memory
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import Shaft, TraceForm
+    from hdassist.run.cluster import Pool
     from hdassist.terminal.output import Output
-    from hdassist.terminal.schedulers import Pool
 
 Preset = Annotated[
     str,
@@ -261,7 +261,7 @@ class WorkOptions(OptionGroup):
     jobs: Jobs = 0
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Work on a dask cluster: tcp://HOST:PORT, or local to start one here."),
+        typer.Option(metavar="ADDRESS", help="Work on a dask cluster: tls://HOST:PORT or tcp://HOST:PORT."),
     ] = None
     scheduler_file: Annotated[
         str | None, typer.Option(metavar="FILE", help="The same, its address in the file that its scheduler wrote.")
@@ -269,9 +269,13 @@ class WorkOptions(OptionGroup):
 
     def pools(self) -> AbstractContextManager[Pool]:
         """What begins executors, for `stream`. Raises UsageError and DataError: a cluster that cannot be used."""
-        from hdassist.terminal.schedulers import pools
+        from hdassist.run.cluster import pools, scheduler_address
+        from hdassist.terminal.output import warn
 
-        return pools(self.scheduler, self.scheduler_file, self.jobs)
+        address = scheduler_address(self.scheduler, self.scheduler_file)
+        if address is not None and not address.startswith("tls:"):
+            warn(f"{address} asks for no key: whoever reaches it can run programs as you; tls:// keeps strangers out")
+        return pools(address, self.jobs)
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
@@ -295,7 +299,13 @@ def with_groups(command: Callable[..., None]) -> Callable[..., None]:
     def run(**given: Any) -> None:
         require_memory()
         made = {name: group(**{f.name: given.pop(f.name) for f in fields(group)}) for name, group in groups.items()}
-        command(**given, **made)
+        try:
+            command(**given, **made)
+        except KeyboardInterrupt:  # before anything was there to answer with
+            from hdassist.terminal.output import note
+
+            note("interrupted")
+            raise typer.Exit(130) from None
 
     run.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}

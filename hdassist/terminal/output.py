@@ -11,13 +11,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdassist.errors import Fault, HdassistError
+from hdassist.run.stops import at_stop
 from hdassist.terminal.console import PIPE_WIDTH, Style, console, say, stderr_style
-from hdassist.terminal.files import require_writable, write_text
+from hdassist.terminal.files import take_output, write_text
 from hdassist.visible import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
 PATIENCE = 0.5  # s of work before a progress bar appears
 
 
@@ -43,7 +45,7 @@ class Output:
     ) -> Output:
         """Output of a command; refuses files that cannot be written before anything is computed."""
         for path in filter(None, (target, csv)):
-            require_writable(path, force)
+            take_output(path, force)
         style = Style.of(sys.stdout, ascii=ascii, no_color=no_color)
         return cls(style if target == "-" else Style(style.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
 
@@ -96,8 +98,14 @@ class Output:
             if not bar.live.is_started and time.monotonic() - begun > PATIENCE:
                 bar.start()
 
+        def wipe() -> None:
+            if bar.live.is_started:
+                sys.stderr.write(WIPED)
+                sys.stderr.flush()
+
         try:
-            yield advance
+            with at_stop(wipe):
+                yield advance
         finally:
             if bar.live.is_started:
                 bar.stop()

@@ -12,9 +12,9 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
+    from hdassist.run.cluster import Pool
     from hdassist.run.kept import Kept, Owner
     from hdassist.terminal.output import Output
-    from hdassist.terminal.schedulers import Pool
     from hdassist.tolerance.sweep import Sweep, SweepRow
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
@@ -67,8 +67,10 @@ def command(
     from contextlib import ExitStack
 
     from hdassist.run.kept import open_kept
+    from hdassist.run.stops import at_stop
+    from hdassist.runfiles import claim_output
     from hdassist.terminal.answers import csv_text
-    from hdassist.terminal.files import require_writable, write_bytes
+    from hdassist.terminal.files import take_output, write_bytes
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.tolerance import sweep_page as page
@@ -80,20 +82,19 @@ def command(
     packed = file if file is not None and file.endswith(SUFFIX) else None
     if packed is not None:
         require_pyarrow()
-        require_writable(packed, options.force)
+        take_output(packed, options.force)
     streamed = _takes_stdout(options)
 
     def one(name: str) -> Answer:
         sweep, drive, owner = _read(name, vary, drives, options.json)
         pool = stack.enter_context(work.pools())
+        if file is not None and not packed:
+            claim_output(file, is_kept=True)
         results = stack.enter_context(open_kept(None if packed else file, owner, sweep.kind, force=options.force))
         rows = _rows(sweep, drive.name, results, pool, out)
-        try:
+        kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
+        with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
             swept = collect(sweep, drive, _told(rows, sweep) if streamed else rows)
-        except KeyboardInterrupt:
-            kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
-            note(f"{results.done} of {sweep.rows} rows {kept}")
-            raise
         if out.csv not in (None, "-"):
             out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
         if packed is not None:

@@ -50,6 +50,9 @@ def command(
     """
     from hdassist.error.self_error import self_error
     from hdassist.run.kept import Owner, open_kept
+    from hdassist.run.stops import at_stop, until_interrupted
+    from hdassist.runfiles import claim_output
+    from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
     from hdassist.tolerance.draw_options import require_limits
     from hdassist.tolerance.production import Production
@@ -70,7 +73,13 @@ def command(
         command="tolerance", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=production.told(),
         seed=draws.seed,
     )  # fmt: skip
-    interrupted = False
+    if results is not None:
+        claim_output(results, is_kept=True)
+
+    def known() -> str:
+        where = f"are kept in {results}: the same command goes on"
+        return f"{kept.done} of {count} drives {where if results else 'are done, none is kept: --results FILE'}"
+
     with work.pools() as pool, open_kept(results, owner, production.kind, force=options.force) as kept:
         summary.add(islice(kept.records(), count))
         if kept.done < count:
@@ -79,15 +88,14 @@ def command(
         with (
             out.progress(drive.name, count - kept.done) as progress,
             closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
+            at_stop(known),
         ):
-            try:
-                for records in chunks:
-                    kept.append(records)
-                    summary.add(records)
-                    progress(len(records))
-            except KeyboardInterrupt:
-                if not summary.count:
-                    raise
-                interrupted = True
+            for records in until_interrupted(chunks):
+                kept.append(records)
+                summary.add(records)
+                progress(len(records))
+        interrupted = kept.done < count
+    if interrupted:
+        note(f"interrupted: {known()}")
     told = answer(drive, draws, summary, plots=plot, interrupted=interrupted)
     raise typer.Exit(give("tolerance", [told], options, out))

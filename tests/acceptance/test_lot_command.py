@@ -135,7 +135,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
         return 1 / 0 if request.serial == "BUG" else real(request, *rest, **options)
 
     monkeypatch.setattr(lotwork, "carry_out", broken)
-    monkeypatch.setattr("hdassist.terminal.workers._way", lambda: "fork")  # workers have the patch
+    monkeypatch.setattr("hdassist.run.processes._way", lambda: "fork")  # workers have the patch
     base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
     options = FigureOptions(quiet=True)
     found = accept_lot(str(tmp_path / "lot.csv"), Run(base, FileOptions(), options, options.open(), jobs=2))

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from hdassist.cli.main import THREADS
+from tests.process import hear_what_is_ignored
 
 for name in THREADS:
     os.environ.setdefault(name, "1")  # as the command line has it, before numpy is loaded
@@ -32,7 +33,7 @@ def faults(args: argparse.Namespace) -> bool:
 
     parts = {
         "kills": lambda: kills(args.kills, args.seed),
-        "signals": signals,
+        "signals": lambda: signals(args.signals, args.seed),
         "surroundings": surroundings,
         "two runs at once": two_at_once,
     }
@@ -68,6 +69,7 @@ def main() -> int:
     study.set_defaults(run=drives)
     study = studies.add_parser("faults", help="runs that are ended at any moment, or that the system gives little")
     study.add_argument("--kills", type=int, default=200, help="runs that are killed")
+    study.add_argument("--signals", type=int, default=300, help="runs that are told to stop")
     study.add_argument("--seed", type=int, default=0)
     known = ("kills", "signals", "surroundings", "two runs at once")
     study.add_argument("--parts", nargs="*", choices=known, help="all of them unless named")
@@ -83,6 +85,7 @@ def main() -> int:
     study.add_argument("--guided", action="store_true", help="readers alone, guided by coverage (needs .[fuzz])")
     study.set_defaults(run=inputs)
     args = parser.parse_args()
+    hear_what_is_ignored()
     return 0 if args.run(args) else 1
 
 

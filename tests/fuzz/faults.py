@@ -31,8 +31,10 @@ OLD = "what was there before\n"
 STARTS = 0.1  # s: the interpreter itself starts, and what it says of an interrupt before it is its own
 GRACE = 5.0  # s for what was begun to end after its parent
 LONGEST = 300.0  # s of one run, on a machine that has other work
+# one line says it, behind those that any run says
+STOPPED = re.compile(r"(many.csv: 100 drives\n)?(warning: )?(interrupted|terminated|hung up)(: [^\n]+)?\n")
+SOON = 2.0  # s in which a command ends that is told to stop
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
-MOMENTS = (0.02, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 0.98)  # of the usual time
 CHANGES = re.compile(  # from run to run; a checksum is that of a time too
     r'\d{4}-\d\d-\d\d(T\d\d:\d\d:\d\d\+00:00)?|"evaluations": \d+|"checksum":"[0-9a-f]{16}"'
 )
@@ -45,6 +47,7 @@ INPUTS = {
     ),
     "lot.csv": "serial,preset,limit F_ior@4\n"
     + "".join(f"{k},small.yaml,{limit}\n" for k, limit in enumerate((60, 10, 30, 40))),
+    "many.csv": "serial,preset,tolerances.e_hb,limit F_ior@80\n" + "".join(f"{k},vzp160,{k},30\n" for k in range(100)),
     "run.csv": "cam_deg,error_arcsec\n"
     + "".join(f"{k},{15 * math.sin(math.radians(k)) + 3 * math.sin(math.radians(2 * k)):.4f}\n" for k in range(721)),
 }
@@ -87,7 +90,16 @@ CASES = {
         _case("schema", "presets schema -o schema.json --force", "schema.json"),
     )
 }  # fmt: skip
-LONG = tuple(name for name in CASES if name not in ("new", "schema"))
+LONG = (
+    _case("check", "check vzp160 --jobs 2 --set operation.M_g=[10,20,40,80,160,320,640,800]"),
+    _case("mount", "mount vzp160 --step 0.5 --jobs 2"),
+    _case("tolerance", "tolerance vzp160 -n 4000 --jobs 2 --results a.jsonl", grows="a.jsonl"),
+    _case("sweep", "sweep vzp160 --vary gears.j_n=0:10:401 --jobs 2 -o a.jsonl", grows="a.jsonl"),
+    _case("sensitivity", "sensitivity vzp160 -n 512 --jobs 2"),
+    _case("calibrate", "calibrate small.yaml --targets targets.yaml --state a.jsonl --evaluations 4000 --jobs 1",
+          grows="a.jsonl"),
+    _case("accept", "accept many.csv --jsonl a.jsonl --jobs 2", grows="a.jsonl"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -102,9 +114,15 @@ class Usual:
 
 @dataclass
 class Tally:
-    """What came out of a study: runs, promises that were broken, temporary files left by kills, slowest end [s]."""
+    """What came out of a study.
+
+    runs; done: those that were over before their signal; outside: those ended by the system before our first line or
+    after our last; broken: promises that were; parts: temporary files left by kills; slowest end [s].
+    """
 
     runs: int = 0
+    done: int = 0
+    outside: int = 0
     broken: list[str] = field(default_factory=list)
     parts: int = 0
     slowest: float = 0.0
@@ -240,37 +258,45 @@ def kills(count: int, seed: int, names: Sequence[str] = tuple(CASES)) -> Tally:
     return tally
 
 
-def signals(names: Sequence[str] = LONG, moments: Sequence[float] = MOMENTS) -> Tally:
-    """SIGINT, SIGTERM and SIGHUP at several moments of long commands: what is said, left, and how soon it ends."""
+def signals(count: int, seed: int, seconds: float = 8.0) -> Tally:
+    """SIGINT, SIGTERM or SIGHUP at a random moment of long commands, half of them to all processes, as a terminal does.
+
+    Arguments: count, of runs; seed, of the moments; seconds after the start in which they lie.
+    """
     tally = Tally()
-    for name in names:
-        known = usual(CASES[name])
-        print(
-            f"  {name}: {known.seconds:.1f} s if nobody ends it; slowest end so far {tally.slowest:.1f} s", flush=True
+    for k in range(count):
+        rng = np.random.default_rng([seed, k])
+        _interrupt(
+            LONG[k % len(LONG)], list(ENDS)[k // len(LONG) % 3], rng.uniform(0, seconds), rng.random() < 0.5, tally
         )
-        for number, code in ENDS.items():
-            for moment in moments:
-                _interrupt(CASES[name], known, number, code, moment, tally)
     return tally
 
 
-def _interrupt(case: Case, known: Usual, number: signal.Signals, code: int, moment: float, tally: Tally) -> None:
+def _interrupt(case: Case, number: signal.Signals, moment: float, is_for_all: bool, tally: Tally) -> None:
     with folder() as place:
         mark = secrets.token_hex(8)
-        process = start(case, place, mark)
-        time.sleep(max(moment * known.seconds, STARTS))
+        process = start(case, place, mark, start_new_session=True)
+        time.sleep(moment)
+        is_done = process.poll() is not None
         sent = time.monotonic()
-        process.send_signal(number)
+        if not is_done:
+            (os.killpg if is_for_all else os.kill)(process.pid, number)
         out, err = process.communicate(timeout=LONGEST)
         seconds = time.monotonic() - sent
         said = [f"process {pid} left" for pid in left(mark)]
-        early = process.returncode == -number  # before the command, or after it
-        done = process.returncode == known.code and plain(out) == known.out
-        said += [] if done or process.returncode in (code, -number) else [f"exit {process.returncode}"]
-        said += [err[-300:]] if "Traceback" in err or "internal error" in err or "Exception" in err else []
-        said += faults_of_files(case, place, (), known, ended_in_order=not early)
-        where = f"{case.name}, {number.name} at {moment:.2f} of its time"
-        if seconds > tally.slowest and not done:
+        where = f"{case.name}, {number.name} after {moment:.2f} s{' to all' if is_for_all else ''}"
+        if is_done:
+            tally.done += 1
+            said += [] if process.returncode == 0 else [f"exit {process.returncode}: {err[-300:]}"]
+        elif process.returncode == -number and not err:  # by the system: the interpreter itself was starting or ending
+            tally.outside += 1
+            said += [] if moment < STARTS or out else ["ended by the system at work"]
+        else:
+            said += [] if process.returncode == ENDS[number] else [f"exit {process.returncode}"]
+            said += [] if STOPPED.fullmatch(err) else [f"{err.count(chr(10))} lines: {err[-600:]}"]
+            said += [f"{seconds:.1f} s"] if seconds > SOON else []
+            said += [f"left {item.name}" for item in place.iterdir() if item.name not in (*INPUTS, case.grows)]
+        if seconds > tally.slowest and not is_done:
             tally.slowest, tally.slowest_of = seconds, where
         record(tally, said, where)
 
@@ -287,5 +313,7 @@ def report(name: str, tally: Tally) -> bool:
     """Print what came out; whether every promise was kept."""
     ends = f", slowest end {tally.slowest:.1f} s ({tally.slowest_of})" if tally.slowest_of else ""
     parts = f", {tally.parts} temporary files left" if tally.parts else ""
+    ends += f", {tally.done} done before" if tally.done else ""
+    ends += f", {tally.outside} ended while the interpreter began or ended" if tally.outside else ""
     print(f"{name}: {tally.runs} runs, {len(tally.broken)} of them broke a promise{parts}{ends}", flush=True)
     return not tally.broken

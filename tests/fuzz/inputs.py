@@ -192,7 +192,7 @@ def unsolved() -> Iterator[None]:
 
     with ExitStack() as stack:
         stack.enter_context(mock.patch("hdassist.solve.loadcase.LoadCase.__init__", refuse))
-        for module in ("terminal.workers", "acceptance.lot_command", "acceptance.replay_command"):
+        for module in ("run.processes", "acceptance.lot_command", "acceptance.replay_command"):
             stack.enter_context(mock.patch(f"hdassist.{module}.workers", _nobody))
         yield
 

@@ -28,7 +28,7 @@ def test_a_run_that_is_killed_leaves_nothing_half_and_the_next_goes_on():
 
 
 def test_a_run_that_is_told_to_stop_leaves_nothing():
-    tally = signals(("lot",), (0.6,))
+    tally = signals(3, 0, seconds=2.0)
     assert tally.runs == 3
     assert not tally.broken
 

@@ -12,23 +12,14 @@ import pytest
 from distributed import LocalCluster
 
 from hdassist.errors import DataError, UntrustedError, UsageError
-from hdassist.terminal.schedulers import _checked, pools, versions
+from hdassist.run.cluster import _checked, pools, scheduler_address, versions
 from hdassist.tolerance.stream import stream
 from tests.tolerance.test_stream import TOTAL, dies_over, flat, refuses, squares, squares_but_dies_once
 
 
-@pytest.fixture(scope="module")
-def cluster():
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", protocol="tcp://", dashboard_address=None,
-        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=100,
-    ) as here:  # fmt: skip
-        yield here.scheduler_address
-
-
 @pytest.fixture
 def pool(cluster):
-    with pools(cluster, None, 0) as begin:
+    with pools(cluster, 0) as begin:
         yield begin
 
 
@@ -48,8 +39,7 @@ def test_a_cluster_gives_the_same_records_in_the_same_order(pool):
 
 def test_a_scheduler_is_found_by_its_file(cluster, tmp_path):
     (tmp_path / "scheduler.json").write_text(json.dumps({"address": cluster}))
-    with pools(None, str(tmp_path / "scheduler.json"), 0) as begin:
-        assert flat(stream(squares, TOTAL, pool=begin)) == squares(0, TOTAL)
+    assert scheduler_address(None, str(tmp_path / "scheduler.json")) == cluster
 
 
 def test_a_worker_of_a_cluster_that_dies_half_way_loses_nothing(pool, tmp_path):
@@ -75,8 +65,8 @@ def test_a_stream_that_is_closed_leaves_the_cluster_to_others(pool):
 
 
 def test_workers_of_another_version_are_refused_by_what_differs(cluster, monkeypatch):
-    monkeypatch.setattr("hdassist.terminal.schedulers.__version__", "0.0.1")
-    with pytest.raises(DataError, match=r"worker tcp://127.*: hdassist .* there, 0.0.1 here$"), pools(cluster, None, 0):
+    monkeypatch.setattr("hdassist.run.cluster.__version__", "0.0.1")
+    with pytest.raises(DataError, match=r"worker tcp://127.*: hdassist .* there, 0.0.1 here$"), pools(cluster, 0):
         pass
 
 
@@ -87,27 +77,40 @@ def test_a_worker_that_came_later_refuses_tasks_of_another_version():
 
 
 def test_a_scheduler_that_is_not_there_is_a_data_error(nobody, monkeypatch):
-    monkeypatch.setattr("hdassist.terminal.schedulers.WAIT", 0.3)
-    with pytest.raises(DataError, match=f"cannot reach the scheduler at {nobody}"), pools(nobody, None, 0):
+    monkeypatch.setattr("hdassist.run.cluster.WAIT", 0.3)
+    with pytest.raises(DataError, match=f"cannot reach the scheduler at {nobody}"), pools(nobody, 0):
         pass
 
 
+@pytest.mark.parametrize(("protocol", "required"), [("tls", False), ("tcp", True)])
+def test_keys_that_are_missing_are_a_data_error(nobody, protocol, required):
+    import dask
+
+    with (
+        dask.config.set({"distributed.comm.require-encryption": required}),
+        pytest.raises(DataError, match="cannot reach the scheduler") as raised,
+        pools(nobody.replace("tcp", protocol), 0),
+    ):
+        pass
+    assert "dask's configuration" in raised.value.hint
+
+
 def test_a_scheduler_without_workers_is_a_data_error(monkeypatch):
-    monkeypatch.setattr("hdassist.terminal.schedulers.WORKERS_WAIT", 0.1)
+    monkeypatch.setattr("hdassist.run.cluster.WORKERS_WAIT", 0.1)
     with (
         LocalCluster(
             n_workers=0, host="127.0.0.1", protocol="tcp://", dashboard_address=None,
             scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
         ) as empty,
         pytest.raises(DataError, match="has no workers"),
-        pools(empty.scheduler_address, None, 0),
+        pools(empty.scheduler_address, 0),
     ):  # fmt: skip
         pass
 
 
 def test_without_distributed_it_says_what_to_install(monkeypatch, nobody):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(DataError) as told, pools(nobody, None, 0):
+    with pytest.raises(DataError) as told, pools(nobody, 0):
         pass
     assert told.value.hint == 'pip install "hdassist[cluster]"'
 
@@ -115,18 +118,22 @@ def test_without_distributed_it_says_what_to_install(monkeypatch, nobody):
 @pytest.mark.parametrize(
     "given",
     [
-        ("", None, 0), ("127.0.0.1:8786", None, 0), ("tcp://here", None, 0), ("tcp://here:x", None, 0),
-        ("http://here:80", None, 0), ("LOCAL", None, 0), ("tcp://here:99999", None, 0), ("tcp://here:1", "a.json", 0),
-        ("tcp://here:1", None, 2),
+        ("", None), ("127.0.0.1:8786", None), ("tcp://here", None), ("tcp://here:x", None), ("http://here:80", None),
+        ("local", None), ("tcp://here:99999", None), ("tcp://here:1", "a.json"),
     ],
 )  # fmt: skip
 def test_what_is_no_scheduler_is_wrong_usage(given):
-    with pytest.raises(UsageError), pools(*given):
+    with pytest.raises(UsageError):
+        scheduler_address(*given)
+
+
+def test_jobs_of_a_cluster_are_wrong_usage():
+    with pytest.raises(UsageError, match="--jobs is for processes on this machine"), pools("tcp://here:1", 2):
         pass
 
 
 @pytest.mark.parametrize("text", ["", "x", "[]", "{}", '{"address": 3}', '{"address": "here"}', "[" * 100_000])
 def test_a_file_that_is_none_of_a_scheduler_is_a_data_error(tmp_path, text):
     (tmp_path / "scheduler.json").write_text(text)
-    with pytest.raises(DataError, match="no file of a scheduler"), pools(None, str(tmp_path / "scheduler.json"), 0):
-        pass
+    with pytest.raises(DataError, match="no file of a scheduler"):
+        scheduler_address(None, str(tmp_path / "scheduler.json"))

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import DataError, UntrustedError
-from hdassist.terminal.workers import workers
+from hdassist.run.processes import workers
 from hdassist.tolerance.stream import AHEAD, MOST, stream
 
 TOTAL = 40

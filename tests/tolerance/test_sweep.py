@@ -22,7 +22,7 @@ from hdassist import load_preset
 from hdassist.preset.library import read_preset
 from hdassist.tolerance.sweep import Sweep, collect
 from hdassist.tolerance.vary import read_axes
-from tests.process import CLEAN, COMMAND, SMALL, run, run_cold
+from tests.process import CLEAN, COMMAND, SMALL, ends, run, run_cold
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 GRID = ("--vary", "tolerances.e_hb=10:80:15", "--vary", "operation.M_g=2,4")
@@ -174,13 +174,12 @@ def rows_of(file: Path) -> int:
 
 
 @contextmanager
-def begun(file: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+def begun(file: Path) -> Iterator[subprocess.Popen[str]]:
     """A sweep by two processes that has added some rows to a file, and not all."""
     before = max(0, rows_of(file))
     with subprocess.Popen(
-        [*COMMAND, "sweep", SMALL, *GRID, "--jobs", "2", "-o", str(file), "-q", *options], env=CLEAN,
+        [*COMMAND, "sweep", SMALL, *GRID, "--jobs", "2", "-o", str(file), "-q"], env=CLEAN,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:  # fmt: skip
         try:
             until = time.monotonic() + 60
@@ -200,23 +199,20 @@ def a_worker_of(process: subprocess.Popen[str]) -> int:
     return max(int(pid) for children in told for pid in children)
 
 
-def goes_on_with_a_worker_killed(file: Path, *options: str) -> None:
-    with begun(file, *options) as process:
+@needs_proc
+def test_two_processes_one_of_which_is_killed_write_the_same_file_as_one(tmp_path, whole):
+    file = tmp_path / "rows.jsonl"
+    with begun(file) as process:
         os.kill(a_worker_of(process), signal.SIGKILL)
         out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (0, f"wrote {file}\n")
     assert re.fullmatch(r"\d+\.\d\d to \d+\.\d\d arcsec\n", out)
-
-
-@needs_proc
-def test_two_processes_one_of_which_is_killed_write_the_same_file_as_one(tmp_path, whole):
-    goes_on_with_a_worker_killed(tmp_path / "rows.jsonl")
-    assert (tmp_path / "rows.jsonl").read_bytes() == whole
+    assert file.read_bytes() == whole
 
 
 @pytest.mark.slow
 @needs_proc
-def test_a_sweep_that_is_killed_goes_on_to_the_same_file_on_a_cluster_whose_worker_is_killed(tmp_path, whole):
+def test_a_sweep_that_is_killed_goes_on_to_the_same_file_on_a_cluster(tmp_path, whole, cluster):
     file = tmp_path / "rows.jsonl"
     with begun(file) as process:
         process.kill()
@@ -226,24 +222,24 @@ def test_a_sweep_that_is_killed_goes_on_to_the_same_file_on_a_cluster_whose_work
     assert other.returncode == 2
     assert "options.set" in other.stderr
     assert file.read_bytes() == kept
-    goes_on_with_a_worker_killed(file, "--scheduler", "local")
+    done = run_cold("sweep", SMALL, *GRID, "-o", str(file), "-q", "--scheduler", cluster)
+    assert done.returncode == 0, done.stderr
     assert file.read_bytes() == whole
 
 
 @needs_proc
-@pytest.mark.parametrize("options", [(), pytest.param(("--scheduler", "local"), marks=pytest.mark.slow)])
-def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path, options):
+def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path):
     file = tmp_path / "rows.jsonl"
-    with begun(file, *options) as process:
+    with begun(file) as process:
         worker = a_worker_of(process)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         out, err = process.communicate(timeout=30)
     assert (process.returncode, out) == (130, "")
-    said = re.match(rf"(\d+) of 30 rows are kept in {re.escape(str(file))}: the same command goes on\n", err)
+    kept = rf"interrupted: (\d+) of 30 rows are kept in {re.escape(str(file))}: the same command goes on\n"
+    said = re.fullmatch(kept, err)
     assert said
-    assert err[said.end() :] in ("", "interrupted\n")
     assert int(said[1]) <= rows_of(file)
-    assert not Path(f"/proc/{worker}").exists()
+    assert ends(worker)
 
 
 @needs_proc

@@ -57,11 +57,13 @@ def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -
 
 
 @pytest.mark.slow  # tests/tolerance/test_sweep.py has a cluster in every run; here are the tables of drives on one
-def test_a_cluster_writes_the_same_bytes_as_one_process(kept: Path, tmp_path: Path) -> None:
+def test_a_cluster_writes_the_same_bytes_as_one_process(kept: Path, tmp_path: Path, cluster: str) -> None:
     file = tmp_path / "cluster.jsonl"
-    options = ("--torque", "1", "--scheduler", "local", "--jobs", "2", "--results", str(file))
+    options = ("--torque", "1", "--scheduler", cluster, "--results", str(file))
     done = run_cold("tolerance", TINY, "-n", "12", *options)
-    assert done.returncode == 0, done.stderr
+    words = "asks for no key: whoever reaches it can run programs as you; tls:// keeps strangers out"
+    assert done.returncode == 0
+    assert done.stderr.splitlines().count(f"warning: {cluster} {words}") == 1
     assert file.read_bytes() == kept.read_bytes()
 
 

@@ -7,32 +7,34 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 import pytest
 
 from hdassist.cli.main import THREADS
-from hdassist.errors import DataError
-from hdassist.terminal.workers import _deaf, count, workers
+from hdassist.errors import DataError, UntrustedError
+from hdassist.run.processes import count, workers
 from tests.process import CLEAN, SMALL
 
 BEGUN = """
-import threading
+import os, threading
 import hdassist.solve.formulation
-from hdassist.terminal.workers import workers
+from hdassist.run.processes import workers
 
 if {thread}:
     threading.Thread(target=threading.Event().wait, daemon=True).start()
 with workers(1) as executor:
     known = executor.submit(eval, "'cvxpy' in __import__('sys').modules").result()
-    print(executor._mp_context.get_start_method(), known)
+    print(executor.submit(os.getppid).result() == os.getpid(), known)
 """
 
 
 AT_WORK = """
 import os, threading
-from hdassist.terminal.workers import workers
+from hdassist.run.processes import workers
 
 threading.Thread(target=threading.Event().wait, daemon=True).start()
 with workers(1) as executor:
@@ -45,7 +47,7 @@ SOLVED = """
 import numpy as np
 from hdassist import kinematic_error, load_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.terminal.workers import workers
+from hdassist.run.processes import workers
 
 drive = load_preset({small!r})
 states = pitch_locked_states(Kinematics.of(drive), np.arange(4))
@@ -71,13 +73,13 @@ def test_processes_answer_in_order_hear_no_interrupt_and_end():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
-@pytest.mark.parametrize(("thread", "way"), [(False, "fork"), (True, "forkserver")])
-def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread, way):
+@pytest.mark.parametrize("thread", [False, True])
+def test_processes_begin_with_what_is_imported_and_are_not_forked_beside_threads(thread):
     told = subprocess.run(
         [sys.executable, "-c", BEGUN.format(thread=thread)], env=CLEAN | dict.fromkeys(THREADS, "1"),
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert told.stdout == f"{way} True\n"
+    assert told.stdout == f"{not thread} True\n"
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
@@ -105,20 +107,43 @@ def test_no_number_of_jobs_is_one_for_each_core():
     assert 1 <= count(0) <= (os.cpu_count() or 1)
 
 
-def test_a_stop_that_is_not_heard_now_is_heard_later():
-    done = False
-    with pytest.raises(KeyboardInterrupt), _deaf():
-        signal.raise_signal(signal.SIGINT)
-        done = True
-    assert done
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+def refuse(error: Exception) -> None:
+    raise error
+
+
+@pytest.mark.parametrize(
+    "error", [DataError("row 3 is wrong", "a hint"), EOFError("of a file"), OSError(5, "of a disk")]
+)
+def test_what_a_task_raises_is_its_answer_with_the_place_where_it_was_raised(error):
+    with workers(1) as executor:
+        with pytest.raises(type(error)) as raised:
+            executor.submit(refuse, error).result()
+        assert raised.value.args == error.args
+        assert "in refuse" in raised.value.__notes__[0]
+        assert executor.submit(abs, -3).result() == 3
+
+
+def test_what_cannot_be_sent_is_an_error_of_its_task_alone():
+    with workers(1) as executor:
+        for task, *given in ((threading.Lock,), (repr, threading.Lock())):
+            with pytest.raises(TypeError, match="pickle"):
+                executor.submit(task, *given).result()
+        assert executor.submit(abs, -3).result() == 3
+
+
+def test_where_one_process_is_lost_no_other_is_waited_for():
+    with pytest.raises(UntrustedError, match="ended from outside"), workers(2) as executor:
+        slow, lost = executor.submit(time.sleep, 3600), executor.submit(os._exit, 1)
+        with pytest.raises(BrokenExecutor):
+            lost.result()
+        with pytest.raises(BrokenExecutor):
+            slow.result()
+        executor.submit(abs, -3)
+    assert not multiprocessing.active_children()
 
 
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), RuntimeError("can't start new thread")])
 def test_processes_that_cannot_begin_are_a_data_error(monkeypatch, fault):
-    def refuse(*_: object, **__: object) -> None:
-        raise fault
-
-    monkeypatch.setattr("hdassist.terminal.workers.ProcessPoolExecutor", refuse)
+    monkeypatch.setattr("hdassist.run.processes._Processes.begin", lambda *_: refuse(fault))
     with pytest.raises(DataError, match=r"cannot begin the processes.*(No space left|new thread)"), workers(1):
         pass

@@ -6,7 +6,6 @@ import json
 import logging
 import os
 import platform
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
@@ -16,46 +15,36 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
-from hdassist.terminal.workers import count, workers
+from hdassist.run.processes import count, workers
 from hdassist.textfile import read_bytes
 from hdassist.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client
 
-LOCAL = "local"
 WAIT = 5.0  # s for a scheduler to answer
 WORKERS_WAIT = 10.0  # s for it to have a worker
 PARTS = ("numpy", "scipy", "cvxpy", "daqp")  # whose versions decide the digits of an answer
-# What workers here do without: samples of where they are, 4 % of their time; and giving memory back to the system
-# whenever 64 kB are free, a quarter of it. Bytes, for malloc of glibc.
-LEAN = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 28,
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
-}
 _ALONE = threading.Lock()  # a worker may have threads; solvers are made for one
 
 Pool = Callable[[], AbstractContextManager[tuple[Executor, int]]]
 
 
 @contextmanager
-def pools(scheduler: str | None, scheduler_file: str | None, jobs: int) -> Iterator[Pool]:
+def pools(address: str | None, jobs: int) -> Iterator[Pool]:
     """What begins an executor and tells how many tasks it works on at a time; a cluster is reached before that.
 
-    Arguments: scheduler, "tcp://HOST:PORT" of a cluster, "local" to start one on this machine, None for processes;
-    scheduler_file, the JSON file in which a scheduler wrote its address; jobs, processes here (0: one for each core).
-    Raises UsageError: options that cannot be meant; DataError: distributed is not installed, the cluster is not
-    reached, has no workers, or others than this process.
+    Arguments: address of a cluster's scheduler, None for processes; jobs, processes here (0: one for each core).
+    Raises UsageError: jobs of a cluster; DataError: distributed is not installed, the cluster is not reached, has no
+    workers, or others than this process.
     """
-    address = _address(scheduler, scheduler_file)
     if address is None:
         yield partial(_processes, jobs)
         return
-    if jobs and address != LOCAL:
+    if jobs:
         raise UsageError("--jobs is for processes on this machine", f"{address} has the workers that it has")
     _require_distributed()
-    with _local(jobs) if address == LOCAL else _reached(address) as client:
+    with _reached(address) as client:
         _require_same(client, address)
         yield partial(_on_cluster, client)
 
@@ -109,12 +98,15 @@ def versions() -> dict[str, str]:
     return {"hdassist": __version__, "Python": platform.python_version(), **parts, "OPENBLAS_NUM_THREADS": threads}
 
 
-def _address(scheduler: str | None, scheduler_file: str | None) -> str | None:
-    """Address of a scheduler, "local", or None. Raises UsageError: no address; DataError: a file that has none."""
+def scheduler_address(scheduler: str | None, scheduler_file: str | None) -> str | None:
+    """Address of a scheduler, as given or from the JSON file in which it wrote that; None without either.
+
+    Raises UsageError: no address; DataError: a file that has none.
+    """
     if scheduler_file is None:
-        if scheduler is not None and scheduler != LOCAL and not _is_address(scheduler):
-            hint = "local, or an address like tcp://127.0.0.1:8786"
-            raise UsageError(f"--scheduler: no address of a scheduler (got {scheduler or 'nothing'})", hint)
+        if scheduler is not None and not _is_address(scheduler):
+            words = f"invalid --scheduler {scheduler!r}: expected an address like tcp://10.0.0.5:8786"
+            raise UsageError(words, "--jobs N works with N processes on this machine")
         return scheduler
     if scheduler is not None:
         raise UsageError("--scheduler and --scheduler-file name two schedulers", "leave one of them out")
@@ -150,8 +142,14 @@ def _require_distributed() -> None:
 def _reached(address: str) -> Iterator[Client]:
     """A client of a cluster that is there. Raises DataError: its scheduler does not answer, or has no workers."""
     from distributed import Client
+    from distributed.security import Security
 
     try:
+        keys = Security().get_connection_args("client")  # type: ignore[no-untyped-call]
+        if address.startswith("tls:") and keys.get("ssl_context") is None:
+            raise ValueError("dask's configuration names no key; docs/scale.md shows how")
+        if keys.get("require_encryption") and not address.startswith("tls:"):
+            raise ValueError("dask's configuration requires encryption: tls://")
         client = Client(address, timeout=WAIT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise DataError(
@@ -165,29 +163,6 @@ def _reached(address: str) -> Iterator[Client]:
                 f"the scheduler at {address} has no workers", f"dask worker {address}", Fault.SCHEDULER_LOST
             ) from None
         yield client
-
-
-@contextmanager
-def _local(jobs: int) -> Iterator[Client]:
-    """A client of a cluster on this machine alone, of so many processes, that ends with it."""
-    import dask
-    from distributed import LocalCluster
-
-    dask.config.set(LEAN)
-    try:
-        cluster = LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=count(jobs), threads_per_worker=1, host="127.0.0.1", protocol="tcp://", dashboard_address=None,
-            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL, preload=__name__,
-        )  # fmt: skip
-    except (OSError, RuntimeError) as error:
-        raise DataError(f"cannot begin a cluster on this machine: {error}", "ulimit -a shows its limits") from None
-    with cluster, _reached(cluster.scheduler_address) as client:
-        yield client
-
-
-def dask_setup(_: object) -> None:
-    """What a worker of a cluster here does first, by the name that dask calls: leave interrupts to who began it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _workers_of(client: Client) -> list[str]:

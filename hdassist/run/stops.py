@@ -1,0 +1,106 @@
+"""Stops from outside: SIGINT, SIGTERM and SIGHUP end the command where it is, whatever it is doing.
+
+Nothing is raised: an exception in the middle of an import, a fork or a library may be swallowed there. What has to be
+put away is registered by who made it. This module is imported before all others, and imports none of them.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import TypeVar
+
+WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
+STOPS = tuple(getattr(signal, name) for name in WORDS if hasattr(signal, name))
+
+ItemT = TypeVar("ItemT")
+
+_at_stop: list[Callable[[], str | None]] = []
+_process = 0  # that is ended: not one that it has forked
+_is_waiting = _is_interruptible = _is_interrupted = False
+
+
+def end_at_stops() -> None:
+    """End this process at the first stop from now on; signals that its caller ignores (nohup) stay ignored."""
+    global _process
+    _process = os.getpid()
+    for number in STOPS:
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+            signal.signal(number, _end)
+
+
+@contextmanager
+def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
+    """Do something should the process be stopped meanwhile; what it returns is added to the line on standard error."""
+    _at_stop.append(action)
+    try:
+        yield
+    finally:
+        _at_stop.remove(action)
+
+
+def until_interrupted(items: Iterator[ItemT]) -> Generator[ItemT, None, bool]:
+    """Items as they come, to the first interrupt, which ends the waiting for the next one and not the process.
+
+    For what can answer with the items that it has; a second stop ends the process. Result: whether it was interrupted.
+    """
+    global _is_waiting, _is_interruptible
+    _is_interruptible, is_known = True, False
+    try:
+        while not _is_interrupted:
+            _is_waiting = True
+            try:
+                item = next(items)
+            except StopIteration:
+                return False
+            except KeyboardInterrupt:
+                is_known = True
+                return True
+            finally:
+                _is_waiting = False
+            yield item
+        is_known = True
+        return True
+    finally:
+        _is_interruptible = False
+        if _is_interrupted and not is_known:  # by one that came with the last item
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def stops_held_back() -> Iterator[None]:
+    """Hear stops later: for the moment in which a process begins, which has to inherit that."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end(number: int, _: FrameType | None) -> None:
+    global _is_interrupted
+    if os.getpid() != _process:
+        os._exit(128 + number)
+    if number == signal.SIGINT and _is_interruptible and not _is_interrupted:
+        _is_interrupted = True
+        if _is_waiting:
+            raise KeyboardInterrupt
+        return
+    for other in STOPS:
+        if signal.getsignal(other) is _end:
+            signal.signal(other, signal.SIG_DFL)  # one more ends it, whatever hangs below
+    said = [WORDS[signal.Signals(number).name]]
+    for action in reversed(_at_stop):
+        with suppress(Exception):
+            said += filter(None, [action()])
+    encoding = getattr(sys.stderr, "encoding", None) or "ascii"
+    with suppress(OSError):
+        os.write(2, f"{': '.join(said)}\n".encode(encoding, "backslashreplace"))
+    os._exit(128 + number)
