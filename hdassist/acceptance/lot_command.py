@@ -62,8 +62,11 @@ def _accept_lot(lot: Lot, run: Run, file: Kept[Answer] | None) -> int:
     done: list[Answer] = []
     lines: list[str] = []
 
+    before = file.done if file is not None else 0
+
     def state() -> str:
-        count = len(kept) + sum(answer.serial not in kept for answer in done)
+        fresh = sum(answer.serial not in kept for answer in done) if file is None else file.done - before
+        count = len(kept) + fresh
         where = f"are kept in {files.lines_file}: the same command with --resume goes on"
         known = where if files.lines_file else "are done, none is kept: --jsonl FILE"
         return f"{count} of {len(lot.rows)} rows {known}"

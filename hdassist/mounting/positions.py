@@ -170,13 +170,16 @@ class MountingCurve:
         return [int(p) for p in places[np.argsort(self.relative[places], kind="stable")]]
 
 
+NO_ERROR = 1e-9  # arcsec: a drive without deviations has less
+
+
 def merit(F_ior: Array, now: Array, weights: Sequence[float] | None = None) -> Array:
     """Greatest over the torques of F'_ior against now, each counted by its weight; shape (...,).
 
     Arguments: F_ior, shape (torques, ...); now, shape (torques,).
     """
     share = np.ones(len(now)) if weights is None else np.array(weights) / max(weights)
-    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / now * share, axis=-1))
+    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / np.maximum(now, NO_ERROR) * share, axis=-1))
 
 
 def require_weights(weights: Sequence[float] | None, count: int) -> None:

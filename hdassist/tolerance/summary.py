@@ -83,7 +83,7 @@ class Summary:
             for point, now, best in zip(self.points, *both, strict=True):
                 point.as_built.add(now)
                 point.best.add(best)
-                point.ratio.add(best / now)
+                point.ratio.add(best / now if now else 1.0)  # without any error nothing is gained
                 ok = point.passes(now), point.passes(best)
                 point.passed_as_built += ok[0]
                 point.passed_best += ok[1]
