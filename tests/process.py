@@ -29,6 +29,8 @@ ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"  #
 COMMAND = [sys.executable, "-m", "hdassist"]
 ROOT = str(Path(__file__).parents[1])  # the tree under test, from whatever folder it runs
 CLEAN = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": os.environ.get("HOME", "/"), "PYTHONPATH": ROOT}
+# which routines of linear algebra are used decides the last digits, in the tests' process and in those that they begin
+CLEAN |= {name: value for name, value in os.environ.items() if name.startswith("OPENBLAS_")}
 LONGEST = 240  # s of one process
 
 
