@@ -30,6 +30,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import Progress
+from hdassist.solve.throughcvxpy import CROSS_SOLVER
 from hdassist.verdict import SEVERITY, Verdict, worst
 
 QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
@@ -77,7 +78,7 @@ def accept(
     stated: Mapping[Limit, Value] | None = None,
     measured_only: bool = False,
     predictions: Predictions | None = None,
-    cross_check: str = "CLARABEL",
+    cross_check: str = CROSS_SOLVER,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,

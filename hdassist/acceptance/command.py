@@ -130,7 +130,7 @@ def command(
     ] = None,
     trace: o.TraceOptions,
     pitch: o.PitchOptions,
-    cross_check: o.CrossCheck = "clarabel",
+    cross_check: o.CrossCheck = "highs",
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     files: FileOptions,

@@ -26,7 +26,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
 
 IDENTIFIED = (
     "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball",
@@ -120,7 +120,7 @@ def predict(
     needed: Needed,
     *,
     wheels: MeasuredTeeth | None = None,
-    cross_check: str = "CLARABEL",
+    cross_check: str = CROSS_SOLVER,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,

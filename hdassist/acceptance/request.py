@@ -119,7 +119,7 @@ class Request(ClosedRecord):
     values: tuple[Annotated[LimitText, *_VALUE], ...] = ()
     reading: Reading = field(default_factory=Reading)
     measured_only: bool = False
-    cross_check: str = "clarabel"
+    cross_check: str = "highs"
     seed: Seed = 0
     wheels: Wheels = field(default_factory=Wheels)
 

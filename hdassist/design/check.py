@@ -9,18 +9,19 @@ from functools import partial, reduce
 from operator import add
 from typing import Any
 
-from hdassist.error.cycle import KinematicError, kinematic_error
+from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
 from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.rests_on import Effect, rests_on
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, uncertain_deviations, unknown_ranges
+from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, names, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver
 from hdassist.verdict import Verdict, worst
 
 
@@ -143,7 +144,7 @@ def check(
     *,
     measured: MeasuredTeeth | None = None,
     solver: str | None = None,
-    cross_check: str = "CLARABEL",
+    cross_check: str = CROSS_SOLVER,
     draws: int = DRAWS,
     seed: int = 0,
     executor: Executor | None = None,
@@ -161,15 +162,20 @@ def check(
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
     told = None if executor else progress  # a process tells nothing before it is done
-    error = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed)
-    jobs: list[Callable[[], Any]] = [partial(error, M_g, progress=told) for M_g in torques]
-    jobs.append(partial(self_error, drive, torques, progress=told))
-    results = []
-    for result in (executor.map if executor else map)(_run, jobs):
-        results.append(result)
+    run = executor.map if executor else map
+    require_solver(cross_check)
+    every = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=None, progress=told)
+    solved = []
+    for error in run(every, torques):
+        solved.append(error)
         if progress and executor:
-            progress(_states(result))
-    *errors, own = results
+            progress(len(error.states))
+    # cvxpy takes a second to import: another solver looks at the extremes in one process, and the self error in another
+    again: Callable[[], Any] = partial(_cross_checked, there, solved, teeth, cross_check, seed)
+    own_error: Callable[[], Any] = partial(self_error, drive, torques, progress=told)
+    errors, own = run(_run, [again, own_error])
+    if progress and executor:
+        progress(sum(part.certificate.states for part in own))
     unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
     over: tuple[UnknownRange, ...] = ()
     effects: tuple[Effect, ...] = ()
@@ -188,6 +194,7 @@ def _run(job: Callable[[], Any]) -> Any:
     return job()
 
 
-def _states(result: KinematicError | list[SelfError]) -> int:
-    parts = result if isinstance(result, list) else [result]
-    return sum(part.certificate.states for part in parts)
+def _cross_checked(
+    drive: Drive, errors: Sequence[KinematicError], teeth: ToothDeviations | None, solver: str, seed: int
+) -> list[KinematicError]:
+    return [cross_checked(drive, error, teeth, solver, seed=seed) for error in errors]

@@ -15,7 +15,7 @@ def command(
     *,
     drives: o.LoadedDriveOptions,
     solver: o.Solver = None,
-    cross_check: o.CrossCheck = "clarabel",
+    cross_check: o.CrossCheck = "highs",
     draws: o.Draws = 64,
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,

@@ -24,7 +24,7 @@ def command(
         list[float],
         typer.Option("--at", metavar="N*M", help="Torque of a tangent stiffness, else the preset's. Repeatable."),
     ] = [],  # noqa: B006 (typer copies it)
-    cross_check: o.CrossCheck = "clarabel",
+    cross_check: o.CrossCheck = "highs",
     plot: o.Plot = True,
     details: o.Details = False,
     options: o.FigureOptions,

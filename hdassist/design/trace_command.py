@@ -26,7 +26,7 @@ def command(
     ] = 0.0,
     revolutions: Annotated[int, typer.Option("--revolutions", "-n", min=1, help="Cam revolutions.")] = 1,
     solver: o.Solver = None,
-    cross_check: o.CrossCheck = "clarabel",
+    cross_check: o.CrossCheck = "highs",
     seed: o.Seed = 0,
     plot: o.Plot = True,
     pitch: o.PitchOptions,

@@ -28,7 +28,7 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate, Progress
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
+from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 BLOCK = 4 * CHUNK  # states whose gaps are held at once
@@ -102,7 +102,7 @@ def kinematic_error(
     states: States | None = None,
     teeth: ToothDeviations | None = None,
     solver: str | None = None,
-    cross_check: str | None = "CLARABEL",
+    cross_check: str | None = CROSS_SOLVER,
     sample: int = 8,
     seed: int = 0,
     progress: Progress | None = None,
@@ -132,7 +132,7 @@ def kinematic_error(
     if cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
         stated = formulation if programmes == 1 else None
-        result = replace(result, cross_check=_cross_check(drive, result, teeth, cross_check, sample, seed, stated))
+        result = cross_checked(drive, result, teeth, cross_check, sample=sample, seed=seed, stated=stated)
     return result
 
 
@@ -164,15 +164,21 @@ def _collect(
     return KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
 
 
-def _cross_check(
+def cross_checked(
     drive: Drive,
     result: KinematicError,
-    teeth: ToothDeviations | None,
-    solver: str,
-    sample: int,
-    seed: int,
-    stated: Formulation | None,
-) -> CrossCheck:
+    teeth: ToothDeviations | None = None,
+    solver: str = CROSS_SOLVER,
+    *,
+    sample: int = 8,
+    seed: int = 0,
+    stated: Formulation | None = None,
+) -> KinematicError:
+    """The same with its extremes and a seeded sample solved again by another solver.
+
+    Arguments as those of `kinematic_error`; stated, the programme, where all states have one. Raises UntrustedError
+    where two solvers disagree.
+    """
     count = len(result.states)
     some = np.random.default_rng(seed).choice(count, min(sample, count), replace=False)
     rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
@@ -184,7 +190,7 @@ def _cross_check(
         where = partial(place, there, result.M_g)
         checks.append(solve_again(formulation, torques, delta_p, expected, solver, where))
     worst = max(check.max_difference_arcsec for check in checks)
-    return CrossCheck(checks[0].solver, len(rows), worst)
+    return replace(result, cross_check=CrossCheck(checks[0].solver, len(rows), worst))
 
 
 def place(states: States, M_g: float, k: int) -> str:

@@ -20,7 +20,7 @@ from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import CrossCheck, solve_again
+from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, solve_again
 
 LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
@@ -129,7 +129,7 @@ def stiffness(
     T_max: float | None = None,
     points: int = POINTS,
     tangents_at: Sequence[float] = (),
-    cross_check: str | None = "CLARABEL",
+    cross_check: str | None = CROSS_SOLVER,
     progress: Progress | None = None,
 ) -> Stiffness:
     """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.

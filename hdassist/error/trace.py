@@ -13,6 +13,7 @@ from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
+from hdassist.solve.throughcvxpy import CROSS_SOLVER
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def trace(
     start_deg: float = 0.0,
     revolutions: int = 1,
     solver: str | None = None,
-    cross_check: str | None = "CLARABEL",
+    cross_check: str | None = CROSS_SOLVER,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Trace:

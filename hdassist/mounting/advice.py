@@ -24,6 +24,7 @@ from hdassist.mounting.robust import LEAST_PROBABILITY, is_open, robust, sample_
 from hdassist.mounting.stays import Stays, stays_best
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
+from hdassist.solve.throughcvxpy import CROSS_SOLVER
 
 LEAST_GAIN = 0.01  # of the error: a smaller one is not worth a turn
 TRIALS = 3  # positions to begin trials with
@@ -155,7 +156,7 @@ def advise(
     samples: int = 256,
     criterion: str = "expected",
     needed: float = LEAST_PROBABILITY,
-    cross_check: str | None = "CLARABEL",
+    cross_check: str | None = CROSS_SOLVER,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,

@@ -37,7 +37,7 @@ def command(
     every_state: Annotated[
         bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
     ] = False,
-    cross_check: o.CrossCheck = "clarabel",
+    cross_check: o.CrossCheck = "highs",
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,

@@ -26,7 +26,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.run.stops import until_interrupted
 from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
@@ -64,7 +64,7 @@ def mounting_curve(
     every_state: bool = False,
     proposed_from: int = HOLES + 1,
     weights: Sequence[float] | None = None,
-    cross_check: str | None = "CLARABEL",
+    cross_check: str | None = CROSS_SOLVER,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,

@@ -14,7 +14,7 @@ from hdassist.model.geometry import Array
 from hdassist.solve.certificate import proven
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.pivoting import ZERO
-from hdassist.solve.throughcvxpy import solve_through_cvxpy
+from hdassist.solve.throughcvxpy import SECOND_SOLVER, solve_through_cvxpy
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
@@ -24,7 +24,6 @@ SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 FEW = 4  # states for which a model is not worth its set-up
 STEPS = 25  # of solve_near, after which it is given up; with coned flanks 12 gave up half of the states
-LAST_RESORT = "CLARABEL"  # an interior-point method does not cycle
 
 
 class ActiveSet:
@@ -110,7 +109,7 @@ class ActiveSet:
 
     def _last_resort(self, delta_p: Array) -> tuple[Array, Array]:
         try:
-            return solve_through_cvxpy(self._formulation, delta_p, self._torque, LAST_RESORT)
+            return solve_through_cvxpy(self._formulation, delta_p, self._torque, SECOND_SOLVER)
         except UntrustedError:
             return np.full(len(delta_p), np.nan), np.full(len(self._right), np.nan)
 
