@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from hdassist.error.error_map import SEARCHED, Batch, ErrorMap
 from hdassist.errors import UntrustedError
@@ -115,6 +114,8 @@ class ErrorTable:
 
         Raises UntrustedError for deviations that the table does not span.
         """
+        from scipy.ndimage import map_coordinates  # imported in as much time as a check takes
+
         reach, given = self.reach, range(scalars.shape[-1])
         along = np.stack([scalars[..., k] if k in given else np.zeros(scalars.shape[:-1]) for k in reach.axes])
         step = 2 * reach.sizes / (np.array(self.error.shape) - 1)

@@ -22,7 +22,7 @@ from hdassist.model.geometry import Array
 from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
 
-_proven: set[str] = set()  # keys, in this process
+_proven: set[tuple[bool, ...]] = set()  # which freedoms were free in what was proven, in this process
 
 
 def cache_folder() -> Path:
@@ -36,20 +36,21 @@ def require_compiled_as_stated(formulation: Formulation, folder: Path | None = N
     Arguments: folder, where it is kept that it does, by default the user's cache.
     Raises UntrustedError where it compiles to something else.
     """
-    key = _key(formulation)
-    if key in _proven:
+    supported = tuple(formulation.system.supported.tolist())
+    if supported in _proven:
         return
+    key = _key(formulation)
     kept = (folder or cache_folder()) / f"compiled-{key[:16]}"
     with suppress(OSError):
         if kept.read_bytes() == key.encode():
-            _proven.add(key)
+            _proven.add(supported)
             return
     if wrong := list(differences(formulation)):
         raise UntrustedError(
             f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
             "install the versions that hdassist was tested with (hdassist doctor)",
         )
-    _proven.add(key)
+    _proven.add(supported)
     with suppress(OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_bytes(key.encode())

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import cvxpy as cp
 import numpy as np
 
 from hdassist.model.contacts import ROTATION, ContactSystem
