@@ -12,7 +12,7 @@ STATED = {  # sources of which a single record says nothing
     "encoder": "encoder graduation: cannot be told from once-per-output error",
     "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
     "reseating": "taking the drive off the rig and putting it back",
-    "temperature": "temperature of drive and rig",
+    "temperature": "temperature of drive and rig: operation.dT, known only so well",
 }
 COVERAGE_FACTOR = 2.0
 OF_THE_RANGE = 2  # so many sources, the first ones, belong to one range alone

@@ -51,10 +51,11 @@ class Gears(Section):
 
 
 class Material(Section):
-    """Elastic constants of the flexspline and of the outer ring."""
+    """Material of the flexspline, of the cam and of its bearing."""
 
     E: float = field("Young's modulus", "MPa", 2.06e5, ge=1e3, le=1e6)
     nu: float = field("Poisson's ratio", default=0.3, ge=0, le=0.49)
+    alpha_T: float = field("coefficient of thermal expansion", "/K", 11.5e-6, ge=0, le=1e-4)
 
 
 class Flexspline(Section):
@@ -126,6 +127,7 @@ class Operation(Section):
         "torques on the flexspline, counter-clockwise positive", "N*m", example=(80.0, 800.0)
     )
     rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
+    dT: float = field("flexspline and cam warmer than the rigid wheel", "K", 0.0, ge=-150, le=150)
 
 
 class Acceptance(Section):

@@ -49,6 +49,7 @@ LAWS: dict[str, Law] = {
     "gears.j_n": Law("m", (0.0, 20.0), "tooth thinning, no drawing says it"),
     "material.E": Law("same", (2.0e5, 2.12e5), f"steel; {JUDGED}"),
     "material.nu": Law("same", (0.27, 0.31), f"steel; {JUDGED}"),
+    "material.alpha_T": Law("same"),
     "flexspline.h_1": Law("d", (0.8, 1.25), JUDGED, of_value=True),
     "flexspline.h_3": Law("d", (0.6, 1.1), JUDGED, of_value=True),
     "flexspline.b_w": Law("d", (0.6, 1.1), JUDGED, of_value=True),
@@ -70,6 +71,7 @@ LAWS: dict[str, Law] = {
     "contact.c_ball": Law("1/d", (1.25e-5, 2.857e-5), "ISO/TS 16281 ball, tangent at 100-1000 N at 160 mm"),
     "contact.c_bore": Law("1/d", (2e-8, 5e-7), f"conformal seat; {JUDGED}"),
 }
+WHERE_GIVEN = ("contact.k_face", "material.alpha_T")  # by the drive to be like; else left to their defaults
 REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
 WORDS = {
     "same": "as {like}",
@@ -196,8 +198,7 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
         "gears.m": Entry(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
     }
     known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
-    if "contact.k_face" not in _given(like):
-        known.pop("contact.k_face")  # in place of c_t, and only where it was
+    known = {path: law for path, law in known.items() if path not in WHERE_GIVEN or path in _given(like)}
     entries |= {path: _scaled(like, path, law, s, m, size.stiffer) for path, law in known.items()}
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)

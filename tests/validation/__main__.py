@@ -15,6 +15,7 @@ PAGE = Path(__file__).parents[2] / "docs/validation.md"
 SOURCES = (
     "test_lyuminarsky_2019",
     "test_catalogue_stiffness",
+    "test_temperature",
     "test_real_trace",
     "test_bearing_theory",
     "test_ring_closed_forms",
