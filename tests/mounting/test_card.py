@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from hdassist import load_preset
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown
 from hdassist.mounting import card_render
@@ -22,6 +23,7 @@ from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
 from tests.advices import MADE, TRIALS, W_0, advice_of, card, cards, crowded, sampled
+from tests.process import SMALL
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -83,8 +85,8 @@ def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
     assert other.directions == ("a: mark now, 0 deg", "b: mark afterwards, 240 deg", "c: cam offset e_hg, 0 deg")
     assert dict(other.subject)["mark"] == "high spot of the radial run-out of the flexspline"
     assert other.instruction.startswith("Turn the flexspline by 4 holes (120 deg) clockwise")
-    without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: it has no direction
-    assert len(without.directions) == 2
+    without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: no hole is better
+    assert without.directions == ("b: mark, now and afterwards, 0 deg",)
     assert dict(card(CARDS["free"]).subject)["mark"] == "greatest cumulative pitch deviation of the rigid wheel"
 
 
@@ -286,6 +288,8 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     card(UNKNOWN_TURN, "ru", trials=TRIALS)
     for open_ in (UNKNOWN_TURN, UNSURE, replace(UNSURE, robust=None)):
         what_to_do(open_, texts("ru"))
+    for alike in ("cam.coupling=oldham", "tolerances.e_hb=0", "tolerances.F_i2=0"):
+        what_to_do(replace(CARDS["leave"], drive=load_preset(SMALL, [alike])), texts("ru"))
     entries = set(texts("ru").entries)
     for_trials = {key for key in entries if key.startswith("trials.")}
     assert {key.removeprefix("trials.") for key in for_trials} <= used
