@@ -143,7 +143,7 @@ def command(
     Examples:
       hdassist accept my-drive.yaml
       hdassist accept my-drive.yaml --measured 80:run.csv \\
-          --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0
+          --budget encoder=0.3,coupling=0,reseating=0.3,temperature=0.4
       hdassist accept vzp160 --limit F_ior@80=30 --limit lost_motion=60
       hdassist accept my-drive.yaml --value lost_motion=41±3 --json
       hdassist accept lot.csv --preset my-drive.yaml --measured-only \\

@@ -181,6 +181,13 @@ def validate(
 Like = Annotated[
     str | None, typer.Option("--like", metavar="PRESET", help="Drive to be like; vzp160 if anything else is asked for.")
 ]
+Coupling = Annotated[
+    str | None,
+    typer.Option("--coupling", metavar="KIND", help="How the cam sits on its shaft: solid, oldham, overhung, unknown."),
+]
+Shaft = Annotated[
+    str | None, typer.Option("--shaft", metavar="DxL", help="Diameter and overhang of its shaft, mm: 14x30.")
+]
 PitchDiameter = Annotated[
     str | None, typer.Option("--pitch-diameter", metavar="MM", help="Pitch diameter of the flexspline; 63, or '63 mm'.")
 ]
@@ -196,6 +203,8 @@ GivenStiffness = Annotated[
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")],
     *,
+    coupling: Coupling = None,
+    shaft: Shaft = None,
     like: Like = None,
     pitch_diameter: PitchDiameter = None,
     teeth: Teeth = None,
@@ -210,11 +219,15 @@ def new(
 
     \b
     Examples:
-      hdassist presets new own --ratio 100 --torque 67 -o own.yaml
+      hdassist presets new own --coupling oldham --ratio 100 --torque 67 -o own.yaml
+      hdassist presets new own --coupling overhung --shaft 14x30 --ratio 100 --torque 67
       hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
       hdassist presets new my-drive -o my-drive.yaml
 
+    --coupling first: it says how far offsets of the cam are felt, and so what turning the wheel can bring. oldham: the
+    wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end of a
+    motor's shaft.
     What is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
     --stiffness stands in the preset's table catalogue as it is given, and hdassist stiffness compares.
@@ -225,12 +238,15 @@ def new(
     from hdassist.preset.wishes import read_wish
     from hdassist.terminal.files import write_text
 
-    asked = (like, pitch_diameter, teeth, ratio, torque, stiffness)
+    asked = (coupling, shaft, like, pitch_diameter, teeth, ratio, torque, stiffness)
     if all(each is None for each in asked):
         text = new_preset(name)
     else:
         other = load_preset(like if like is not None else "vzp160")
-        wish = read_wish(other, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque, stiffness=stiffness)
+        wish = read_wish(
+            other, coupling=coupling, shaft=shaft, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque,
+            stiffness=stiffness,
+        )  # fmt: skip
         text = similar_preset(name, other, wish)
     write_text(output, text, force)
 

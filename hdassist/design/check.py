@@ -10,8 +10,8 @@ from operator import add
 from typing import Any
 
 from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
-from hdassist.error.error_map import SEARCHED, searchable
-from hdassist.error.rests_on import Effect, rests_on
+from hdassist.error.error_map import SEARCHED, extremes_of, searchable
+from hdassist.error.rests_on import Effect, reached, rests_on
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, uncertain_deviations, unknown_ranges
@@ -23,6 +23,14 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver
 from hdassist.verdict import Verdict, worst
+
+
+@dataclass(frozen=True)
+class Floating:
+    """F'_ior [arcsec] of a drive whose cam aligns itself (supports.C_3 of 0), and the proof of it."""
+
+    F_ior_arcsec: float
+    certificate: Certificate
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class OperatingPoint:
     sensitivity: Sensitivity | None = None
     open_: bool = False
     over: UnknownRange | None = None
+    floating: Floating | None = None
 
     @property
     def F_ior_upper_arcsec(self) -> float:
@@ -60,7 +69,7 @@ class OperatingPoint:
     @property
     def certificates(self) -> tuple[Certificate, ...]:
         """Certificates of all states that stand behind the point."""
-        parts = (self.error, self.self_error, self.sensitivity, self.over)
+        parts = (self.error, self.self_error, self.sensitivity, self.over, self.floating)
         return tuple(part.certificate for part in parts if part is not None)
 
     @property
@@ -180,13 +189,18 @@ def check(
     over: tuple[UnknownRange, ...] = ()
     effects: tuple[Effect, ...] = ()
     slopes: Sequence[Sensitivity | None] = [None] * len(torques)
+    floating: Sequence[Floating | None] = [None] * len(torques)
     if searchable(drive) and not measured:
+        if drive.number("supports.C_3"):
+            end, found = reached(drive, "supports.C_3", 0.0, partial(extremes_of, torques=torques))
+            if end == 0:
+                floating = [Floating(each.first, each.certificate) for each in found]
         slopes = sensitivity(drive, errors)
         over = unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
         effects = rests_on(drive, torques, executor=executor, progress=progress)
     held = [drive.limit(M_g) for M_g in torques]
-    open_ = bool(unknown) or bool(over)
-    rows = zip(torques, errors, own, held, slopes, [open_] * len(torques), over or [None] * len(torques), strict=True)
+    open_ = [bool(unknown) or bool(over)] * len(torques)
+    rows = zip(torques, errors, own, held, slopes, open_, over or [None] * len(torques), floating, strict=True)
     return DesignCheck(drive, tuple(OperatingPoint(*row) for row in rows), measured, unknown, effects)
 
 

@@ -30,6 +30,7 @@ from hdassist.verdict import Verdict
 
 LABEL_WIDTH = 30  # columns of a table's words; numbers take 12 each
 NUMBER_WIDTH = 12
+LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 PLOTTED = 8  # rows of a plot
 
 
@@ -71,6 +72,13 @@ POINT: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", lambda p: p.error.one_wave_share),
     Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", lambda p: p.error.max_tooth_force_N),
     Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", lambda p: p.error.wind_up_arcsec),
+    Quantity(
+        "F_ior_floating_arcsec",
+        "F'_ior, self-aligning cam",
+        "arcsec",
+        ".2f",
+        lambda p: p.floating.F_ior_arcsec if p.floating else None,
+    ),
 )
 
 
@@ -150,6 +158,8 @@ def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the numbers, a label and a text each."""
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
     yield "lever", _lever(check)
+    coupling = _coupling(check)
+    yield "coupling", coupling + "; the unknown as 0" * bool(coupling and check.unknown)
     basis = basis_line(check.rests_on, [point.M_g for point in check.points])
     yield "rests on", basis + "; the unknown as 0" * bool(basis and check.unknown)
     zero = "" if any(point.over for point in check.points) else "taken as 0: "
@@ -173,6 +183,17 @@ def _lever(check: DesignCheck) -> str:
         return ""
     _, slope, words, M_g = max(slopes)
     return f"a micrometre more of {words}: {slope:+.2f} arcsec at {M_g:g} N·m"
+
+
+def _coupling(check: DesignCheck) -> str:
+    """What a cam that aligns itself would have, at the torque where it takes most off; empty where it is no lever."""
+    pairs = [(p.error.F_ior_arcsec, p.floating.F_ior_arcsec, p.M_g) for p in check.points if p.floating]
+    if not pairs:
+        return ""
+    now, then, M_g = max(pairs, key=lambda pair: 1 - pair[1] / max(pair[0], LEAST))
+    if then > (1 - LEAST_SHARE) * now or now < LEAST:
+        return ""
+    return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f} arcsec at {M_g:g} N·m"
 
 
 def to_json(check: DesignCheck, seed: int) -> Json:

@@ -23,6 +23,10 @@ SYMBOLS = (
     Symbols(("N",), "`bearing.N`", "balls of the flexible bearing"),
     Symbols(("W_0",), "`cam.W_0`", "radial deformation at the major axis", "mm"),
     Symbols(
+        ("dT", "alpha_T"), "`operation.dT`, `material.alpha_T`",
+        "flexspline and cam warmer than the rigid wheel; thermal expansion", "K, /K",
+    ),
+    Symbols(
         ("k'",), "`contact.k_face`", "stiffness of a tooth pair per width, of coned flanks", "N/(µm·mm)"
     ),
     Symbols(

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from hdassist.errors import PresetError, UsageError
 from hdassist.model.rules import conflicts
-from hdassist.preset import library, yamltext
+from hdassist.preset import coupling, library, yamltext
 from hdassist.preset import overrides as sets
 from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
@@ -88,6 +88,9 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
         problems = error.errors(include_url=False, include_context=False)
         for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
             _translate(problem["loc"], problem["type"], problem["input"], findings)
+    if drive and _follows_coupling(drive, findings):
+        drive = coupling.with_cam_support(drive)
+        data["source"] = {path: e for path, e in (data.get("source") or {}).items() if path != "supports.C_3"}
     valid = _valid(drive, data, findings)
     _check_ranges(valid, data, findings)
     for conflict, involved in conflicts(valid):
@@ -98,6 +101,13 @@ def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
         if drive and drive.value(field) is None:
             findings.add(("uncertainty", field), "an uncertainty of a value that is not given", f"give {field} as well")
     return drive, findings
+
+
+def _follows_coupling(drive: Drive, findings: Findings) -> bool:
+    """Whether the cam's support is that of its coupling: not given, or the coupling alone is on the command line."""
+    places = {path: findings.places.get(tuple(path.split("."))) for path in ("supports.C_3", *coupling.FIELDS)}
+    tried = {path for path, place in places.items() if place is not None and place.file == OVERRIDE}
+    return drive.supports.C_3 is None or (bool(tried) and "supports.C_3" not in tried)
 
 
 def _check_schema(findings: Findings, data: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_text
+from hdassist.preset import coupling
 from hdassist.preset.fields import SCHEMA, Source, field_table, fields, read_range, sections
 from hdassist.preset.kinds import Section, plain, unit_of
 from hdassist.preset.overrides import path_of
@@ -127,15 +128,20 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
     wanted, before = load_text(text, file, overrides), load_text(text, file)
     changed = text.decode("utf-8-sig").replace("\r\n", "\n")
     changed = changed if changed.endswith("\n") else changed + "\n"
+    changes = set()
     for override in overrides:
         key, _, written = override.partition("=")
         path = ".".join(map(str, path_of(key)))
         if path not in field_table():
             raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
+        changes.add(path)
         changed = _with_value(changed, file, path, written.strip())
         source = before.source.get(path)
         if source is not None and wanted.value(path) != before.value(path):
             changed = _with_source(changed, file, path, _assumed(source, wanted.value(path)))
+    if "supports.C_3" not in changes and changes & {*coupling.FIELDS}:  # the support follows from them, on the line too
+        changed = _without_block(changed, file, ("source", "supports.C_3"))
+        changed = _with_value(changed, file, "supports.C_3", "null")
     try:
         same = load_text(changed, file)
         right = all(same.value(path) == wanted.value(path) for path in field_table())

@@ -13,7 +13,7 @@ STATED = {  # sources of which a single record says nothing
     "encoder": "graduation of the output's encoder, once per output turn; the cam's off its centre, once per cam turn",
     "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
     "reseating": "taking the drive off the rig and putting it back",
-    "temperature": "temperature of drive and rig",
+    "temperature": "temperature of drive and rig: operation.dT, known only so well",
 }
 COVERAGE_FACTOR = 2.0
 OFF_CENTRE = 0.05  # deg: error of an angle by an encoder that sits off its centre, as an example

@@ -28,6 +28,7 @@ _LEFT_OUT = {
     "bearing.g_b": (0.0, 20.0, 1, "bearing clearance"),
     "contact.c_t": (0.3e-5, 6e-5, -1, "the face width works near one edge only"),
     "contact.c_ball": (1 / 80_000, 1 / 35_000, -1, "ISO/TS 16281 ball, tangent at 100-1000 N"),
+    "operation.dT": (-5.0, 15.0, 0, "cam and flexspline of a running drive are its warm parts; range by judgement"),
 }
 
 

@@ -230,7 +230,7 @@ def _normal(flanks: Flanks) -> Array:
 
 def _supports(drive: Drive) -> Array:
     C = np.zeros(len(FREEDOMS))
-    C[RIGID], C[FLEX], C[CAM] = drive.supports.C_1, drive.supports.C_2, drive.supports.C_3
+    C[RIGID], C[FLEX], C[CAM] = drive.supports.C_1, drive.supports.C_2, drive.number("supports.C_3")
     return C
 
 

@@ -57,7 +57,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Radii of a drive [mm] and its two wheels; z_b - z_g = 2 and two waves."""
+    """Radii of a drive [mm] and its two wheels, at their temperatures; z_b - z_g = 2 and two waves."""
 
     flexspline: Wheel
     rigid: Wheel
@@ -74,23 +74,25 @@ class Geometry:
 
     @classmethod
     def of(cls, drive: Drive) -> Geometry:
-        """Radii of a drive, from its preset."""
+        """Radii of a drive; those of flexspline, bearing and cam grown against the rigid wheel by equation (6c)."""
         g = drive.gears
         alpha = float(np.radians(g.alpha))
-        r_f = g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) / 2
-        r_m = r_f - drive.flexspline.h_1 / 2
-        bore = r_f - drive.flexspline.h_1
+        growth = 1 + drive.material.alpha_T * drive.operation.dT
+        m, h_1, ring_h = growth * g.m, growth * drive.flexspline.h_1, growth * drive.bearing.ring_h
+        r_f = m * (g.z_g + 2 * g.x_g - 2 * g.h_f) / 2
+        r_m = r_f - h_1 / 2
+        bore = r_f - h_1
         return cls(
-            flexspline=Wheel(g.z_g, g.m, alpha, g.x_g),
+            flexspline=Wheel(g.z_g, m, alpha, g.x_g),
             rigid=Wheel(g.z_b, g.m, alpha, g.x_b),
             r_f=r_f,
             r_m=r_m,
-            r_ag=g.m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
+            r_ag=m * (g.z_g + 2 * g.x_g + 2 * g.h_a) / 2,
             r_ab=g.m * (g.z_b + 2 * g.x_b - 2 * g.h_a) / 2,
             r_fb=g.m * (g.z_b + 2 * g.x_b + 2 * g.h_f) / 2,
-            r_ring=bore - drive.bearing.ring_h / 2,
-            r_raceway=bore - drive.bearing.ring_h,
-            W_0=drive.cam.W_0,
+            r_ring=bore - ring_h / 2,
+            r_raceway=bore - ring_h,
+            W_0=growth * drive.cam.W_0,
             j_n=drive.gears.j_n * 1e-3,
             curve=drive.numerics.nominal_curve,
         )

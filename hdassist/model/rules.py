@@ -24,7 +24,8 @@ PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gear
 TIPS = (*PROFILES, "cam.W_0")
 ROOTS = (*PROFILES, "gears.h_f", "cam.W_0")
 FLANKS = (*PROFILES, "gears.alpha")
-MESH = (*ROOTS, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
+WARMTH = ("material.alpha_T", "operation.dT")
+MESH = (*ROOTS, *WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
 RIM = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
 BEARING = (*RIM, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.special import ndtri
 
-from hdassist.model.deviations import Deviation, deviations_of
+from hdassist.model.deviations import Deviation, deviations_of, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import least_of
@@ -53,15 +54,39 @@ def unknown_turn(drive: Drive) -> tuple[str, ...]:
 
     Where all of the one side are, or all of the other, any hole is as good as any other; else none is returned.
     """
-    rigid = drive.mounting.fixed == "rigid"
-    part, still = ("b", ("e_hb", "a_s2")) if rigid else ("g", ("e_hg",))
-    sides: tuple[list[str], list[str]] = ([], [])
-    for each in deviations_of(drive.mounting.mark_kind):
-        size = drive.value(each.size)
-        if each.part == part and (size is None or size > 0):
-            sides[each.size.split(".")[1] in still].append(each.direction)
+    sides = [[each.direction for each in side] for side in reversed(_sides(drive))]
     open_ = [path for side in sides if all(drive.value(path) is None for path in side) for path in side]
     return tuple(open_)
+
+
+def no_hole_better(drive: Drive) -> Literal["", "floating", "standing", "turning"]:
+    """Why the fixed wheel of a drive is as good in any hole: its cam floats, or there is nothing to turn against.
+
+    floating: offsets of the cam are not felt; standing: nothing that stands still with the seat deviates; turning: the
+    fixed wheel has no deviation. Empty where one hole may be better than another.
+    """
+    standing, turning = _sides(drive)
+    if standing and turning:
+        return ""
+    if not turning:
+        return "turning"
+    return "standing" if drive.value(standing_offset(drive)[0]) == 0 else "floating"
+
+
+def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
+    """Deviations, known or not, of what stands still with the seat of the fixed wheel, and of that wheel.
+
+    Offsets of a cam that floats (C_3 = 0) are not felt, and not among them.
+    """
+    rigid = drive.mounting.fixed == "rigid"
+    part, still = ("b", ("e_hb", "a_s2")) if rigid else ("g", ("e_hg",))
+    sides: tuple[list[Deviation], list[Deviation]] = ([], [])
+    for each in deviations_of(drive.mounting.mark_kind):
+        size, name = drive.value(each.size), each.size.split(".")[1]
+        felt = drive.number("supports.C_3") or not name.startswith("e_h")
+        if each.part == part and felt and (size is None or size > 0):
+            sides[name not in still].append(each)
+    return sides
 
 
 def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:

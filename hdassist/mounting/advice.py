@@ -15,7 +15,7 @@ from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
-from hdassist.model.unknown import Unknown, unknown_turn, unknowns
+from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
 from hdassist.mounting.losses import Criterion, Losses
@@ -69,7 +69,13 @@ class Advice:
     @property
     def any_hole(self) -> bool:
         """Whether nothing is known of the direction that decides: any hole may then be the best one."""
-        return bool(self.unknown and self.deciding)
+        return bool(self.unknown and self.deciding and not self.no_hole_better)
+
+    @property
+    def no_hole_better(self) -> str:
+        """Why any hole is as good as any other, as model.unknown has it; empty where one may be better."""
+        found = no_hole_better(self.drive)
+        return "" if found == "turning" and self.measured and self.measured.fixed(self.drive) else found
 
     @property
     def deciding(self) -> tuple[str, ...]:
@@ -89,6 +95,10 @@ class Advice:
         A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; a forbidden position
         is always left.
         """
+        if not self.curve.usable[0] and self.no_hole_better:
+            return "turn"
+        if self.no_hole_better:
+            return "leave"
         if self.any_hole or (self.unknown and not self.robust):
             return "none"
         if self.chosen == self.curve.current:

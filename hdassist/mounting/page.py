@@ -87,7 +87,10 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
     """The order; where none can be given, why, and what to measure."""
     say = say or texts()
     if advice.order != "none":
-        return instruction(advice.choice, say)
+        why = advice.no_hole_better
+        return (say(f"no_hole.{why}", wheel=wheel(advice.drive, say)) + " " if why else "") + instruction(
+            advice.choice, say
+        )
     holes = bool(advice.drive.mounting.holes)
     fixed, where = wheel(advice.drive, say), ", ".join(place(p, say) for p in advice.to_measure)
     trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_measure]

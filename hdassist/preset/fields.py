@@ -51,10 +51,11 @@ class Gears(Section):
 
 
 class Material(Section):
-    """Elastic constants of the flexspline and of the outer ring."""
+    """Material of the flexspline, of the cam and of its bearing."""
 
     E: float = field("Young's modulus", "MPa", 2.06e5, ge=1e3, le=1e6)
     nu: float = field("Poisson's ratio", default=0.3, ge=0, le=0.49)
+    alpha_T: float = field("coefficient of thermal expansion", "/K", 11.5e-6, ge=0, le=1e-4)
 
 
 class Flexspline(Section):
@@ -83,6 +84,12 @@ class Cam(Section):
     """Wave generator."""
 
     W_0: float = field("radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10)
+    coupling: Literal["solid", "oldham", "overhung", "unknown"] = field(
+        "how it sits on its shaft: solid hub, Oldham coupling (aligns itself), overhung; gives C_3 if that is left out",
+        default="unknown",
+    )
+    shaft_d: float | None = field("diameter of the shaft it is overhung on", "mm", None, ge=0.5, le=500)
+    overhang: float | None = field("length of that shaft from its bearing to mid-cam", "mm", None, ge=0.5, le=2000)
 
 
 class Supports(Section):
@@ -90,7 +97,7 @@ class Supports(Section):
 
     C_1: float = field("support of the rigid wheel, radial", "N/mm", example=1300000.0, ge=0, le=1e9)
     C_2: float = field("support of the flexspline, radial", "N/mm", example=23000.0, ge=0, le=1e9)
-    C_3: float = field("support of the cam, radial", "N/mm", example=8400.0, ge=0, le=1e9)
+    C_3: float | None = field("support of the cam, radial", "N/mm", None, example=8400.0, ge=0, le=1e9)
 
 
 class Contact(Section):
@@ -126,6 +133,7 @@ class Operation(Section):
         "torques on the flexspline, counter-clockwise positive", "N*m", example=(80.0, 800.0)
     )
     rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
+    dT: float = field("flexspline and cam warmer than the rigid wheel", "K", 0.0, ge=-150, le=150)
 
 
 class Acceptance(Section):

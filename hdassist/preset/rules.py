@@ -63,16 +63,26 @@ def rolling_needs_balls(ball_motion: str, d_ball: float | None) -> Iterator[Conf
         yield Conflict("bearing.ball_motion", "rolling balls need bearing.d_ball", hint="give d_ball in mm")
 
 
-def something_holds(C_1: float, C_2: float, C_3: float) -> Iterator[Conflict]:
+def overhung_on_a_shaft(
+    coupling: str, shaft_d: float | None, overhang: float | None, C_3: float | None
+) -> Iterator[Conflict]:
+    """A cam that is overhung has the stiffness of its shaft."""
+    if coupling == "overhung" and C_3 is None and (shaft_d is None or overhang is None):
+        yield Conflict(
+            "cam.coupling", "overhung needs cam.shaft_d and cam.overhang", hint="give both in mm, or supports.C_3"
+        )
+
+
+def something_holds(C_1: float, C_2: float, C_3: float | None) -> Iterator[Conflict]:
     """At least one body is supported."""
     if C_1 == C_2 == C_3 == 0:
         yield Conflict("supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive", hint="give one of them")
 
 
-def supports_hold(C_1: float, C_2: float, C_3: float) -> Iterator[Conflict]:
+def supports_hold(C_1: float, C_2: float, C_3: float | None) -> Iterator[Conflict]:
     """What is called a support is one; numbers between such and 0 mean nothing, and take the equations apart."""
     for name, C in {"C_1": C_1, "C_2": C_2, "C_3": C_3}.items():
-        if 0 < C < LEAST_SUPPORT:
+        if C and C < LEAST_SUPPORT:
             yield Conflict(
                 f"supports.{name}", "too soft to hold anything", f"{C:g} N/mm",
                 f"0 where nothing holds the part, else at least {LEAST_SUPPORT:g} N/mm",
@@ -163,6 +173,7 @@ RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     teeth_difference,
     shell_behind_teeth,
     rolling_needs_balls,
+    overhung_on_a_shaft,
     something_holds,
     supports_hold,
     torques_usable,

@@ -13,6 +13,7 @@ from math import log10
 from typing import Any
 
 from hdassist.errors import UsageError
+from hdassist.preset.coupling import FIELDS as COUPLING
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, range_of, unit_of
 from hdassist.preset.plausible import TORQUE_DENSITY
@@ -49,6 +50,7 @@ LAWS: dict[str, Law] = {
     "gears.j_n": Law("m", (0.0, 20.0), "tooth thinning, no drawing says it"),
     "material.E": Law("same", (2.0e5, 2.12e5), f"steel; {JUDGED}"),
     "material.nu": Law("same", (0.27, 0.31), f"steel; {JUDGED}"),
+    "material.alpha_T": Law("same"),
     "flexspline.h_1": Law("d", (0.8, 1.25), JUDGED, of_value=True),
     "flexspline.h_3": Law("d", (0.6, 1.1), JUDGED, of_value=True),
     "flexspline.b_w": Law("d", (0.6, 1.1), JUDGED, of_value=True),
@@ -62,6 +64,9 @@ LAWS: dict[str, Law] = {
     "bearing.ball_motion": Law("same"),
     "bearing.beta": Law("same", (0.0, 1.0), "any ball phase"),
     "cam.W_0": Law("m", (0.8, 1.016), "1.00 to 1.27 modules; no catalogue prints it"),
+    "cam.coupling": Law("same"),
+    "cam.shaft_d": Law("d"),
+    "cam.overhang": Law("d"),
     "supports.C_1": Law("d", (2e5, 2e7), "seat in the housing"),
     "supports.C_2": Law("d", (5e3, 1e5), "shell in series with its output support"),
     "supports.C_3": Law("d", (1e3, 1e5), "cam on its shaft"),
@@ -70,6 +75,7 @@ LAWS: dict[str, Law] = {
     "contact.c_ball": Law("1/d", (1.25e-5, 2.857e-5), "ISO/TS 16281 ball, tangent at 100-1000 N at 160 mm"),
     "contact.c_bore": Law("1/d", (2e-8, 5e-7), f"conformal seat; {JUDGED}"),
 }
+WHERE_GIVEN = ("contact.k_face", "material.alpha_T", *COUPLING)  # by the drive to be like; else left to their defaults
 REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
 WORDS = {
     "same": "as {like}",
@@ -196,8 +202,7 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
         "gears.m": Entry(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
     }
     known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
-    if "contact.k_face" not in _given(like):
-        known.pop("contact.k_face")  # in place of c_t, and only where it was
+    known = {path: law for path, law in known.items() if path not in WHERE_GIVEN or path in _given(like)}
     entries |= {path: _scaled(like, path, law, s, m, size.stiffer) for path, law in known.items()}
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)
@@ -206,6 +211,8 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     K = wish.stiffness or ()
     entries |= {f"catalogue.K_{k}": Entry(value, "given", wish.source("stiffness")) for k, value in enumerate(K, 1)}
     entries |= wish.others
+    if "cam.coupling" in entries:
+        del entries["supports.C_3"]  # it follows from that
     for path, entry in entries.items():
         if isinstance(entry.value, float) and not like.allows(path, entry.value):
             unit = unit_of(info := field_table()[path])

@@ -47,6 +47,8 @@ _TABLE: dict[str, dict[str, Decimal | int | str]] = {
         for torque, size in (("N*m", Decimal(1)), ("Nm", Decimal(1)), ("kN*m", Decimal(1000)), ("kNm", Decimal(1000)))
         for angle, share in (("rad", Decimal(1)), ("mrad", Decimal("1e-3")), ("deg", _DEGREE), ("arcmin", _DEGREE / 60))
     },
+    "a difference of temperatures": {"K": 1},
+    "a thermal expansion": {"/K": 1, "um/m/K": "1e-6", "um/(m*K)": "1e-6", "ppm/K": "1e-6"},
     "a share": {"%": 1},
 }  # fmt: skip
 _SIZES = {name: {unit: Decimal(size) for unit, size in units.items()} for name, units in _TABLE.items()}
@@ -70,6 +72,8 @@ _MISTAKEN = {
     ("an angle", "sec"): "write arcsec",
     ("an angle", "s"): "write arcsec",
     ("an angle", "''"): "write arcsec",
+    ("a difference of temperatures", "°C"): "a temperature, or a difference of two? write K",
+    ("a difference of temperatures", "C"): "a temperature, or a difference of two? write K",
 }
 
 _SPELLINGS = str.maketrans({

@@ -6,16 +6,18 @@ import re
 from math import isfinite
 
 from hdassist.errors import UsageError
-from hdassist.preset.fields import Drive
-from hdassist.preset.kinds import plain
-from hdassist.preset.similarity import Wish, teeth_of_ratio
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import choices_of, plain
+from hdassist.preset.similarity import Entry, Wish, teeth_of_ratio
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Unread, resolve, shown
+from hdassist.preset.yamltext import Unread, near, resolve, shown
 
 
 def read_wish(
     like: Drive,
     *,
+    coupling: str | None = None,
+    shaft: str | None = None,
     diameter: str | None = None,
     teeth: str | None = None,
     ratio: float | None = None,
@@ -24,8 +26,10 @@ def read_wish(
 ) -> Wish:
     """What is given of a drive that is to be like another one.
 
-    Arguments: diameter [mm], torque [N*m] and three stiffnesses [N*m/rad], with units if need be; teeth, like 160/162;
-    ratio, of the drive built in as the other one. Raises UsageError: what cannot be read, or contradicts itself.
+    Arguments: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of one that it is overhung
+    on, like 14x30; diameter [mm], torque [N*m] and three stiffnesses [N*m/rad], with units if need be; teeth, like
+    160/162; ratio, of the drive built in as the other one. Raises UsageError: what cannot be read, or contradicts
+    itself.
     """
     said = {}
     z_g = None if teeth is None else _teeth(teeth)
@@ -52,7 +56,28 @@ def read_wish(
         if K is None
         else {"stiffness": f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"}
     )
-    return Wish(z_g, d, T, K, said=said)
+    return Wish(z_g, d, T, K, said=said, others=_coupling(coupling, shaft))
+
+
+def _coupling(coupling: str | None, shaft: str | None) -> dict[str, Entry]:
+    """Fields of the cam's coupling, by path."""
+    if (coupling == "overhung") != (shaft is not None):
+        raise UsageError("--coupling overhung and --shaft belong together", "like --coupling overhung --shaft 14x30")
+    if coupling is None:
+        return {}
+    if coupling not in (words := choices_of(field_table()["cam.coupling"])):
+        raise UsageError(
+            f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near(coupling, words)
+        )
+    sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft or "")
+    if shaft and sizes is None:
+        raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "like 14x30")
+    kind, ref = "given" if coupling != "unknown" else "assumed", f"--coupling {coupling}"
+    both = dict(zip(("cam.shaft_d", "cam.overhang"), sizes.groups() if sizes else (), strict=False))
+    measured = {
+        path: Entry(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}") for path, text in both.items()
+    }
+    return {"cam.coupling": Entry(coupling, kind, ref), **measured}
 
 
 def _teeth(text: str) -> int:

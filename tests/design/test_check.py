@@ -121,6 +121,24 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     assert told["next"].startswith("hdassist mount ")
 
 
+def test_a_coupling_is_named_where_it_is_a_lever():
+    stiff = ("--torque", "4", "--set", "cam.coupling=solid")
+    point = json.loads(run("check", TINY, *stiff, "--json").stdout)["operating_points"][0]
+    floats = json.loads(run("check", TINY, "--torque", "4", "--set", "supports.C_3=0", "--json").stdout)
+    assert point["F_ior_floating_arcsec"] == pytest.approx(floats["operating_points"][0]["F_ior_arcsec"], rel=0.011)
+    assert floats["operating_points"][0]["F_ior_floating_arcsec"] is None
+    words = "coupling a self-aligning cam (cam.coupling: oldham) would bring "
+    now, then = point["F_ior_arcsec"], point["F_ior_floating_arcsec"]
+    page = " ".join(run("check", TINY, *stiff, "--no-plot").stdout.split())
+    assert then < 0.9 * now
+    assert f"{words}{now:.1f} to {then:.1f} arcsec at 4 N·m" in page
+    # it is none where the wheels run true, and a cam is all that could be off
+    for others in ("tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}", "cam.coupling=oldham"):
+        assert words not in " ".join(run("check", TINY, *stiff, "--set", others, "--no-plot").stdout.split())
+    open_ = " ".join(run("check", TINY, *stiff, "--set", "tolerances.e_hb=unknown", "--draws", "2").stdout.split())
+    assert re.search(f"{re.escape(words)}.* arcsec at 4 N·m; the unknown as 0 ", open_)
+
+
 def test_the_rest_stands_in_the_details(answer):
     page = run("check", TINY, "--details", "--no-plot").stdout
     for words in ("one-wave", "self error, arcsec", "what a micrometre more", "equilibrium", "tip circles"):

@@ -1,10 +1,13 @@
 """Flanks and nominal gaps against an independently drawn tooth pair."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_point
+from hdassist.model.contacts import contact_system
+from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_gap, flank_point
 from tests.support import changed
 
 
@@ -142,3 +145,39 @@ def test_radii_of_the_reference_by_hand(reference):
     assert (g.r_ring, g.r_raceway) == pytest.approx((78.0, 76.0))
     assert (g.W_0, g.j_n) == pytest.approx((0.96, 0.007))
     assert (g.flexspline, g.rigid) == (Wheel(200, 0.8, np.radians(20), 3.1), Wheel(202, 0.8, np.radians(20), 3.3))
+
+
+def test_growth_closes_the_flanks_by_its_part_along_the_normal(reference):
+    warm = changed(reference, operation__dT=10.0)
+    geometry, there = Geometry.of(reference), Geometry.of(warm)
+    flanks = flank_candidates(geometry, np.radians(30))
+    r_y, growth = geometry.r_m + flanks.h_c, 1 + 10 * 11.5e-6
+    rho, phi = flank_point(geometry, r_y, flanks.theta, flanks.side)
+    # the same point of the tooth is there at the same angle, so much further out
+    moved = flank_point(there, growth * r_y, flanks.theta, flanks.side)
+    assert moved[0] == pytest.approx(growth * rho, rel=1e-14)
+    assert moved[1] == pytest.approx(phi, rel=1e-12, abs=1e-14)
+    # equation (6c): 9.5 um out are 3.9 um less of a gap; squares of the growth are nanometres
+    gap = flank_gap(there, growth * r_y, flanks.theta, flanks.zone, flanks.side)[0]
+    assert gap - flanks.gap == pytest.approx(-10 * 11.5e-6 * rho * np.sin(flanks.alpha), abs=2e-6)
+    assert (gap - flanks.gap).min() < -3.5e-3
+
+
+def test_a_drive_that_is_as_warm_all_over_is_the_same_drive_drawn_larger(reference):
+    # flexspline, bearing and cam 100 K warmer, and a rigid wheel drawn as much larger: every gap grows by its share
+    grown = Geometry.of(changed(reference, operation__dT=100.0))
+    growth = 1 + 100 * 11.5e-6
+    rigid = replace(grown.rigid, m=growth * grown.rigid.m)
+    flanks = flank_candidates(replace(grown, rigid=rigid, r_ab=growth * grown.r_ab), np.radians(30))
+    cold = flank_candidates(Geometry.of(reference), np.radians(30))
+    assert flanks.gap == pytest.approx(growth * cold.gap, abs=1e-10)
+    assert flanks.h_c == pytest.approx(growth * cold.h_c, abs=1e-9)
+
+
+def test_what_is_as_warm_as_its_neighbour_keeps_its_gap(reference):
+    # bore and ring, raceway and cam grow together: what is left is the wave's own growth, 0.1 um at 10 K
+    cold, warm = (contact_system(changed(reference, operation__dT=dT)) for dT in (0.0, 10.0))
+    beyond = slice(cold.n_flanks, None)
+    assert warm.delta_p[beyond] == pytest.approx(cold.delta_p[beyond], abs=1.2e-4)
+    ends = [Geometry.of(changed(reference, operation__dT=dT)) for dT in (0.0, 10.0)]
+    assert (ends[1].r_raceway - ends[0].r_raceway) == pytest.approx(10 * 11.5e-6 * ends[0].r_raceway)

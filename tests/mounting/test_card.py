@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from hdassist import load_preset
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown
 from hdassist.mounting import card_render
@@ -22,6 +23,7 @@ from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
 from tests.advices import MADE, TRIALS, W_0, advice_of, card, cards, crowded, sampled
+from tests.process import SMALL
 
 CARDS = cards()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -68,7 +70,7 @@ def test_the_facts():
         ("worst", "3", "31.44 / 12.62", "+56 %", "+179 %"),
     )
     assert "the wheel stands at hole 8: 4 holes (120 deg) clockwise" in made.checks.lines
-    assert made.chance.lines == ("Values of the preset: 47 given, 0 identified, 0 assumed.",)
+    assert made.chance.lines == ("Values of the preset: 48 given, 0 identified, 0 assumed.",)
     assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
     assert made.foot[1] == f"hdassist {__version__}; preset small, sha256 {digest}; card made 2026-03-09"
@@ -83,8 +85,8 @@ def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
     assert other.directions == ("a: mark now, 0 deg", "b: mark afterwards, 240 deg", "c: cam offset e_hg, 0 deg")
     assert dict(other.subject)["mark"] == "high spot of the radial run-out of the flexspline"
     assert other.instruction.startswith("Turn the flexspline by 4 holes (120 deg) clockwise")
-    without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: it has no direction
-    assert len(without.directions) == 2
+    without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: no hole is better
+    assert without.directions == ("b: mark, now and afterwards, 0 deg",)
     assert dict(card(CARDS["free"]).subject)["mark"] == "greatest cumulative pitch deviation of the rigid wheel"
 
 
@@ -286,6 +288,8 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     card(UNKNOWN_TURN, "ru", trials=TRIALS)
     for open_ in (UNKNOWN_TURN, UNSURE, replace(UNSURE, robust=None)):
         what_to_do(open_, texts("ru"))
+    for alike in ("cam.coupling=oldham", "tolerances.e_hb=0", "tolerances.F_i2=0"):
+        what_to_do(replace(CARDS["leave"], drive=load_preset(SMALL, [alike])), texts("ru"))
     entries = set(texts("ru").entries)
     for_trials = {key for key in entries if key.startswith("trials.")}
     assert {key.removeprefix("trials.") for key in for_trials} <= used
@@ -364,5 +368,5 @@ def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     made = card(advice_of(overrides=open_), trials=TRIALS)
     assert dict(made.subject)["mark"].startswith("not known where it points")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
-    assert "Values of the preset: 44 given, 0 identified, 1 assumed." in made.chance.lines
+    assert "Values of the preset: 45 given, 0 identified, 1 assumed." in made.chance.lines
     assert made.chance.lines[-1].endswith("phases.xi_b, harmonics.a_g2, harmonics.xi_g2")

@@ -39,6 +39,38 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert f"hdassist trials {SMALL} {overrides} h0:F_IOR h4:F_IOR h8:F_IOR" in what_to_do(advice)
 
 
+FREE = "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt."
+STILL = "nothing that stands still with the seat is off."
+TRUE = "the rigid wheel has no deviation that could be turned."
+
+
+@pytest.mark.parametrize(
+    ("overrides", "why"),
+    [
+        (("cam.coupling=oldham",), FREE),
+        (("cam.coupling=oldham", "tolerances.e_hb=unknown", "phases.phi_hb=unknown"), FREE),
+        (("tolerances.e_hb=0",), STILL),
+        (("tolerances.e_hb=0", "cam.coupling=oldham", "phases.xi_b=unknown"), STILL),
+        (("tolerances.F_i2=0",), TRUE),
+    ],
+)
+def test_where_no_hole_can_be_better_the_first_line_says_why_and_nothing_is_to_be_measured(overrides, why):
+    advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, samples=8)
+    # holes are no whole number of teeth apart
+    assert advice.curve.F_ior_arcsec.max() < 1.01 * advice.curve.F_ior_arcsec.min()
+    assert (advice.order, advice.any_hole, advice.to_measure and summary_line(advice)) == ("leave", False, "0")
+    assert what_to_do(advice) == f"No hole is better than another: {why} Leave the rigid wheel as it is."
+    assert (to_json(advice, 0)["exit_code"], to_json(advice, 0)["measure"]) == (0, [])
+
+
+@pytest.mark.parametrize(
+    "overrides", [("cam.coupling=oldham", "harmonics.a_s2=1"), ("harmonics.a_s2=unknown", "tolerances.e_hb=0")]
+)
+def test_an_oval_seat_makes_one_hole_better_on_any_cam(overrides):
+    advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, samples=0)
+    assert advice.no_hole_better == ""
+
+
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
     shares = oval.robust.probability_best
     assert shares.max() < 0.95  # such an ovality decides as much as all the rest

@@ -102,6 +102,8 @@ MOVES = [
     ("phases.xi_b", 80.0, error, -8.6, "opposite to the worst phase; seen"),
     ("phases.phi_hb", 90.0, error, -5.5, "as xi_b turned back by 90 deg; seen"),
     ("phases.phi_hh", 90.0, error, -0.4, "vectors stand otherwise; seen"),
+    ("operation.dT", 10.0, heavy, -7, "a warm flexspline closes its flanks by 3.9 um"),
+    ("operation.dT", 1.0, heavy, -0.7, "a tenth of it"),
     ("numerics.n_max", 20, heavy, -0.5, "fewer modes, less compliance"),
     ("numerics.n_2", 50, light, +0.25, "a seat on fewer nodes yields between them"),
 ]
@@ -151,6 +153,15 @@ def test_clearance_is_felt_as_the_geometry_says(reference):
     assert light(changed(reference, gears__j_n=8.0)) - light(reference) == pytest.approx(
         1e-3 / share * 206264.8, rel=0.02
     )
+
+
+@pytest.mark.moves("material.alpha_T")
+def test_expansion_counts_where_parts_are_not_as_warm_as_each_other(reference):
+    steel, twice = (changed(reference, operation__dT=dT) for dT in (10.0, 20.0))
+    # half the growth at twice the difference of temperatures is the same drive
+    assert heavy(changed(twice, material__alpha_T=11.5e-6 / 2)) == pytest.approx(heavy(steel), abs=1e-9)
+    assert heavy(changed(steel, material__alpha_T=23e-6)) < heavy(steel) - 5
+    assert heavy(changed(reference, material__alpha_T=23e-6)) == heavy(reference)
 
 
 @pytest.mark.moves("bearing.d_ball")

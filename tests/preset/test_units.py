@@ -51,6 +51,9 @@ from tests.process import SMALL
         ("0.5 kN*m", "N*m", 500.0),
         ("-8e4 N*mm", "N*m", -80.0),
         (".5 mN*m", "N*m", 5e-4),
+        ("-5 K", "K", -5.0),
+        ("11.5e-6/K", "/K", 11.5e-6),
+        ("11.5 µm/(m·K)", "/K", 11.5e-6),
     ],
 )
 def test_units_convert(text: str, unit: str, value: float) -> None:
@@ -71,6 +74,7 @@ def test_decimal_conversion_rounds_once() -> None:
         ("80 nm", "N*m", "could be mistaken", "N*m"),
         ("3 MNm", "N*m", "could be mistaken", "kN*m"),
         ("206 mPa", "MPa", "could be mistaken", "MPa"),
+        ("10 °C", "K", "could be mistaken", "a difference of two? write K"),
         ("5 min", "deg", "could be mistaken", "arcmin"),
         ("5 sec", "arcsec", "could be mistaken", "arcsec"),
         ("25 deg", "mm", "deg is the unit of an angle, a length is wanted", "units: mm"),

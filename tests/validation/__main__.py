@@ -15,6 +15,8 @@ PAGE = Path(__file__).parents[2] / "docs/validation.md"
 SOURCES = (
     "test_lyuminarsky_2019",
     "test_catalogue_stiffness",
+    "test_temperature",
+    "test_cam_support",
     "test_real_trace",
     "test_bearing_theory",
     "test_ring_closed_forms",
@@ -88,7 +90,8 @@ def page() -> str:
         table = ["| quantity | source | expected | got | agrees | worth |", "| --- | --- | --- | --- | --- | --- |"]
         table += [row(case) for case in module.CASES]
         table += ["", *information(getattr(module, "INFORMATION", ()))]
-        parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *table, *misses, *reasons, ""]))
+        drawn = [module.table(), ""] if hasattr(module, "table") else []
+        parts.append("\n".join([f"## {module.TITLE}", "", module.ABOUT, "", *drawn, *table, *misses, *reasons, ""]))
     parts.append("\n".join([f"## {study.TITLE}", "", study.ABOUT, "", study.table(), ""]))
     return "\n".join(parts)
 
