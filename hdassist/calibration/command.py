@@ -57,6 +57,7 @@ def command(
     from hdassist.calibration.page import answer
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import UsageError
+    from hdassist.preset.fields import IDENTIFIED_WITH
     from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.preset.write import with_found_values
     from hdassist.terminal.files import held, require_writable, write_text
@@ -96,8 +97,9 @@ def command(
             raise
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
-            ref, curve = f"hdassist calibrate, {wanted.name or targets.name}", drive.numerics.nominal_curve
-            changed = with_found_values(given, name, best, ref, others, curve)
+            ref = f"hdassist calibrate, {wanted.name or targets.name}"
+            model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
+            changed = with_found_values(given, name, best, ref, others, model)
         return answer(result)
 
     give("calibrate", run_each("calibrate", [preset], one, options, keep_failures=False), options, out)

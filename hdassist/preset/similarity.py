@@ -196,8 +196,7 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
         "gears.m": Entry(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
     }
     known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
-    if "contact.k_face" not in _given(like):
-        known.pop("contact.k_face")  # in place of c_t, and only where it was
+    known.pop(like.unused_tooth_field)
     entries |= {path: _scaled(like, path, law, s, m, size.stiffer) for path, law in known.items()}
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)
@@ -233,7 +232,8 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     factor = {"same": 1.0, "d": s, "1/d": 1 / s, "sqrt d": s**0.5, "m": m / like.gears.m}[law.by]
     d = s * like.gears.m * like.gears.z_g / REFERENCE
     reach = {"same": 1.0, "d": d, "1/d": 1 / d, "sqrt d": d**0.5, "m": m / REFERENCE_MODULE}[law.by]
-    elastic = {"supports": stiffer, "contact": 1 / stiffer}.get(path.split(".")[0], 1.0)
+    stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
+    elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     if isinstance(value, float):
         value = rounded(value * factor * elastic)
     in_modules = like.value(path) / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
