@@ -23,7 +23,7 @@ from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import IDENTIFIED_WITH, Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
@@ -32,7 +32,7 @@ IDENTIFIED = (
     "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball",
     "contact.c_bore", "gears.j_n", "bearing.g_b",
 )  # fmt: skip
-MODEL = ("numerics.nominal_curve", "numerics.stations")  # what was identified with one of these holds with no other
+MODEL = tuple(f"numerics.{name}" for name in IDENTIFIED_WITH)
 
 
 def is_calibrated(drive: Drive) -> bool:

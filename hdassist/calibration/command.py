@@ -58,6 +58,7 @@ def command(
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import UsageError
     from hdassist.loading.write import with_found_values
+    from hdassist.preset.fields import IDENTIFIED_WITH
     from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.run.kept import open_kept
     from hdassist.run.processes import workers
@@ -98,8 +99,9 @@ def command(
             result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
-            ref, curve = f"hdassist calibrate, {wanted.name or targets.name}", drive.numerics.nominal_curve
-            changed = with_found_values(given, name, best, ref, others, curve)
+            ref = f"hdassist calibrate, {wanted.name or targets.name}"
+            model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
+            changed = with_found_values(given, name, best, ref, others, model)
         return answer(result)
 
     give("calibrate", run_each("calibrate", [preset], one, options, keep_failures=False), options, out)

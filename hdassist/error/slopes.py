@@ -18,7 +18,8 @@ from hdassist.solve.answers import EMPTY, Certificate, Progress
 STEP = 0.005  # of a value, to both sides
 PARTS = (  # of a drive, whose stiffness, clearance or wave F'_ior may hang on
     "gears.j_n", "cam.W_0", "bearing.g_b", "bearing.ring_h", "flexspline.h_1", "flexspline.h_3", "flexspline.k_t",
-    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.c_ball", "contact.c_bore", "material.E",
+    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball", "contact.c_bore",
+    "material.E",
 )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def slopes(
     if not searchable(drive):
         raise UsageError("with rolling balls the cycle cannot be searched", "set bearing.ball_motion=locked")
     sizes = [each.size for each in deviations_of(drive.mounting.mark_kind) if drive.number(each.size) > 0]
-    paths = [*sizes, *PARTS]
+    paths = [*sizes, *(path for path in PARTS if path != drive.unused_tooth_field)]
     tasks = [(drive, tuple(torques), path) for path in ("", *paths)]
     found, proof = [], EMPTY
     for low, values, part in (executor.map if executor else map)(_ends, tasks):

@@ -15,6 +15,7 @@ from hdassist.preset import overrides as sets
 from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
     BY_PATH,
+    IDENTIFIED_WITH,
     SCHEMA,
     Drive,
     Origin,
@@ -229,7 +230,7 @@ def _warn(drive: Drive, findings: Findings) -> None:
     """Warn of what can be read, and is hardly meant."""
     _warn_of_limits(drive, findings)
     _warn_of_amplitudes(drive, findings)
-    _warn_of_curve(drive, findings)
+    _warn_of_model(drive, findings)
     for remark in remarks(drive):
         findings.warn(tuple(remark.path.split(".")), remark.message, remark.usual)
 
@@ -257,18 +258,19 @@ def _warn_of_amplitudes(drive: Drive, findings: Findings) -> None:
             findings.warn(("harmonics", name), message, "an amplitude in um, half of what it does from peak to peak")
 
 
-def _warn_of_curve(drive: Drive, findings: Findings) -> None:
-    """Warn where values were identified on another nominal shape than the one they are used with, or may have been."""
+def _warn_of_model(drive: Drive, findings: Findings) -> None:
+    """Warn where values were identified with another shape of rim or flanks than is used, or may have been."""
     if all(source.kind != "identified" for source in drive.source.values()):
         return
-    path, here = ("numerics", "nominal_curve"), drive.numerics.nominal_curve
-    if findings.where(path)[0] == OVERRIDE:
-        findings.warn(
-            path, f"{here}: values of this preset were identified on the shape that it names itself, if any",
-            "they fit no other shape; calibrate anew on this one",
-        )  # fmt: skip
-    elif path not in findings.places:
-        findings.warn(
-            ("source",), f"values were identified, but not said on which nominal shape; {here} is used",
-            "linear was used before it was named: write numerics.nominal_curve: linear, or calibrate anew",
-        )  # fmt: skip
+    for name, before in IDENTIFIED_WITH.items():
+        path, here = ("numerics", name), drive.value(f"numerics.{name}")
+        if findings.where(path)[0] == OVERRIDE:
+            findings.warn(
+                path, f"{here}: values of this preset were identified with the numerics.{name} that it names, if any",
+                "they fit no other; calibrate anew with this one",
+            )  # fmt: skip
+        elif path not in findings.places:
+            findings.warn(
+                ("source",), f"values were identified, but not said with which numerics.{name}; {here} is used",
+                f"older values are of {before}: write numerics.{name}: {before}, or calibrate anew",
+            )  # fmt: skip

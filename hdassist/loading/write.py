@@ -91,13 +91,13 @@ def with_found_values(
     values: Mapping[str, float],
     ref: str,
     alternatives: Sequence[Mapping[str, float]] = (),
-    curve: str = "",
+    model: Mapping[str, str | int] | None = None,
 ) -> str:
     """Text of a preset with identified values.
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
-    where they come from; alternatives, other sets of such values; curve, the nominal shape that they were identified
-    on, which the text says from now on.
+    where they come from; alternatives, other sets of such values; model, the fields of numerics that they were
+    identified with, which the text says from now on.
     Raises DataError where the text is not laid out so that it can be changed in place.
     """
     changed = text if text.endswith("\n") else text + "\n"
@@ -107,8 +107,9 @@ def with_found_values(
         changed = _with_source(
             changed, file, path, f"{{kind: identified, {kept}ref: {json.dumps(ref, ensure_ascii=False)}}}"
         )
-    if curve:
-        changed = _with_curve(changed, file, curve)
+    for name, setting in (model or {}).items():
+        if ("numerics", name) not in read(changed, file).places:
+            changed = _with_key(changed, file, "numerics", f"{name}: {setting}")
     changed = _without_block(changed, file, ("alternatives",))
     if alternatives:
         lines = [f"  - {{{', '.join(f'{path}: {value!r}' for path, value in each.items())}}}" for each in alternatives]
@@ -204,12 +205,6 @@ def _with_source(text: str, file: str, path: str, entry: str) -> str:
     indent = following[: len(following) - len(following.lstrip())] or "  "
     lines.insert(row + 1, f"{indent}{path}: {entry}")
     return "\n".join(lines)
-
-
-def _with_curve(text: str, file: str, curve: str) -> str:
-    if ("numerics", "nominal_curve") in read(text, file).places:
-        return text
-    return _with_key(text, file, "numerics", f"nominal_curve: {curve}")
 
 
 def _with_key(text: str, file: str, section: str, entry: str) -> str:

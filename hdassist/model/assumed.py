@@ -27,6 +27,7 @@ _LEFT_OUT = {
     "flexspline.k_t": (1.0, 1.8, 0, "teeth stiffen the rim; no source found"),
     "bearing.g_b": (0.0, 20.0, 1, "bearing clearance"),
     "contact.c_t": (0.3e-5, 6e-5, -1, "the face width works near one edge only"),
+    "contact.k_face": (6.8, 10.0, 0, "of a tooth pair, by width"),
     "contact.c_ball": (1 / 80_000, 1 / 35_000, -1, "ISO/TS 16281 ball, tangent at 100-1000 N"),
     "operation.dT": (-5.0, 15.0, 0, "cam and flexspline of a running drive are its warm parts; range by judgement"),
 }
@@ -41,8 +42,8 @@ def assumptions(drive: Drive) -> tuple[Assumption, ...]:
     for path in measures():
         source, value = drive.source.get(path), drive.value(path)
         section, name = path.split(".")
-        if value is None or is_overridden(path, drive.origin.overrides):
-            continue  # not known, or wanted so
+        if value is None or path == drive.unused_tooth_field or is_overridden(path, drive.origin.overrides):
+            continue  # not known, without effect, or wanted so
         if source is not None and source.kind == "assumed" and source.range:
             found.append(Assumption(path, *source.range, source.ref))
         elif source is None and name not in getattr(drive, section).model_fields_set and path in _LEFT_OUT:

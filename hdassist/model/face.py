@@ -14,6 +14,9 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 PER_UM = 1e3  # um in a mm
+# width of the strip at the far edge over that at the open edge, of many strips: with five of them K1 is met to 1 % and
+# F'_ior to 5 %, where strips that widen evenly (edges at b_w (k/n)^2) miss F'_ior by up to 12 %
+WIDENING = 14.0
 
 
 @dataclass(frozen=True)
@@ -30,13 +33,14 @@ class Face:
     def of(cls, drive: Drive) -> Face:
         """Stations of a drive.
 
-        One: the flank bears as a whole, with contact.c_t. More: strips whose edges lie at b_w (k/n)^2, as teeth bear
-        on a few millimetres beside the edge; each bears at its middle, with contact.k_face over its width.
+        One: the flank bears as a whole, with contact.c_t. More: strips, each wider than the one before by the same
+        factor, as teeth bear on a few millimetres beside the open edge; each bears at its middle, with contact.k_face
+        over its width.
         """
         n, shell = drive.numerics.stations, drive.flexspline
         if n == 1:
             return cls(fall=np.zeros(1), compliance=np.array([drive.contact.c_t]))
-        edges = shell.b_w * (np.arange(n + 1) / n) ** 2
+        edges = shell.b_w * (WIDENING ** (np.arange(n + 1) / n) - 1) / (WIDENING - 1)
         middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
         # the cam's W_0 acts at mid-face
         fall = middle / (shell.l - shell.b_w / 2)

@@ -103,9 +103,12 @@ class Supports(Section):
 class Contact(Section):
     """Local compliance of the contacts."""
 
-    c_t: float = field("compliance of a tooth pair along its normal", "mm/N", 2.0e-5, ge=1e-8, le=1e-2)
+    c_t: float = field(
+        "compliance of a tooth pair along its normal, where flanks bear as a whole (numerics.stations: 1)",
+        "mm/N", 2.0e-5, ge=1e-8, le=1e-2,
+    )  # fmt: skip
     k_face: float = field(
-        "stiffness of a tooth pair per width of its face, in place of c_t where flanks are coned (numerics.stations)",
+        "stiffness of a tooth pair per width of its coned face; c_t in its place with numerics.stations: 1",
         "N/um/mm", 8.4, ge=0.01, le=1000,
     )  # fmt: skip
     c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
@@ -176,11 +179,15 @@ class Numerics(Section):
         default="inextensible",
     )
     stations: int = field(
-        "stations along the face of each flank: 1, flanks bear as a whole (contact.c_t); more, coned flanks",
-        default=1, ge=1, le=16,
+        "stations along the face of each flank, which is coned; 1: flanks bear as a whole, with contact.c_t",
+        default=5, ge=1, le=16,
     )  # fmt: skip
     n_beta: int = field("ball positions per ball pitch with rolling balls", default=48, ge=4, le=1000)
     n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
+
+
+# fields of numerics with which identified values hold alone, and what each was before it was the default or had a name
+IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
 
 
 class Source(Section):
@@ -299,6 +306,11 @@ class Drive(BaseModel):
         """Value of a field, by path ("gears.j_n")."""
         section, name = path.split(".")
         return getattr(getattr(self, section), name)
+
+    @property
+    def unused_tooth_field(self) -> str:
+        """Path of the stiffness of tooth pairs that has no effect with the drive's number of stations."""
+        return "contact.k_face" if self.numerics.stations == 1 else "contact.c_t"
 
     def number(self, path: str) -> float:
         """Value of a field that holds a number, by path; 0 where it is not known."""

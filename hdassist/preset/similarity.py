@@ -75,7 +75,7 @@ LAWS: dict[str, Law] = {
     "contact.c_ball": Law("1/d", (1.25e-5, 2.857e-5), "ISO/TS 16281 ball, tangent at 100-1000 N at 160 mm"),
     "contact.c_bore": Law("1/d", (2e-8, 5e-7), f"conformal seat; {JUDGED}"),
 }
-WHERE_GIVEN = ("contact.k_face", "material.alpha_T", *COUPLING)  # by the drive to be like; else left to their defaults
+WHERE_GIVEN = ("material.alpha_T", *COUPLING)  # by the drive to be like; else left to their defaults
 REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
 WORDS = {
     "same": "as {like}",
@@ -203,6 +203,7 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     }
     known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
     known = {path: law for path, law in known.items() if path not in WHERE_GIVEN or path in _given(like)}
+    known.pop(like.unused_tooth_field, None)
     entries |= {path: _scaled(like, path, law, s, m, size.stiffer) for path, law in known.items()}
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)
@@ -240,7 +241,8 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     factor = {"same": 1.0, "d": s, "1/d": 1 / s, "sqrt d": s**0.5, "m": m / like.gears.m}[law.by]
     d = s * like.gears.m * like.gears.z_g / REFERENCE
     reach = {"same": 1.0, "d": d, "1/d": 1 / d, "sqrt d": d**0.5, "m": m / REFERENCE_MODULE}[law.by]
-    elastic = {"supports": stiffer, "contact": 1 / stiffer}.get(path.split(".")[0], 1.0)
+    stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
+    elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     if isinstance(value, float):
         value = rounded(value * factor * elastic)
     in_modules = like.value(path) / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0

@@ -38,6 +38,12 @@ def test_what_is_left_to_a_default_has_the_range_of_its_size():
     assert reasons["gears.h_f"] == "usual basic racks"
 
 
+def test_only_the_stiffness_of_teeth_that_is_used_is_assumed():
+    coned = {a.path: (a.low, a.high) for a in assumptions(loose("numerics.stations=5"))}
+    assert coned["contact.k_face"] == (6.8, 10.0)  # per width: the same for every size
+    assert "contact.c_t" not in coned
+
+
 def test_what_was_asked_for_is_not_assumed():
     said = "source.cam.W_0={kind: assumed, range: [0.55, 0.6], ref: judged}"
     (wave,) = (a for a in assumptions(loose(said)) if a.path == "cam.W_0")

@@ -19,7 +19,10 @@ def test_a_flank_meets_the_law_of_a_wedge_on_springs(reference, stations):
     # F = k' d^2/(2 gamma), d the approach at the open edge; strips give it where one of them is in full contact
     slope = 0.96 * np.sin(np.radians(24)) / (160 - 16)  # of the normal distance, along the face
     face = Face.of(coned(reference, stations, contact__k_face=10.0))
-    for full in 32 * (np.arange(1, stations + 1) / stations) ** 2:
+    widths = 1 / (10e3 * face.compliance)
+    assert widths.sum() == pytest.approx(32)
+    assert widths[1:] / widths[:-1] == pytest.approx(14 ** (1 / stations))
+    for full in np.cumsum(widths):
         approach = slope * full
         pushed = np.maximum(approach - face.fall * 0.96 * np.sin(np.radians(24)), 0)
         assert (pushed / face.compliance).sum() == pytest.approx(10e3 * approach**2 / (2 * slope), rel=1e-12)
@@ -37,7 +40,8 @@ def test_stations_stand_off_by_what_the_wave_has_fallen(reference):
     for name in ("tooth", "zone", "side", "theta", "alpha", "h_c"):
         assert np.array_equal(getattr(there, name), np.repeat(getattr(here, name), 3))
     off = (system.delta_p[: system.n_flanks] - whole.delta_p[: whole.n_flanks].repeat(3)).reshape(-1, 3)
-    middles = 32 * np.array([1 / 18, 5 / 18, 13 / 18])
+    edges = 32 * (14 ** (np.arange(4) / 3) - 1) / 13  # each strip wider than the one before by the cube root of 14
+    middles = (edges[1:] + edges[:-1]) / 2
     on_axis = here.theta == 0
     slope = 0.96 * np.sin(here.alpha[on_axis]) / 144
     assert off[on_axis] == pytest.approx(np.outer(slope, middles), rel=1e-12)

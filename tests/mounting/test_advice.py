@@ -203,13 +203,3 @@ def test_what_cannot_be_sampled_is_said():
     rolling = load_preset(SMALL, [*UNSURE, "bearing.ball_motion=rolling", "bearing.d_ball=3"])
     with pytest.raises(UsageError, match="locked"):
         robust(rolling, curve_of([1.0, 2.0], holes=2))
-
-
-def test_a_run_out_mark_ends_near_the_direction_of_the_cam_offset():
-    """The centre of the teeth, shifted towards the mark, then follows the cam's: what an assembler would expect."""
-    drive = load_preset("vzp160", ["mounting.mark_kind=runout", "phases.xi_b=75", "phases.phi_hb=40"])
-    search = ErrorMap(drive, 800.0)
-    turns = np.arange(12) * 30.0
-    best = turns[int(np.argmin([search.extremes(rotated(drive, t)).first for t in turns]))]
-    away = (75 + best - 40 + 180) % 360 - 180
-    assert abs(away) <= 45

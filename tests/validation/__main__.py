@@ -40,8 +40,10 @@ down right is also held by reference numbers that two independent implementation
 (`tests/validation/test_model_reference.py`) and by identities: homogeneity, half turn, mirror, rigid turn, Castigliano,
 cam torque (`tests/property`).
 
-Absolute values hinge on single micrometres of clearance and need one measurement of the real drive; trends, ratios and
-the effect of turning a wheel are what can be relied on.
+Absolute values hinge on single micrometres of clearance and need one measurement of the real drive. What turning a
+wheel brings depends on the cam's support, otherwise it is robust across parameter sets of this model; it has not been
+measured: no measurement of F'_ior hole by hole is known to us ([experiment.md](experiment.md)). The paper below is a
+computation: what agrees with it agrees with another model, not with a drive.
 """
 
 

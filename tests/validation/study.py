@@ -42,7 +42,7 @@ def table() -> str:
         "W_0 - 1 %": changed(drive, cam__W_0=0.99 * W_0),
         "bearing clearance g_b 5 µm": changed(drive, bearing__g_b=5.0),
         "c_ball 1/60 000 mm/N": changed(drive, contact__c_ball=1 / 60000),
-        "ball phase beta 0.5": changed(drive, bearing__beta=0.5),
+        "ball phase beta 0": changed(drive, bearing__beta=0.0),
         "rolling balls": changed(drive, bearing__ball_motion="rolling"),
         "nominal curve: linear": curved,
         f"the same, j_n refitted to {again:.1f} µm": changed(curved, gears__j_n=again),

@@ -17,8 +17,10 @@ from tests.validation.case import Case, Information, Kind, about, parameters
 
 TITLE = "Lyuminarsky, Lyuminarsky, Ivanov (2019)"
 ABOUT = (
-    "The drive of the paper, preset `vzp160`. What the paper does not print was identified from the four values of its "
-    "Fig. 3, within bounds and with the self error as a bound (`docs/vzp160.targets.yaml`): those rows are no evidence."
+    "The drive of the paper, preset `vzp160`. What the paper does not print was identified from the four values of "
+    "its Fig. 3, with coned flanks, within bounds and with the self error as a bound (`docs/vzp160.targets.yaml`): "
+    "those rows are no evidence. Held back were Fig. 2, what the text says of one-wave meshing, and the catalogue's "
+    "stiffnesses below."
 )
 FIG_2 = {"starts": (20.0, 100.0, 300.0), "xi_b": 260.0}
 
@@ -75,10 +77,10 @@ def apart(M_g: float) -> float:
     return abs((found.best_deg - found.worst_deg + 180) % 360 - 180)
 
 
-def fig_3(quantity: str, M_g: float, value: float, tolerance: float, why: str, get: str) -> Case:
+def fig_3(quantity: str, M_g: float, value: float, get: str, miss: str = "") -> Case:
     return Case(
-        quantity, "arcsec", "Fig. 3", **about(value, tolerance), why=why, kind=Kind.FITTED,
-        value=lambda: getattr(scan(M_g), get), digits=".2f", slow=True,
+        quantity, "arcsec", "Fig. 3", **about(value, 0.05 * value), why=ROUNDED, kind=Kind.FITTED,
+        value=lambda: getattr(scan(M_g), get), digits=".2f", miss=miss, slow=True,
     )  # fmt: skip
 
 
@@ -89,12 +91,17 @@ def fig_2(changes: str, drive: Callable[[], Drive], why: str, miss: str = "") ->
     )  # fmt: skip
 
 
-ROUNDED = "printed without decimals and read off a curve: 7 %"
+ROUNDED = "printed without decimals and read off a curve: 5 %"
 THREE = "'changes 2 to 3 times', three starts"
 MISSED = (
-    "missed: values that meet all of Fig. 3 on the inextensible shape make the three starts of Fig. 2 differ more than "
-    "the paper says. The ratio hinges on single micrometres of clearance and was met (2.80) by values that were "
-    "identified on the shape that counts v/r_m twice, which says how little it tells"
+    "values that come nearest to Fig. 3 make the three starts of Fig. 2 differ by a sixth more than the paper says. "
+    "Sets that meet it (2.5 to 2.9, with C_2 from 1.4 to 2e4 N/mm and C_3 from 9.5e3 to 1.1e4) miss the least F'_ior "
+    "at 800 N·m by half or more: nothing was fitted to it"
+)
+STIFF = (
+    "no set within the plausible ranges was found that meets all four: greatest and least F'_ior at 800 N·m stay a "
+    "factor of 5.2 apart, where the paper has 6.5, and what raises the one raises the other and the greatest at 80 "
+    "N·m. Whole flanks came to 32.53, 14.00, 12.20 and 2.25"
 )
 HINGES = "missed as with the preset's own clearance"
 UNDECIDED = "missed as with the preset's own values, and these meet the targets of the fit too"
@@ -104,10 +111,10 @@ CONTROL = (
     "meshing is the cause"
 )
 CASES = [
-    fig_3("greatest F'_ior over the phase, 80 N·m", 80.0, 31, 0.07 * 31, ROUNDED, "greatest"),
-    fig_3("least F'_ior over the phase, 80 N·m", 80.0, 15, 0.07 * 15, ROUNDED, "least"),
-    fig_3("greatest F'_ior over the phase, 800 N·m", 800.0, 13, 0.07 * 13, ROUNDED, "greatest"),
-    fig_3("least F'_ior over the phase, 800 N·m", 800.0, 2, 0.4, "printed without decimals", "least"),
+    fig_3("greatest F'_ior over the phase, 80 N·m", 80.0, 31, "greatest", STIFF),
+    fig_3("least F'_ior over the phase, 80 N·m", 80.0, 15, "least"),
+    fig_3("greatest F'_ior over the phase, 800 N·m", 800.0, 13, "greatest", STIFF),
+    fig_3("least F'_ior over the phase, 800 N·m", 800.0, 2, "least", STIFF),
     *(
         Case(
             f"greatest over least F'_ior, {M_g:g} N·m", "", "text below Fig. 3: lowered more than 2 times", 2, np.inf,
