@@ -156,26 +156,26 @@ class ErrorMap:
         """States j at points, shape (..., 2)."""
         return np.asarray(self.board[tuple(np.moveaxis(point % self.board.shape, -1, 0))])
 
-    def many_extremes(self, batch: Batch, estimates: Array | None = None) -> Extremes:
+    def many_extremes(self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID) -> Extremes:
         """Extremes of drives, solved and proven where estimates propose them.
 
         Arguments: batch, the drives; estimates of their rotation [arcsec] at points of the map, shape (drives, k, l),
-        by default solved on a grid of GRID, and in every state of a short cycle. Raises UntrustedError where an answer
-        cannot be trusted.
+        by default solved at so many positions of each wheel (grid), and in every state of a short cycle. Raises
+        UntrustedError where an answer cannot be trusted.
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
         if estimates is None and len(self.states) < SHORT:
             solved.every_state()
         else:
-            proposed = solved.at_points() if estimates is None else estimates
+            proposed = solved.at_points(grid) if estimates is None else estimates
             solved.climb(solved.promising(_hills(proposed, self)))
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
 
 
-def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
+def extremes_of(drive: Drive, torques: Sequence[float], *, grid: int = GRID) -> list[Extremes]:
     """Extremes of one drive of many at torques [N*m], proposed by a grid of states, proven by states there.
 
     Every state is solved where the balls roll. Raises UntrustedError where an answer cannot be
@@ -191,7 +191,7 @@ def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     for M_g in torques:
         error_map = ErrorMap(drive, M_g, formulation, like)
         like = error_map.fresh
-        found.append(error_map.many_extremes(Batch.of(drive)))
+        found.append(error_map.many_extremes(Batch.of(drive), grid=grid))
     return found
 
 
@@ -276,9 +276,9 @@ class _Solved:
         points = np.stack(np.divmod(np.flatnonzero(self._search.board.ravel() >= 0), self._search.board.shape[1]), -1)
         self._at(np.arange(len(self._batch))[:, None], points[None])
 
-    def at_points(self) -> Array:
-        """Rotation [arcsec] at the points of the map, shape (drives, k, l)."""
-        points = self._search.points(GRID)
+    def at_points(self, grid: int) -> Array:
+        """Rotation [arcsec] at the points of a grid, shape (drives, k, l)."""
+        points = self._search.points(grid)
         there_and_back = points.copy()
         there_and_back[1::2] = points[1::2, ::-1]  # so that neighbours follow each other
         rows = np.arange(len(self._batch))[:, None, None]

@@ -18,6 +18,7 @@ from hdassist.solve.answers import EMPTY, Certificate, Progress
 DRAWS = 64  # the greatest of 59 or more exceeds 95 of 100 drives with 95 % confidence (Wilks 1941)
 CHUNK = 8  # drives a task
 LOW, HIGH = 0.05, 0.95
+FEW = 40  # positions of each wheel: of a drive of many 0.03 arcsec may be missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,5 +97,5 @@ def unknown_ranges(
 def _searched(task: tuple[float, Sequence[Drive]]) -> tuple[list[float], Certificate]:
     M_g, drives = task
     error_map = ErrorMap(drives[0], M_g)
-    found = [error_map.many_extremes(Batch.of(drive)) for drive in drives]
+    found = [error_map.many_extremes(Batch.of(drive), grid=FEW) for drive in drives]
     return [each.first for each in found], sum((each.certificate for each in found), EMPTY)
