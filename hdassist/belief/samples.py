@@ -49,6 +49,11 @@ class SamplingEffort:
     most_draws: int = 2048
     batch: int = 16
 
+    @classmethod
+    def of(cls, effective: int) -> SamplingEffort:
+        """The effort for at least so many effective samples, at most eight times as many."""
+        return cls(effective, 8 * effective, 32 * effective, min(16, effective))
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -89,6 +94,37 @@ class Samples:
         """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]."""
         inside = self.F_ior_arcsec[:, torque] <= limit_arcsec
         return probability_of(inside, self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBelief:
+    """F'_ior [arcsec] at one of the torques of samples, by its place: percentiles and probabilities."""
+
+    samples: Samples
+    torque: int
+
+    @property
+    def p5(self) -> float:
+        """5th percentile of F'_ior [arcsec]."""
+        return self.samples.percentile(0.05, self.torque)
+
+    @property
+    def p50(self) -> float:
+        """Median of F'_ior [arcsec]."""
+        return self.samples.percentile(0.5, self.torque)
+
+    @property
+    def p95(self) -> float:
+        """95th percentile of F'_ior [arcsec]."""
+        return self.samples.percentile(0.95, self.torque)
+
+    def percentile_error(self, share: float) -> float:
+        """Monte Carlo standard error [arcsec] of a percentile, by its share."""
+        return self.samples.percentile_error(share, self.torque)
+
+    def probability_within(self, limit_arcsec: float) -> Probability:
+        """Probability that F'_ior is at most a limit [arcsec]."""
+        return self.samples.probability_within(limit_arcsec, self.torque)
 
 
 def effective_number(weights: Array) -> float:
@@ -142,13 +178,13 @@ def draw_samples(
     of sampling; seed; executor, to spread the work over (the numbers do not depend on it); progress, called with states
     solved. Raises UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
-    shares = prior.shares(effort.most_draws, seed)
     solve = partial(_solved, prior.drive, tuple(torques), evidence)
-    values = prior.values(shares)
     draws: list[_Draw] = []
     while True:
-        now = slice(len(draws), len(draws) + effort.batch)
-        for each in (executor.map if executor else map)(solve, values[now], shares[now, -1].tolist()):
+        now = slice(len(draws), min(len(draws) + effort.batch, effort.most_draws))
+        shares = prior.shares(now.stop, seed)
+        values, chances = prior.values(shares[now]), shares[now, -1].tolist()
+        for each in (executor.map if executor else map)(solve, values, chances):
             draws.append(each)
             if progress:
                 progress(each.certificate.states)
@@ -156,7 +192,7 @@ def draw_samples(
         effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
         if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
             return samples
-        if len(draws) >= len(values):
+        if len(draws) >= effort.most_draws:
             if effective < effort.effective:
                 raise _too_few(samples, draws, evidence, effort.effective)
             return samples
