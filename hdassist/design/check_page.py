@@ -321,7 +321,9 @@ def _points(check: DesignCheck, style: Style) -> Iterator[RenderableType]:
     if check.samples:
         if check.unknown:
             yield Text(style.text(f"not known, and 0 above: {names(check.unknown)}"))
-        yield from _columns(check, style, "F'_ior over all that is not known", (*BELIEF, *MONTE_CARLO))
+        held = any(point.probability for point in check.points)
+        shown = [q for q in (*BELIEF, *MONTE_CARLO) if held or "probability" not in q.key]
+        yield from _columns(check, style, "F'_ior over all that is not known", shown)
     if any(point.sensitivity for point in check.points):
         yield from _columns(check, style, "what a micrometre more does to F'_ior", SLOPES)
 
