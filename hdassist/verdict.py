@@ -20,6 +20,24 @@ class Verdict(StrEnum):
         return {Verdict.FAIL: 3, Verdict.INCONCLUSIVE: 6}.get(self, 0)
 
 
+SURE = 0.95  # probability of keeping a limit from which on a verdict is PASS; FAIL up to 1 less it
+
+
+def verdict_by_probability(low: float, high: float, sure: float = SURE) -> Verdict:
+    """Verdict where the probability of keeping a limit is between two bounds (its Monte Carlo interval).
+
+    PASS where all of the interval is at least sure, FAIL where all of it is at most 1 - sure, else INCONCLUSIVE.
+    """
+    if low >= sure:
+        return Verdict.PASS
+    return Verdict.FAIL if high <= 1 - sure else Verdict.INCONCLUSIVE
+
+
+def is_settled(low: float, high: float, sure: float = SURE) -> bool:
+    """Whether no threshold of a verdict lies within the Monte Carlo interval of a probability."""
+    return not any(low < threshold < high for threshold in (sure, 1 - sure))
+
+
 SEVERITY = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.NO_LIMIT)
 EXIT_SEVERITY = (1, 5, 4, 3, 6, 0)  # the worst of several drives, first
 

@@ -55,7 +55,7 @@ class DrivesComparison:
         """
         found = self.changes[other - 1].whole.change_arcsec[:, torque]
         open_ = [sheet for sheet in (self.sheets[0], self.sheets[other]) if sheet.check.unknown]
-        if open_ and not all(sheet.check.points[torque].over for sheet in open_):
+        if open_ and not all(sheet.check.points[torque].belief for sheet in open_):
             return None
         if np.all(np.abs(found) < SAME):
             return 0

@@ -14,7 +14,8 @@ from hdassist.comparing.changes import Change, Changes
 from hdassist.comparing.presets import DrivesComparison
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.design.check import OperatingPoint
-from hdassist.design.check_page import POINT, UNKNOWN
+from hdassist.design.check_page import BELIEF, POINT
+from hdassist.design.influence_words import influence_objects
 from hdassist.design.stiffness_page import WHOLE
 from hdassist.design.stiffness_page import warnings as stiffness_warnings
 from hdassist.error.stiffness import Stiffness
@@ -26,7 +27,7 @@ from hdassist.mounting.seat_page import place
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
-from hdassist.terminal.basis import basis_objects, basis_table, unknown_objects
+from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.quantities import as_object
@@ -97,7 +98,8 @@ def _at_torque(result: DrivesComparison, other: int, torque: int) -> str:
 
 def _error(point: OperatingPoint) -> str:
     """F'_ior, or its range over what is not known."""
-    return f"{point.over.low:.2f} to {point.over.high:.2f}" if point.over else f"{point.error.F_ior_arcsec:.2f}"
+    found = point.belief
+    return f"{found.p5:.2f} to {found.p95:.2f}" if found else f"{point.error.F_ior_arcsec:.2f}"
 
 
 def _hole(sheet: DriveSheet) -> str:
@@ -119,11 +121,6 @@ def render(result: DrivesComparison, style: Style, *, details: bool = False) -> 
     ]
     parts += [_changes(result, style)] if result.changes[0].single else []
     parts += [_fields(result, style)] if result.differences and details else []
-    for letter, sheet in zip(letters(result), result.sheets, strict=True):
-        if sheet.check.rests_on and details:
-            grid = basis_table(sheet.drive, sheet.check.rests_on, result.torques, style)
-            grid.title = Text(style.text(f"{letter} {grid.title}"))
-            parts.append(grid)
     parts.append(facts(style, _lines(result, details)))
     if details:
         crossed = cross_checked(cross for sheet in result.sheets for cross in sheet.cross_checks)
@@ -137,8 +134,8 @@ def _rows(result: DrivesComparison) -> Iterator[tuple[str, list[str]]]:
     for k, M_g in enumerate(result.torques):
         points = [check.points[k] for check in checks]
         held = any(point.limit_arcsec is not None for point in points)
-        some_open = any(point.over for point in points)
-        for quantity in (*POINT[1:2], *(UNKNOWN[:3] if some_open else ()), *(POINT[3:6] if held else ())):
+        some_open = any(point.belief for point in points)
+        for quantity in (*POINT[1:2], *(BELIEF[:3] if some_open else ()), *(POINT[3:6] if held else ())):
             zero = ", what is not known as 0" if some_open and quantity is POINT[1] else ""
             yield f"{M_g:g} N·m: {quantity.words}{zero}", [quantity.text(point) for point in points]
         yield f"{M_g:g} N·m: in its best hole, arcsec", [_best(sheet.advice, k) for sheet in result.sheets]
@@ -204,7 +201,7 @@ def _lines(result: DrivesComparison, details: bool) -> Iterator[tuple[str, str]]
         yield f"{letter} not known", names(sheet.check.unknown)
         if sheet.advice.order == "none":
             yield f"{letter} mounting", what_to_do(sheet.advice)
-        yield f"{letter} rests on", ", ".join(effect.assumption.path for effect in sheet.check.rests_on)
+        yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
     yield "differs", "" if details else _some([field.path for field in result.differences])
     yield "same value", f"{_some(result.origins)}: from another kind of origin" if result.origins else ""
     yield "next", again("report", result.drives[-1], "-o", "report.html")
@@ -261,7 +258,7 @@ def _drive(sheet: DriveSheet) -> Json:
     return {
         **envelope("compare-presets", sheet.drive)["preset"],
         "file": sheet.drive.origin.file,
-        "operating_points": [as_object((*POINT, *UNKNOWN), point) for point in check.points],
+        "operating_points": [as_object((*POINT, *BELIEF), point) for point in check.points],
         "order": advice.order,
         "best": target and {
             "hole": target.hole, "rotation_deg": target.rotation_deg, "F_ior_arcsec": list(target.F_ior_arcsec)
@@ -271,7 +268,7 @@ def _drive(sheet: DriveSheet) -> Json:
             {"from_Nm": s.start, "to_Nm": s.end, "stiffness_Nm_per_rad": s.stiffness} for s in curve.positive
         ],
         "unknown": unknown_objects(check.unknown),
-        "rests_on": basis_objects(check.rests_on, [point.M_g for point in check.points]),
+        "influence": influence_objects(check.influences),
     }  # fmt: skip
 
 
@@ -299,7 +296,7 @@ def _change_object(change: Change) -> Json:
 
 def figures(result: DrivesComparison) -> Figures:
     """One row per drive and torque."""
-    shown = (*POINT, *UNKNOWN)
+    shown = (*POINT, *BELIEF)
     rows = [
         [letter, sheet.drive.name, *(q.value(point) for q in shown)]
         for letter, sheet in zip(letters(result), result.sheets, strict=True)

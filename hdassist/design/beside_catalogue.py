@@ -82,7 +82,7 @@ def _shares(accuracy: float, point: OperatingPoint) -> tuple[float, float] | Non
 
     Both the same where all is known; None where what is not known was not drawn.
     """
-    if point.over:
-        return point.over.low / accuracy, point.over.high / accuracy
+    if point.belief:
+        return point.belief.p5 / accuracy, point.belief.p95 / accuracy
     share = point.error.F_ior_arcsec / accuracy
     return None if point.open_ else (share, share)

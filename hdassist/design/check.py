@@ -4,25 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from functools import partial, reduce
+from dataclasses import dataclass, replace
+from functools import cached_property, partial, reduce
 from operator import add
 from typing import Any
 
+from hdassist.belief.evidence import evidence_of
+from hdassist.belief.influence import Influence, influences
+from hdassist.belief.measure import MeasurementGain, measurements
+from hdassist.belief.prior import DrivePrior, prior_of
+from hdassist.belief.samples import ErrorBelief, Probability, Samples, SamplingEffort, draw_samples
 from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
 from hdassist.error.error_map import SEARCHED, extremes_of, searchable
-from hdassist.error.rests_on import Effect, reached, rests_on
+from hdassist.error.rests_on import reached
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
-from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, uncertain_deviations, unknown_ranges
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics
-from hdassist.model.unknown import Unknown, names, unknowns
+from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver
-from hdassist.verdict import Verdict, worst
+from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability, worst
+
+DRAWS = 64  # effective samples, at least
 
 
 @dataclass(frozen=True)
@@ -35,10 +41,11 @@ class Floating:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """What a drive does at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
+    """The error of a drive at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
 
-    open_: whether some of its deviations are not known, which error takes as zero, or are uncertain; over, F'_ior over
-    them, None where that cannot be had.
+    error: with unknown deviations as 0 and all else as the preset has it; belief: F'_ior over all that is not known
+    exactly, None where that was not computed; open_: whether something is not known exactly; sure: probability of
+    keeping the limit that PASS needs.
     """
 
     M_g: float
@@ -47,61 +54,68 @@ class OperatingPoint:
     limit_arcsec: float | None
     sensitivity: Sensitivity | None = None
     open_: bool = False
-    over: UnknownRange | None = None
+    belief: ErrorBelief | None = None
+    sure: float = SURE
     floating: Floating | None = None
 
     @property
     def F_ior_upper_arcsec(self) -> float:
-        """F'_ior with the self error on top [arcsec]: the value held against the limit."""
+        """F'_ior with the self error on top [arcsec], as the preset gives the drive."""
         return self.error.F_ior_arcsec + self.self_error.range_arcsec
 
     @property
     def held_arcsec(self) -> tuple[float, float] | None:
-        """What is held against the limit [arcsec]: F'_ior with the self error that 5 and 95 % of what it may be have.
+        """5th and 95th percentile of F'_ior with the self error on top [arcsec].
 
-        Both the same where all is known; None where what is not known cannot be drawn.
+        Both the same where all is known; None where it is not and was not drawn.
         """
         own = self.self_error.range_arcsec
-        if self.over:
-            return self.over.low + own, self.over.high + own
+        if self.belief:
+            return self.belief.p5 + own, self.belief.p95 + own
         return None if self.open_ else (self.F_ior_upper_arcsec, self.F_ior_upper_arcsec)
 
     @property
     def certificates(self) -> tuple[Certificate, ...]:
-        """Certificates of all states that stand behind the point."""
-        parts = (self.error, self.self_error, self.sensitivity, self.over, self.floating)
+        """Certificates of the states behind the point, those of samples left out."""
+        parts = (self.error, self.self_error, self.sensitivity, self.floating)
         return tuple(part.certificate for part in parts if part is not None)
 
     @property
-    def verdict(self) -> Verdict:
-        """PASS where the upper value is within the limit, else FAIL; NO_LIMIT without one.
+    def probability(self) -> Probability | None:
+        """Probability that F'_ior with the self error on top keeps the limit; None without a limit or samples."""
+        if self.limit_arcsec is None or self.belief is None:
+            return None
+        return self.belief.probability_within(self.limit_arcsec - self.self_error.range_arcsec)
 
-        Where deviations are not known or uncertain, PASS if 95 % of what they may be passes, FAIL if 95 % fails, else
-        INCONCLUSIVE.
+    @property
+    def verdict(self) -> Verdict:
+        """PASS or FAIL where the probability of keeping the limit is clear of its threshold, else INCONCLUSIVE.
+
+        Where all is known by the value alone; NO_LIMIT without a limit.
         """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
-        if not self.held_arcsec:
+        if found := self.probability:
+            return verdict_by_probability(found.low, found.high, self.sure)
+        if self.open_:
             return Verdict.INCONCLUSIVE
-        low, high = self.held_arcsec
-        if high <= self.limit_arcsec:
-            return Verdict.PASS
-        return Verdict.FAIL if low > self.limit_arcsec else Verdict.INCONCLUSIVE
+        return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
 
 
 @dataclass(frozen=True)
 class DesignCheck:
     """Design check of a drive: one operating point per torque, in the order of the preset.
 
-    measured: wheels in place of first harmonics; unknown: deviations that are not known; rests_on: assumptions that
-    move F'_ior most.
+    measured: wheels in place of first harmonics; unknown: deviations that are not known; prior: all that is not known
+    exactly; samples of it, None where none were drawn.
     """
 
     drive: Drive
     points: tuple[OperatingPoint, ...]
     measured: MeasuredTeeth | None = None
     unknown: tuple[Unknown, ...] = ()
-    rests_on: tuple[Effect, ...] = ()
+    prior: DrivePrior | None = None
+    samples: Samples | None = None
 
     @property
     def kinematics(self) -> Kinematics:
@@ -115,8 +129,9 @@ class DesignCheck:
 
     @property
     def certificate(self) -> Certificate:
-        """Worst residuals over all states of all torques, those of the self error included."""
-        return reduce(add, (part for point in self.points for part in point.certificates))
+        """Worst residuals over all states of all torques, those of self error and samples included."""
+        parts = [part for point in self.points for part in point.certificates]
+        return reduce(add, parts + ([self.samples.certificate] if self.samples else []))
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -124,28 +139,49 @@ class DesignCheck:
         return tuple(p.error.cross_check for p in self.points if p.error.cross_check)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a reader should know beside the numbers."""
-        rated = self.drive.operation.rated
-        over = [p.M_g for p in self.points if rated is not None and abs(p.M_g) > rated]
-        told = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
-        if self.unknown and not any(point.over for point in self.points):
-            told.append(f"not known, and computed as 0: {names(self.unknown)}; there is no range over them")
-        if left := [path for path, spread in self.drive.uncertainty.items() if spread and path not in self.uncertain]:
-            told.append(f"the uncertainty of {', '.join(left)} is not in F'_ior")
-        return (*self.drive.origin.warnings, *told)
+    def least_sure(self) -> int:
+        """Place of the torque whose verdict is least sure; without limits, of that where F'_ior is least known."""
+        points = range(len(self.points))
+        found = {k: point.probability for k, point in enumerate(self.points)}
+        doubts = {k: min(each.value, 1 - each.value) for k, each in found.items() if each}
+        if doubts:
+            return max(doubts, key=lambda k: doubts[k])
+        beliefs = {k: belief for k in points if (belief := self.points[k].belief)}
+        return max(beliefs, key=lambda k: beliefs[k].p95 / max(beliefs[k].p5, 1e-9), default=0)
+
+    @cached_property
+    def influences(self) -> tuple[Influence, ...]:
+        """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
+        return influences(self.samples, self.least_sure) if self.samples else ()
+
+    @cached_property
+    def to_measure(self) -> tuple[MeasurementGain, ...]:
+        """What to measure next, for the torque that is least sure, the largest gain first."""
+        if not self.samples:
+            return ()
+        point = self.points[self.least_sure]
+        if point.limit_arcsec is None:
+            return measurements(self.samples, self.least_sure)
+        left = point.limit_arcsec - point.self_error.range_arcsec
+        return measurements(self.samples, self.least_sure, left) if left > 0 else ()
 
     @property
-    def uncertain(self) -> tuple[str, ...]:
-        """Deviations whose uncertainty is in the ranges of F'_ior, by path."""
-        return tuple(uncertain_deviations(self.drive)) if any(point.over for point in self.points) else ()
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks on the numbers."""
+        rated = self.drive.operation.rated
+        over = [p.M_g for p in self.points if rated is not None and abs(p.M_g) > rated]
+        remarks = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
+        if self.prior and self.prior.fields and not self.samples:
+            paths = [each.path for each in self.prior.fields]
+            more = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
+            remarks.append(f"not known, and computed as given or 0: {', '.join(paths[:4])}{more}; no range over them")
+        return (*self.drive.origin.warnings, *remarks)
 
 
 def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = DRAWS) -> int:
     """Number of states that a check solves, for a progress bar."""
-    drawn = draws if not measured and drawn_range(drive, draws) else 0
-    searched = drawn * SEARCHED if searchable(drive) and not measured else 0
-    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + searched)
+    drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
+    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * SEARCHED)
 
 
 def check(
@@ -155,18 +191,20 @@ def check(
     solver: str | None = None,
     cross_check: str = CROSS_SOLVER,
     draws: int = DRAWS,
+    sure: float = SURE,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities, and no ranges over
-    what is unknown or assumed; solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine;
-    cross_check, the solver that solves the extremes and a sample drawn by seed again; draws, drives drawn from what is
-    not known; executor, to spread the work over (any concurrent.futures executor; the numbers do not depend on it);
-    progress, told how many states were solved.
-    Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
+    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities and no samples;
+    solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver
+    that solves the extremes and a sample drawn by seed again; draws, effective samples of what is not known at least, 0
+    for none; sure, probability of keeping a limit that PASS needs, and FAIL of not keeping it; executor, to spread the
+    work over (any concurrent.futures executor; the numbers do not depend on it); progress, called with states solved.
+    Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted, or the preset's catalogue
+    contradicts its other values.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
@@ -185,23 +223,46 @@ def check(
     errors, own = run(_run, [again, own_error])
     if progress and executor:
         progress(sum(part.certificate.states for part in own))
-    unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
-    over: tuple[UnknownRange, ...] = ()
-    effects: tuple[Effect, ...] = ()
+    known = measured.without_harmonics(drive) if measured else drive
+    prior, samples = prior_of(known), None
+    if measured:  # of a wheel that was measured nothing is open
+        prior = replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
     slopes: Sequence[Sensitivity | None] = [None] * len(torques)
     floating: Sequence[Floating | None] = [None] * len(torques)
+    rows = zip(torques, errors, own, [drive.limit(M_g) for M_g in torques], strict=True)
+    points = [OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows]
     if searchable(drive) and not measured:
         if drive.number("supports.C_3"):
-            end, found = reached(drive, "supports.C_3", 0.0, partial(extremes_of, torques=torques))
+            end, extremes = reached(drive, "supports.C_3", 0.0, partial(extremes_of, torques=torques))
             if end == 0:
-                floating = [Floating(each.first, each.certificate) for each in found]
+                floating = [Floating(each.first, each.certificate) for each in extremes]
         slopes = sensitivity(drive, errors)
-        over = unknown_ranges(drive, torques, draws=draws, seed=seed, executor=executor, progress=progress)
-        effects = rests_on(drive, torques, executor=executor, progress=progress)
-    held = [drive.limit(M_g) for M_g in torques]
-    open_ = [bool(unknown) or bool(over)] * len(torques)
-    rows = zip(torques, errors, own, held, slopes, open_, over or [None] * len(torques), floating, strict=True)
-    return DesignCheck(drive, tuple(OperatingPoint(*row) for row in rows), measured, unknown, effects)
+        if prior.fields and draws:
+            samples = draw_samples(
+                prior,
+                torques,
+                evidence=evidence_of(drive),
+                enough=partial(_all_settled, points),
+                effort=SamplingEffort.of(draws),
+                seed=seed,
+                executor=executor,
+                progress=progress,
+            )
+    found = [
+        replace(point, sensitivity=slope, floating=floats)
+        for point, slope, floats in zip(points, slopes, floating, strict=True)
+    ]
+    return DesignCheck(drive, _with_samples(found, samples), measured, unknowns(known), prior, samples)
+
+
+def _with_samples(points: Sequence[OperatingPoint], samples: Samples | None) -> tuple[OperatingPoint, ...]:
+    return tuple(replace(p, belief=ErrorBelief(samples, k) if samples else None) for k, p in enumerate(points))
+
+
+def _all_settled(points: Sequence[OperatingPoint], samples: Samples) -> bool:
+    """Whether the Monte Carlo error of no point's probability reaches over a threshold of its verdict."""
+    found = [(point.probability, point.sure) for point in _with_samples(points, samples)]
+    return all(each is None or is_settled(each.low, each.high, sure) for each, sure in found)
 
 
 def _run(job: Callable[[], Any]) -> Any:

@@ -17,6 +17,7 @@ def command(
     solver: o.Solver = None,
     cross_check: o.CrossCheck = "highs",
     draws: o.Draws = 64,
+    sure: o.VerdictProbability = 0.95,
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     plot: o.Plot = True,
@@ -35,11 +36,11 @@ def command(
       hdassist check *.yaml --csv figures.csv -q
 
     Every state of the cycle is solved and proven; the verdict holds F'_ior with the self error against the preset's
-    acceptance limits. A deviation, phase or harmonic that the preset does not give is not known, one with a ± is
-    uncertain: F'_ior is then told over all that it may be (--draws), and the verdict is PASS only where 95 % of
-    that passes, FAIL only where 95 % fails, else INCONCLUSIVE. catalogue.accuracy is no limit:
-    F'_ior is told beside it. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6
-    INCONCLUSIVE.
+    acceptance limits. Whatever the preset does not give exactly is drawn jointly (deviations that are left out, values
+    with a ±, values assumed with a range), weighted by the preset's catalogue, and solved (--draws effective samples
+    at least). PASS where the probability of keeping the limit is at least --sure, FAIL where it is at most 1 less that,
+    else INCONCLUSIVE; the error of sampling counts. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no
+    trustworthy answer (also: a catalogue that contradicts the other values), 6 INCONCLUSIVE.
     """
     from hdassist.design.check import check, estimate_states
     from hdassist.design.check_page import answer
@@ -61,6 +62,7 @@ def command(
                 solver=solver,
                 cross_check=cross_check,
                 draws=draws,
+                sure=sure,
                 seed=seed,
                 executor=None if solver else executor,  # a slow solver shows its progress
                 progress=progress,

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hdassist.belief.prior import DrivePrior
+from hdassist.belief.samples import ErrorBelief, Samples
 from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
+from hdassist.design.influence_words import influence_objects, influence_words, measure_objects, measure_words
 from hdassist.error.rests_on import LEAST
-from hdassist.error.unknown_range import HIGH, LOW
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
 from hdassist.terminal.answers import Json, certificate_object, envelope
-from hdassist.terminal.basis import basis_line, basis_objects, basis_table, unknown_objects
+from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof, verdict_coloured, verdict_text
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
@@ -86,18 +87,31 @@ def _slope(name: str) -> Callable[[OperatingPoint], float | None]:
     return lambda point: getattr(point.sensitivity, name) if point.sensitivity else None
 
 
-def _over(share: float | None) -> Callable[[OperatingPoint], float | None]:
-    """F'_ior that a share of the drawn drives stay below; the worst of them without a share."""
-    return lambda p: None if p.over is None else p.over.worst if share is None else p.over.quantile(share)
+def _of_belief(value: Callable[[ErrorBelief], float]) -> Callable[[OperatingPoint], float | None]:
+    return lambda p: None if p.belief is None else value(p.belief)
 
 
-UNKNOWN: tuple[Quantity[OperatingPoint], ...] = (
-    Quantity("unknown_range.low_arcsec", "5 % stay below", "arcsec", ".2f", _over(LOW)),
-    Quantity("unknown_range.median_arcsec", "half stay below", "arcsec", ".2f", _over(0.5)),
-    Quantity("unknown_range.high_arcsec", "95 % stay below", "arcsec", ".2f", _over(HIGH)),
-    Quantity("unknown_range.worst_arcsec", "greatest", "arcsec", ".2f", _over(None)),
-    Quantity("unknown_range.draws", "drives drawn", "", "d", lambda p: len(p.over.F_ior_arcsec) if p.over else None),
+def _of_probability(name: str) -> Callable[[OperatingPoint], float | None]:
+    return lambda p: None if p.probability is None else getattr(p.probability, name)
+
+
+BELIEF: tuple[Quantity[OperatingPoint], ...] = (
+    Quantity("belief.p5_arcsec", "F'_ior, 5th percentile", "arcsec", ".2f", _of_belief(lambda b: b.p5)),
+    Quantity("belief.p50_arcsec", "F'_ior, median", "arcsec", ".2f", _of_belief(lambda b: b.p50)),
+    Quantity("belief.p95_arcsec", "F'_ior, 95th percentile", "arcsec", ".2f", _of_belief(lambda b: b.p95)),
+    Quantity("belief.probability", "probability of keeping it", "", ".2f", _of_probability("value")),
 )
+MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
+    *(
+        Quantity(
+            f"belief.p{percent}_error_arcsec", f"standard error of the {words}", "arcsec", ".2f",
+            _of_belief(lambda b, percent=percent: b.percentile_error(percent / 100)),  # type: ignore[misc]
+        )
+        for percent, words in ((5, "5th percentile"), (50, "median"), (95, "95th percentile"))
+    ),
+    Quantity("belief.probability_low", "probability of keeping it, low", "", ".3f", _of_probability("low")),
+    Quantity("belief.probability_high", "probability of keeping it, high", "", ".3f", _of_probability("high")),
+)  # fmt: skip
 
 SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
     Quantity(f"sensitivity.{name}_arcsec_per_um", words, "arcsec/um", "+.2f", _slope(name))
@@ -110,10 +124,7 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 
 
 KNOWN = tuple(q for q in POINT if q.key in ("F_ior_arcsec", "F_ior_upper_arcsec"))
-OVER = (
-    *(replace(q, label=f"F'_ior: {q.label}") for q in UNKNOWN if q.key.endswith(("low_arcsec", "high_arcsec"))),
-    *(q for q in POINT if q.key == "self_error_arcsec"),
-)
+OVER = (*BELIEF[:3], *(q for q in POINT if q.key == "self_error_arcsec"))
 HELD = ("limit_arcsec", "verdict")
 
 
@@ -137,7 +148,7 @@ def answer(check: DesignCheck, *, seed: int, plots: bool, details: bool = False)
 
 def render(check: DesignCheck, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
     """The verdict, F'_ior, a plot per torque of the error over the full cycle, and what to know of the answer."""
-    parts: list[RenderableType] = [_heading(check, style)]
+    parts: list[RenderableType] = [_heading(check, style), *_reasons(check, style)]
     parts += [_geometry(check, style), *_points(check, style)] if details else _columns(check, style, "", _brief(check))
     if plots:
         parts += [Text(_plot(point, style, ", unknown as 0" if check.unknown else "")) for point in check.points]
@@ -149,9 +160,32 @@ def render(check: DesignCheck, style: Style, *, plots: bool = True, details: boo
 
 def _brief(check: DesignCheck) -> list[Quantity[OperatingPoint]]:
     """Rows of the short page: F'_ior, or its range over what is not known; limit and verdict where there is one."""
-    shown = OVER if any(point.over for point in check.points) else KNOWN
-    held = HELD if any(point.limit_arcsec is not None for point in check.points) else ()
-    return [*shown, *(q for q in POINT if q.key in held)]
+    shown = OVER if check.samples else KNOWN
+    if all(point.limit_arcsec is None for point in check.points):
+        return [*shown]
+    limit, verdict = (q for q in POINT if q.key in HELD)
+    return [*shown, limit, *(BELIEF[3:] if check.samples else ()), verdict]
+
+
+def _reasons(check: DesignCheck, style: Style) -> Iterator[Text]:
+    """Why the verdict of each torque is as it is, in a line."""
+    lines = [words for point in check.points if (words := reason(point))]
+    if lines:
+        yield Text(style.text("\n".join(lines)))
+
+
+def reason(point: OperatingPoint) -> str:
+    """Why the verdict at a torque is as it is; empty where there is no limit, or no probability."""
+    found = point.probability
+    if found is None:
+        return ""
+    held = f"F'_ior + self error keep {point.limit_arcsec:g} arcsec"
+    interval = f"{100 * found.value:.0f} % sure ({100 * found.low:.0f} to {100 * found.high:.0f})"
+    words = {
+        Verdict.PASS: f"{held}, {interval}",
+        Verdict.FAIL: f"{held.replace('keep', 'do not keep')}: {interval}",
+    }
+    return f"{point.M_g:g} N·m: {words.get(point.verdict, f'open, {held}: {interval}')}"
 
 
 def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
@@ -160,11 +194,12 @@ def _lines(check: DesignCheck, details: bool) -> Iterator[tuple[str, str]]:
     yield "lever", _lever(check)
     coupling = _coupling(check)
     yield "coupling", coupling + "; the unknown as 0" * bool(coupling and check.unknown)
-    basis = basis_line(check.rests_on, [point.M_g for point in check.points])
-    yield "rests on", basis + "; the unknown as 0" * bool(basis and check.unknown)
-    zero = "" if any(point.over for point in check.points) else "taken as 0: "
-    yield "unknown", zero + names(check.unknown) if check.unknown else ""
-    yield "uncertain", ", ".join(check.uncertain)
+    at = f" at {check.points[check.least_sure].M_g:g} N·m"
+    yield "influence", influence_words(check.influences) + at if check.influences else ""
+    yield "measure", measure_words(check.to_measure, check.points[check.least_sure].limit_arcsec is not None)
+    yield "unknown", ("" if check.samples else "taken as 0: ") + names(check.unknown) if check.unknown else ""
+    yield "samples", samples_words(check.samples) if check.samples else ""
+    yield "exact", fitted_words(check.prior) if check.prior and check.samples else ""
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
     yield "proof", proof(check.certificate, check.cross_checks)
@@ -196,6 +231,20 @@ def _coupling(check: DesignCheck) -> str:
     return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f} arcsec at {M_g:g} N·m"
 
 
+def samples_words(samples: Samples) -> str:
+    """How many samples there are, and why others are not."""
+    refused = sum(samples.refused.values())
+    words = f"{samples.effective:.0f} effective of {samples.draws} drawn"
+    return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")
+
+
+def fitted_words(prior: DrivePrior) -> str:
+    """Identified fields that samples take as exact."""
+    paths = prior.fitted
+    more = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
+    return f"identified, as fitted: {', '.join(paths[:3])}{more}" if paths else ""
+
+
 def to_json(check: DesignCheck, seed: int) -> Json:
     """The check as a JSON object."""
     k = check.kinematics
@@ -209,26 +258,39 @@ def to_json(check: DesignCheck, seed: int) -> Json:
         },
         "pitch": pitch_object(check.measured),
         "operating_points": [
-            {**as_object((*POINT, *UNKNOWN, *SLOPES), p), "held_arcsec": p.held_arcsec} for p in check.points
+            {**as_object((*POINT, *BELIEF, *MONTE_CARLO, *SLOPES), p), "held_arcsec": p.held_arcsec}
+            for p in check.points
         ],
         "catalogue": accuracy_object(check.drive.catalogue.accuracy, check.points),
         "unknown": unknown_objects(check.unknown),
-        "rests_on": basis_objects(check.rests_on, [point.M_g for point in check.points]),
+        "identified_as_exact": list(check.prior.fitted) if check.prior else [],
+        "influence": influence_objects(check.influences),
+        "to_measure": measure_objects(check.to_measure),
+        "least_sure_M_g_Nm": check.points[check.least_sure].M_g,
+        "samples": samples_object(check.samples),
         "certificate": certificate_object(check.certificate, check.cross_checks),
         "seed": seed,
         "verdict": str(check.verdict),
     }
 
 
+def samples_object(samples: Samples | None) -> Json | None:
+    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
+    if samples is None:
+        return None
+    refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
+    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}
+
+
 def _at_zero(check: DesignCheck) -> list[str]:
     """What a script should know of the value beside a range; a page shows the range alone."""
-    words = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of held_arcsec"
-    return [words] if check.unknown and any(point.over for point in check.points) else []
+    words = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of belief"
+    return [words] if check.unknown and check.samples else []
 
 
 def figures(check: DesignCheck) -> Figures:
     """One row per torque."""
-    shown = (*POINT, *UNKNOWN, *SLOPES)
+    shown = (*POINT, *BELIEF, *SLOPES)
     rows = [[check.drive.name, *(q.value(point) for q in shown)] for point in check.points]
     return ["preset", *(q.key for q in shown)], rows
 
@@ -237,7 +299,7 @@ def summary_line(check: DesignCheck) -> str:
     """The answer alone: torque, F'_ior, verdict."""
     return "\n".join(
         f"{p.M_g:g} N*m: F'_ior "
-        + (f"{p.over.low:.2f} to {p.over.high:.2f}" if p.over else f"{p.error.F_ior_arcsec:.2f}")
+        + (f"{p.belief.p5:.2f} to {p.belief.p95:.2f}" if p.belief else f"{p.error.F_ior_arcsec:.2f}")
         + f" arcsec, {p.verdict}"
         for p in check.points
     )
@@ -277,14 +339,12 @@ def _points(check: DesignCheck, style: Style) -> Iterator[RenderableType]:
     still = "phi_b" if moving == "phi_g" else "phi_g"
     shown = [q for q in POINT[1:] if not q.label.strip().startswith(still)]
     yield from _columns(check, style, "kinematic error", shown)
-    if any(point.over for point in check.points):
+    if check.samples:
         if check.unknown:
             yield Text(style.text(f"not known, and 0 above: {names(check.unknown)}"))
-        if check.uncertain:
-            yield Text(style.text(f"uncertain: {', '.join(check.uncertain)}"))
-        yield from _columns(check, style, "F'_ior over what is not known or uncertain", UNKNOWN)
-    if check.rests_on:
-        yield basis_table(check.drive, check.rests_on, [point.M_g for point in check.points], style)
+        held = any(point.probability for point in check.points)
+        shown = [q for q in (*BELIEF, *MONTE_CARLO) if held or "probability" not in q.key]
+        yield from _columns(check, style, "F'_ior over all that is not known", shown)
     if any(point.sensitivity for point in check.points):
         yield from _columns(check, style, "what a micrometre more does to F'_ior", SLOPES)
 

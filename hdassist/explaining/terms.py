@@ -270,13 +270,26 @@ QUANTITIES = (
         "unknown",
         "неизвестно",
         "A deviation that a preset does not give: no known zero, but anything up to what its part may have.",
-        ("unknown_range", "not known", "draws"),
+        ("not known", "draws"),
     ),
     Term(
         "rests on",
         "на чём держится",
         "Values that are assumed, with a plausible range, and move the answer most.",
         ("rests_on", "assumed_range", "assumed"),
+    ),
+    Term(
+        "belief",
+        "представление о неизвестном",
+        "F'_ior over all that is not known exactly of a drive, from weighted samples: percentiles, and how probably a "
+        "limit is kept.",
+        ("p5_arcsec", "p50_arcsec", "p95_arcsec", "probability", "samples"),
+    ),
+    Term(
+        "influence",
+        "влияние",
+        "Share of the variance of ln F'_ior that comes from a field, the largest first.",
+        ("to_measure",),
     ),
     Term(
         "limit",

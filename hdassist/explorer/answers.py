@@ -109,7 +109,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Ranges:
-    """F'_ior over what is not known or uncertain, with the wheel as it stands, as `hdassist check` has it.
+    """F'_ior over deviations that are not known or uncertain, with the wheel as it stands.
 
     rows: torque [N*m], 5th and 95th percentile [arcsec]; none where all is known, or the cycle cannot be searched.
     """

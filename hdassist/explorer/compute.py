@@ -104,7 +104,7 @@ def answers(question: Question, tell: Callable[[Answer], None] = lambda _: None)
 
 
 def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
-    """What is known of a drive, its curve ever surer, the ranges of `hdassist check`, advice of `hdassist mount`."""
+    """What is known of a drive, its curve ever surer, ranges over unknown deviations, advice of `hdassist mount`."""
     facts = _facts(drive)
     yield facts
     has_curve = searchable(drive) and not facts.any_hole

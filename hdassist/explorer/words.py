@@ -44,11 +44,11 @@ def basis(known: Known, of_trials: Known | None) -> str:
 
 
 def ranges(known: Known) -> list[str]:
-    """F'_ior over what is not known or uncertain, a line a torque, in the figures of `hdassist check`."""
+    """F'_ior over deviations that are not known or uncertain, a line a torque."""
     unknown = known.facts and known.facts.unknown
     if known.ranges is None or not (known.ranges.rows or unknown):
         return []
-    first = f"F'_ior over what is {'not known' if unknown else 'uncertain'}, 5 to 95 %, as hdassist check has it:"
+    first = f"F'_ior over {'unknown' if unknown else 'uncertain'} deviations, 5 to 95 %; hdassist check: over all"
     rows = [f"{M_g:g} N·m {low:.2f} to {high:.2f}″" for M_g, low, high in known.ranges.rows]
     return [first, *(rows or ["none: the cycle of rolling balls cannot be searched"])]
 

@@ -14,11 +14,11 @@ from hdassist.comparing.presets_page import sheet_warnings
 from hdassist.comparing.sheet import SAMPLES, DriveSheet
 from hdassist.design import check_page
 from hdassist.design.check import OperatingPoint
-from hdassist.design.check_page import POINT, SLOPES, UNKNOWN
+from hdassist.design.check_page import BELIEF, MONTE_CARLO, POINT, SLOPES, reason, samples_words
+from hdassist.design.influence_words import influence_words, measure_words, named
 from hdassist.design.stiffness_page import ARCMIN
 from hdassist.design.stiffness_page import render as stiffness_render
 from hdassist.design.stiffness_page import to_json as stiffness_json
-from hdassist.error.rests_on import Effect
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import names
@@ -32,7 +32,6 @@ from hdassist.preset.schema import ResolvedField, counted, resolved, value_text
 from hdassist.reporting.blocks import Block, Figure, Paragraph, Report, Section, Table, Tile
 from hdassist.reporting.charts import Dot, chart
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
-from hdassist.terminal.basis import basis_table
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve
@@ -108,37 +107,31 @@ def report_of(sheet: DriveSheet, *, draws: int, seed: int, ascii: bool = False) 
 def _reasons(sheet: DriveSheet) -> Iterator[str]:
     """Why the verdict is what it is; what to do with the wheel; what it rests on most; what to do next."""
     for point in sheet.check.points:
-        value = f"{point.over.low:.2f} to {point.over.high:.2f}" if point.over else f"{point.error.F_ior_arcsec:.2f}"
+        found = point.belief
+        value = f"{found.p5:.2f} to {found.p95:.2f}" if found else f"{point.error.F_ior_arcsec:.2f}"
         words = f"{point.M_g:g} N·m: F'_ior {value}, self error {point.self_error.range_arcsec:.2f} arcsec"
         limit = (
             "" if point.limit_arcsec is None else f"; both together may have {point.limit_arcsec:g}: {point.verdict}"
         )
         yield words + limit
+        if why := reason(point):
+            yield why
     yield mount_page.what_to_do(sheet.advice)
-    if sheet.check.rests_on:
-        yield _most(sheet.drive, sheet.check.rests_on[0], sheet.check.points)
+    if shares := sheet.check.influences:
+        yield f"The spread of F'_ior comes from {influence_words(shares)}."
+    if gains := sheet.check.to_measure:
+        held = sheet.check.points[sheet.check.least_sure].limit_arcsec is not None
+        yield f"Measure next: {measure_words(gains, held)}."
     if sheet.check.unknown:
         yield f"Not known: {names(sheet.check.unknown)}."
     if sheet.advice.order != "none":
         yield f"Next: {again('mount', sheet.drive, '--card', 'card.html')}"
 
 
-def _most(drive: Drive, effect: Effect, points: Iterable[OperatingPoint]) -> str:
-    path, (low, high) = effect.assumption.path, effect.ends
-    rows = zip(points, effect.F_ior_arcsec, effect.at, strict=True)
-    spans = [(p.M_g, min(*ends, at), max(*ends, at)) for p, ends, at in rows]
-    words = ", ".join(f"{least:.1f} to {most:.1f} arcsec at {M_g:g} N·m" for M_g, least, most in spans)
-    unit = unit_of(field_table()[path])
-    return (
-        f"It rests most on {path} = {drive.number(path):g} {unit}".rstrip()
-        + f" (which may be {low:.4g} to {high:.4g}): F'_ior {words}."
-    )
-
-
 def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
     for point in sheet.check.points:
-        if point.over:
-            value, below = f"{point.over.low:.1f} to {point.over.high:.1f}", "arcsec, 5 to 95 % of what is not known"
+        if found := point.belief:
+            value, below = f"{found.p5:.1f} to {found.p95:.1f}", "arcsec, 5 to 95 % over what is not known"
         else:
             value, below = f"{point.error.F_ior_arcsec:.1f}", "arcsec over the full cycle"
         yield Tile(f"F'_ior at {point.M_g:g} N·m", value, below)
@@ -163,8 +156,8 @@ def _errors(sheet: DriveSheet, style: Style) -> Iterator[Block]:
             style, f"Error over the full cycle at {point.M_g:g} N·m{taken}", turns, point.error.error_arcsec,
             "cam angle phi_h, turns", f"error at {point.M_g:g} N·m, arcsec",
         )  # fmt: skip
-    if any(point.over for point in check.points):
-        yield _by_torque("F'_ior over what is not known", (POINT[0], *UNKNOWN), check.points)
+    if check.samples:
+        yield _by_torque("F'_ior over all that is not known", (POINT[0], *BELIEF, *MONTE_CARLO), check.points)
     still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
     shown = [quantity for quantity in POINT if not quantity.label.strip().startswith(still)]
     yield _by_torque(f"over the full cycle{taken}", shown, check.points)
@@ -255,8 +248,15 @@ def _stiffness(sheet: DriveSheet, style: Style) -> Iterator[Block]:
 
 def _basis(sheet: DriveSheet) -> Iterator[Block]:
     check = sheet.check
-    if check.rests_on:
-        yield from blocks_of(basis_table(sheet.drive, check.rests_on, [p.M_g for p in check.points], STYLE))
+    if check.prior and check.prior.fields:
+        units = {path: unit_of(info) for path, info in field_table().items()}
+        drawn = tuple(
+            (named(each.path), f"{each.low:.4g}", f"{each.high:.4g}", units[each.path], each.distribution, each.owner)
+            for each in check.prior.fields
+        )
+        title = f"not known exactly: {samples_words(check.samples)}" if check.samples else "not known exactly"
+        head = ("field", "from", "to", "unit", "distribution", "whose")
+        yield Table(title, head, drawn, (False, True, True, False, False, False))
     else:
         yield Paragraph("Nothing that has a plausible range is assumed.")
     if check.unknown:
@@ -296,7 +296,10 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Table:
         ("set on top", "; ".join(origin.overrides) or "nothing"),
         ("description", " ".join(drive.description.split()) or "none"),
         ("hdassist", __version__),
-        ("seed", f"{seed}; {draws} drives drawn from what is not known, {SAMPLES} samples for the position"),
+        (
+            "seed",
+            f"{seed}; {draws} effective samples of what is not known at least, {SAMPLES} samples for the position",
+        ),
     )
     return Table("", (), rows, (False, False))
 

@@ -62,6 +62,9 @@ CrossCheck = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
 Draws = Annotated[int, typer.Option(min=0, max=100_000, help="Drives drawn from what the preset leaves unknown.")]
+VerdictProbability = Annotated[
+    float, typer.Option(min=0.5, max=0.999, help="Probability of keeping a limit from which on the verdict is PASS.")
+]
 Bootstrap = Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")]
 MOST_JOBS = 512  # all of them begin at once: more would be a mistake that takes the machine with it
 Jobs = Annotated[int, typer.Option(min=0, max=MOST_JOBS, help="Processes at work (0: one for each core).")]

@@ -141,8 +141,8 @@ def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
     assert (told["schema"], told["M_g_Nm"]) == ("hdassist.compare-presets/1", [3])
     assert [preset["file"] for preset in told["presets"]] == ["a.yaml", "b.YML"]
     known, open_ = told["presets"]
-    assert known["operating_points"][0]["unknown_range"]["high_arcsec"] is None
-    assert open_["operating_points"][0]["unknown_range"]["high_arcsec"] > 0
+    assert known["operating_points"][0]["belief"]["p95_arcsec"] is None
+    assert open_["operating_points"][0]["belief"]["p95_arcsec"] > 0
     assert (open_["order"], open_["best"], known["order"]) == ("none", None, "turn")
     [changed] = told["changes"]
     assert changed["pairs"] == 4

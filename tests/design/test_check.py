@@ -109,15 +109,19 @@ def test_people_read_it_in_80_columns(human):
 
 
 def test_the_short_page_fits_a_screen_and_ends_in_a_command():
-    asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED, "--draws", "2")
-    lines = run("check", TINY, *asked).stdout.splitlines()
-    assert lines[0].startswith("tiny: NO_LIMIT")
-    assert len(lines) <= 24
-    found = [match for line in lines if (match := re.match(r"(lever|rests on|unknown|next|proof|more)  +(\S.*)", line))]
-    assert [match[1] for match in found] == ["lever", "rests on", "unknown", "next", "proof", "more"]
+    asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
+    lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
+    assert lines[0].startswith("tiny: INCONCLUSIVE")
+    assert re.match(r"4 N·m: open, F'_ior \+ self error keep 2050 arcsec: \d+ % sure \(\d+ to \d+\)", lines[2])
+    assert len(lines) <= 32
+    labels = "lever|influence|measure|unknown|samples|next|proof|more"
+    found = [match for line in lines if (match := re.match(rf"({labels})  +(\S.*)", line))]
+    assert [match[1] for match in found] == labels.split("|")
     told = {match[1]: match[2] for match in found}
+    assert told["influence"].startswith("cam offset that stands still with the rigid wheel")
+    assert told["measure"].startswith("F'_ior at 4 N·m (+")
     assert told["unknown"] == "phases.phi_hb"
-    assert told["rests on"].startswith("assumed bearing.g_b (")
+    assert re.match(r"\d+ effective of \d+ drawn", told["samples"])
     assert told["next"].startswith("hdassist mount ")
 
 

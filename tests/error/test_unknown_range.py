@@ -1,16 +1,13 @@
-"""F'_ior over what is not known: against the whole range of a single unknown, and as a check judges it."""
+"""F'_ior over what is not known: against the whole range of a single unknown."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.design.check import check
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.unknown_range import unknown_ranges
-from hdassist.verdict import Verdict
 from tests.process import SMALL
 
 ONE = ("phases.phi_hb=unknown", "operation.M_g=4")
@@ -47,33 +44,3 @@ def test_the_same_digits_from_any_number_of_workers(over):
         again = unknown_ranges(load_preset(SMALL, ONE), (4.0,), draws=80, executor=executor, progress=told.append)[0]
     assert np.array_equal(again.F_ior_arcsec, over.F_ior_arcsec)
     assert sum(told) == again.certificate.states
-
-
-def test_a_check_passes_or_fails_only_where_nearly_all_of_it_does():
-    (point,) = check(load_preset(SMALL, ONE), draws=20).points
-    own, over = point.self_error.range_arcsec, point.over
-
-    def verdict(limit: float, **change) -> Verdict:
-        return replace(point, limit_arcsec=limit, **change).verdict
-
-    assert verdict(over.high + own + 0.01) is Verdict.PASS
-    assert verdict(over.high + own - 0.01) is verdict(over.low + own + 0.01) is Verdict.INCONCLUSIVE
-    assert verdict(over.low + own - 0.01) is Verdict.FAIL
-    # without a range nothing is settled, however wide the limit; where all is known it is the value that counts
-    assert verdict(1000.0, over=None) is Verdict.INCONCLUSIVE
-    assert verdict(1000.0, over=None, open_=False) is Verdict.PASS
-
-
-def test_an_uncertainty_alone_is_judged_by_its_range_too():
-    known = check(load_preset(SMALL, ["operation.M_g=4"]), draws=64)
-    spread = ["operation.M_g=4", "phases.xi_b=90±60", "flexspline.h_1=0.35±0.01"]
-    (point,) = check(load_preset(SMALL, spread), draws=64).points
-    assert known.points[0].over is None
-    assert point.over is not None
-    assert point.over.high - point.over.low > 1
-    for limit, verdict in ((point.over.low - 1, Verdict.FAIL), (point.over.median, Verdict.INCONCLUSIVE)):
-        held = replace(point, limit_arcsec=limit + point.self_error.range_arcsec)
-        assert held.verdict is verdict
-    found = check(load_preset(SMALL, spread), draws=20)
-    assert found.uncertain == ("phases.xi_b",)
-    assert "the uncertainty of flexspline.h_1 is not in F'_ior" in found.warnings

@@ -106,7 +106,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     assert f"hole {mount['recommended']['hole']}" in text
     values = counted(sheet.drive)
     assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
-    assert "It rests most on bearing.g_b = 0 um (which may be 0 to 3)" in text
+    assert "clearance between outer ring and balls (bearing.g_b)" in text
     for words in (
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),

@@ -1,0 +1,111 @@
+"""Which inputs the spread of F'_ior comes from: a weighted stepwise regression of ln F'_ior over the samples.
+
+The size and the direction of a deviation are one group. Groups enter one after the other, the one that explains most
+first, as long as chance alone would hardly explain as much; each has the share of the variance that it adds, less what
+as many columns of chance would add. What is left is unexplained: products of inputs, and bends that no square follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as variance_ratio
+
+from hdassist.belief.samples import Samples, effective_number
+from hdassist.model.geometry import Array
+
+CHANCE = 0.05  # of any group at all to enter where none has an influence
+INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Share of the variance of ln F'_ior that comes from a group of fields, by the path of its first."""
+
+    group: str
+    share: float
+
+
+def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
+    """Shares of the variance of ln F'_ior at a torque, by its place, the largest first.
+
+    What is missing to 1 is unexplained. Empty where samples are too few to tell, or F'_ior does not vary.
+    """
+    groups = {name: columns_of(samples, samples.shares, name) for name in groups_of(samples)}
+    return shares_of_variance(groups, np.log(samples.F_ior_arcsec[:, torque]), samples.weights)
+
+
+def groups_of(samples: Samples) -> tuple[str, ...]:
+    """Groups of the fields of samples, by path, in the order of the preset."""
+    return tuple(dict.fromkeys(each.group for each in samples.prior.fields))
+
+
+def columns_of(samples: Samples, shares: Array, group: str) -> Array:
+    """Columns of a regression that a group of fields makes of its shares, shape (samples, columns).
+
+    A number and its square; sine and cosine of a direction of which nothing is known, times the size where that is not
+    known either.
+    """
+    columns, size = [], np.ones(len(shares))
+    for k, each in enumerate(samples.prior.fields):
+        if each.group == group and not each.is_any_direction:
+            x = 2 * shares[:, k] - 1
+            columns += [x, x**2]
+            size = shares[:, k] if each.path == group else size
+    for k, each in enumerate(samples.prior.fields):
+        if each.group == group and each.is_any_direction:
+            turn = 2 * np.pi * shares[:, k]
+            columns += [size * np.cos(turn), size * np.sin(turn)]
+    return np.stack(columns, axis=1)
+
+
+def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) -> tuple[Influence, ...]:
+    """Shares of the weighted variance of y, shape (samples,), that groups of columns add, the largest first."""
+    root = np.sqrt(weights / weights.sum())[:, None]
+    basis = root / np.linalg.norm(root)
+    rest = _beside(basis, root * y[:, None])
+    whole, free = float(np.sum(rest**2)), effective_number(weights) - 1
+    if whole <= 1e-18:
+        return ()
+    left = {name: root * columns for name, columns in groups.items()}
+    found: list[Influence] = []
+    while left:
+        candidates = {name: _new_directions(basis, columns) for name, columns in left.items()}
+        remaining = float(np.sum(rest**2))
+        gains = {name: float(np.sum((q.T @ rest) ** 2)) for name, q in candidates.items()}
+        chances = {name: chance_probability(gains[name], remaining, q.shape[1], free) for name, q in candidates.items()}
+        best = min((chances[name], -gains[name], name) for name in left)[2]
+        if chances[best] > CHANCE / len(groups):
+            break
+        q = candidates[best].shape[1]
+        by_chance = q * (remaining - gains[best]) / (free - q)
+        found.append(Influence(best, (gains[best] - by_chance) / whole))
+        basis = np.hstack([basis, candidates[best]])
+        rest = _beside(basis, rest)
+        free -= q
+        del left[best]
+    return tuple(sorted(found, key=lambda each: -each.share))
+
+
+def chance_probability(gain: float, remaining: float, columns: int, free: float) -> float:
+    """Probability (F test) that columns of chance explain as much of a remaining sum of squares as some do.
+
+    Arguments: gain, what they explain; remaining, before; columns, how many; free, degrees of freedom before.
+    """
+    if columns == 0 or free - columns < 1:
+        return 1.0
+    left = max((remaining - gain) / (free - columns), 1e-30)
+    return float(variance_ratio.sf(gain / columns / left, columns, free - columns))
+
+
+def _beside(basis: Array, columns: Array) -> Array:
+    """What of columns is orthogonal to a basis."""
+    return columns - basis @ (basis.T @ columns)
+
+
+def _new_directions(basis: Array, columns: Array) -> Array:
+    """Orthonormal directions of columns beside a basis, those that are independent of it."""
+    u, size, _ = np.linalg.svd(_beside(basis, columns), full_matrices=False)
+    return np.asarray(u[:, size > INDEPENDENT * np.linalg.norm(columns)])

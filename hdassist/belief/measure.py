@@ -1,0 +1,92 @@
+"""What to measure next: how much nearer each measurement would bring the right verdict, from the samples alone.
+
+Each sample in turn is taken for the drive that is measured. Given the measurement, ln F'_ior is what a regression over
+the samples makes of it, with the residuals of that regression; the verdict goes to the likelier side of the limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdassist.belief.influence import CHANCE, chance_probability, columns_of, groups_of
+from hdassist.belief.samples import Samples, effective_number
+from hdassist.model.geometry import Array
+
+FIELD_ERROR = 0.05  # standard uncertainty of a measured field, as a share of its probability
+FIGURE_ERROR = 0.05  # relative, of a measured stiffness, lost motion or F'_ior
+LEAST_GAIN = 0.005  # a smaller one is not told
+
+
+@dataclass(frozen=True)
+class MeasurementGain:
+    """A measurement (path of a field, `stiffness.K_1`, or `F_ior@TORQUE`) and what is expected of it.
+
+    gain: of the probability of a right verdict; without a limit, the share of the spread of ln F'_ior that goes.
+    """
+
+    measured: str
+    gain: float
+
+
+def measurements(
+    samples: Samples, torque: int, limit_arcsec: float | None = None, seed: int = 0
+) -> tuple[MeasurementGain, ...]:
+    """Measurements by what is expected of them at a torque, by its place, the best first.
+
+    Arguments: limit_arcsec that F'_ior is held against, if any; seed of the errors of measurement.
+    """
+    y, weights = np.log(samples.F_ior_arcsec[:, torque]), samples.weights / samples.weights.sum()
+    if effective_number(weights) < 3 or np.ptp(y) == 0:
+        return ()
+    gains = []
+    predictors = list(_predictors(samples, np.random.default_rng(seed)))
+    for name, columns in predictors:
+        prediction, explained, by_chance = _regression(columns, y, weights)
+        if by_chance > CHANCE / len(predictors):
+            continue
+        if limit_arcsec is None:
+            gain = 1 - np.sqrt(1 - explained)
+        else:
+            gain = _right(prediction, y, weights, np.log(limit_arcsec))
+        gains.append(MeasurementGain(name, float(gain)))
+    return tuple(sorted((each for each in gains if each.gain >= LEAST_GAIN), key=lambda each: -each.gain))
+
+
+def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[str, Array]]:
+    """Each measurement by name, with the columns that a regression makes of its values as measured."""
+    shares = samples.shares + FIELD_ERROR * rng.standard_normal(samples.shares.shape)
+    for group in groups_of(samples):
+        yield group, columns_of(samples, shares, group)
+    figures = {f"stiffness.{name}": values for name, values in samples.figures.items()}
+    figures |= {f"F_ior@{M_g:g}": samples.F_ior_arcsec[:, k] for k, M_g in enumerate(samples.torques)}
+    for name, values in figures.items():
+        x = np.log(np.maximum(values, 1e-9)) + FIGURE_ERROR * rng.standard_normal(len(values))
+        yield name, np.stack([x, x**2], axis=1)
+
+
+def _regression(columns: Array, y: Array, weights: Array) -> tuple[Array, float, float]:
+    """Prediction of y from columns, the share of its variance that is explained, and how probable by chance alone.
+
+    The share is less what chance would explain.
+    """
+    x = np.column_stack([np.ones(len(y)), columns])
+    root = np.sqrt(weights)
+    factors, *_ = np.linalg.lstsq(x * root[:, None], y * root, rcond=None)
+    prediction = x @ factors
+    mean = weights @ y
+    whole, left = weights @ (y - mean) ** 2, weights @ (y - prediction) ** 2
+    used, free = columns.shape[1], effective_number(weights) - 1
+    by_chance = chance_probability(float(whole - left), float(whole), used, free)
+    explained = 1 - left / whole * free / (free - used) if free > used else 0.0
+    return prediction, float(explained), by_chance
+
+
+def _right(prediction: Array, y: Array, weights: Array, limit: float) -> float:
+    """Gain of the probability that the likelier side of a limit is the right one."""
+    residual = y - prediction
+    inside = (prediction[:, None] + residual <= limit) @ weights
+    now = weights @ (y <= limit)
+    return float(weights @ np.maximum(inside, 1 - inside) - max(now, 1 - now))

@@ -1,0 +1,127 @@
+"""The prior of a drive: every field that is not known exactly, with its distribution, from the preset alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from hdassist.model.assumed import assumptions
+from hdassist.model.deviations import deviations_of, standing_offset
+from hdassist.model.geometry import Array
+from hdassist.model.unknown import unknowns
+from hdassist.preset.fields import Drive, field_table, measures, sized
+from hdassist.preset.kinds import least_of
+
+LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
+SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
+
+Owner = Literal["design", "drive", "assembly", "surroundings"]
+
+
+@dataclass(frozen=True)
+class FieldPrior:
+    """Distribution of a field that is not known exactly, by path, in the unit of the field.
+
+    low, high: bounds; of a normal distribution the mean less and plus the expanded uncertainty (k = 2). owner: whose
+    the value is, that of all drives of a design, of one drive, of its assembly or of its surroundings. group: path of
+    the size where the field is the size or the direction of a deviation, else the path itself. reason: where the bounds
+    come from.
+    """
+
+    path: str
+    distribution: Literal["even", "logarithmic", "normal"]
+    low: float
+    high: float
+    owner: Owner
+    group: str
+    reason: str
+
+    def value(self, share: Array) -> Array:
+        """Values of the field [its unit] at shares of its probability; a normal one is cut where the field ends."""
+        if self.distribution == "logarithmic":
+            return np.asarray(self.low * (self.high / self.low) ** share)
+        if self.distribution == "even":
+            return np.asarray(self.low + (self.high - self.low) * share)
+        normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *SHARE_LIMITS))
+        return np.asarray(np.maximum(normal, least_of(field_table()[self.path])))
+
+    @property
+    def is_any_direction(self) -> bool:
+        """Whether the field is a direction of which nothing is known."""
+        return self.distribution == "even" and self.path != self.group and self.low == 0
+
+
+@dataclass(frozen=True)
+class DrivePrior:
+    """A drive with the distributions of all its fields that are not known exactly.
+
+    fitted: identified fields, by path, which are points: they were fitted to a measurement and carry no range.
+    """
+
+    drive: Drive
+    fields: tuple[FieldPrior, ...]
+    fitted: tuple[str, ...] = ()
+
+    def shares(self, count: int, seed: int = 0) -> Array:
+        """Joint draws as shares of each field's probability, shape (count, fields + 1); the last column is spare.
+
+        A scrambled Sobol sequence: of more draws by the same seed the first are the same.
+        """
+        sequence = qmc.Sobol(len(self.fields) + 1, scramble=True, rng=np.random.default_rng(seed))
+        return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
+
+    def values(self, shares: Array) -> list[dict[str, float]]:
+        """Values by path of draws, from their shares, shape (draws, at least fields)."""
+        columns = {each.path: each.value(shares[:, k]).tolist() for k, each in enumerate(self.fields)}
+        return [{path: column[k] for path, column in columns.items()} for k in range(len(shares))]
+
+
+def prior_of(drive: Drive) -> DrivePrior:
+    """The prior of a drive, made from its preset alone.
+
+    A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
+    over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
+    not given is even up to what its part may have, its direction even around. All others are points.
+    """
+    groups = {
+        path: each.size for each in deviations_of(drive.mounting.mark_kind) for path in (each.size, each.direction)
+    }
+    assumed = {each.path: each for each in assumptions(drive)}
+    uncertain = {path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None}
+    # the direction of a deviation of size 0 matters where that size may be another
+    largest = {path: assumed[path].high for path in sized() if path in assumed}
+    largest |= {path: drive.number(path) + uncertain[path] for path in sized() if path in uncertain}
+    unknown = {each.path: each for each in (*unknowns(drive.with_values(largest)), *unknowns(drive))}
+    found = []
+    for path in measures():
+        own, owner = groups.get(path, path), owner_of(drive, path)
+        if path in uncertain:
+            low, high = (drive.number(path) + sign * uncertain[path] for sign in (-1, 1))
+            found.append(FieldPrior(path, "normal", low, high, owner, own, "its uncertainty, k = 2"))
+        elif path in assumed:
+            low, high, reason = assumed[path].low, assumed[path].high, assumed[path].reason
+            wide = low > 0 and high / low > LOGARITHMIC
+            found.append(FieldPrior(path, "logarithmic" if wide else "even", low, high, owner, own, reason))
+        elif path in unknown:
+            each = unknown[path]
+            found.append(FieldPrior(path, "even", each.low, each.high, owner, own, each.reason))
+    drawn = {each.path for each in found}
+    fitted = tuple(p for p, source in drive.source.items() if source.kind == "identified" and p not in drawn)
+    return DrivePrior(drive, tuple(found), fitted)
+
+
+def owner_of(drive: Drive, path: str) -> Owner:
+    """Whose the value of a field is, by path: the design's, a single drive's, or its assembly's."""
+    if path in (*standing_offset(drive), "harmonics.a_s2", "harmonics.xi_s2"):
+        return "assembly"
+    if path.startswith(("tolerances.", "phases.", "harmonics.")) or path in DRIVES_OWN:
+        return "drive"
+    return "design"
+
+
+DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # clearances and ball phase

@@ -1,0 +1,267 @@
+"""Weighted samples of a drive: joint draws of all that is not known, each solved, weighted by the evidence.
+
+Importance sampling: draws come from the prior and are weighted by their likelihood. Stiffness needs some ten states, so
+a draw that agrees badly with evidence of stiffness goes on to F'_ior by chance only, with a probability that its weight
+is divided by: the sum of weights stays right on average.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
+from hdassist.belief.prior import DrivePrior
+from hdassist.error.error_map import Extremes, extremes_of
+from hdassist.errors import HdassistError, UntrustedError
+from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
+from hdassist.preset.fields import Drive
+from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.window import in_wide_enough_window
+
+KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
+FEW = 40  # positions of each wheel at which the error of a sample is looked at first: 0.03 arcsec may be missed
+CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
+
+
+@dataclass(frozen=True)
+class Probability:
+    """A probability from samples with its Monte Carlo interval (5 % beyond each end, Jeffreys)."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class SamplingEffort:
+    """Limits of sampling: effective samples at least and at most, draws at most, and draws at a time."""
+
+    effective: int = 64
+    most_effective: int = 512
+    most_draws: int = 2048
+    batch: int = 16
+
+    @classmethod
+    def of(cls, effective: int) -> SamplingEffort:
+        """The effort for at least so many effective samples, at most eight times as many."""
+        return cls(effective, 8 * effective, 32 * effective, min(16, effective))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Weighted samples of a drive.
+
+    torques [N*m]; shares: of each field's probability, shape (samples, fields); F_ior_arcsec, shape (samples, torques);
+    figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
+    made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws.
+    """
+
+    prior: DrivePrior
+    torques: tuple[float, ...]
+    shares: Array
+    F_ior_arcsec: Array
+    figures: Mapping[str, Array]
+    weights: Array
+    draws: int
+    refused: Mapping[str, int]
+    seed: int
+    certificate: Certificate
+
+    @property
+    def effective(self) -> float:
+        """Effective number of samples."""
+        return effective_number(self.weights)
+
+    def percentile(self, share: float, torque: int) -> float:
+        """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
+        return weighted_quantile(self.F_ior_arcsec[:, torque], self.weights, share)
+
+    def percentile_error(self, share: float, torque: int) -> float:
+        """Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
+        step = np.sqrt(share * (1 - share) / self.effective)
+        low, high = (self.percentile(float(np.clip(share + s, 0, 1)), torque) for s in (-step, step))
+        return (high - low) / 2
+
+    def probability_within(self, limit_arcsec: float, torque: int) -> Probability:
+        """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]."""
+        inside = self.F_ior_arcsec[:, torque] <= limit_arcsec
+        return probability_of(inside, self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBelief:
+    """F'_ior [arcsec] at one of the torques of samples, by its place: percentiles and probabilities."""
+
+    samples: Samples
+    torque: int
+
+    @property
+    def p5(self) -> float:
+        """5th percentile of F'_ior [arcsec]."""
+        return self.samples.percentile(0.05, self.torque)
+
+    @property
+    def p50(self) -> float:
+        """Median of F'_ior [arcsec]."""
+        return self.samples.percentile(0.5, self.torque)
+
+    @property
+    def p95(self) -> float:
+        """95th percentile of F'_ior [arcsec]."""
+        return self.samples.percentile(0.95, self.torque)
+
+    def percentile_error(self, share: float) -> float:
+        """Monte Carlo standard error [arcsec] of a percentile, by its share."""
+        return self.samples.percentile_error(share, self.torque)
+
+    def probability_within(self, limit_arcsec: float) -> Probability:
+        """Probability that F'_ior is at most a limit [arcsec]."""
+        return self.samples.probability_within(limit_arcsec, self.torque)
+
+
+def effective_number(weights: Array) -> float:
+    """Effective number of weighted samples (Kish); 0 of none."""
+    return float(weights.sum() ** 2 / (weights**2).sum()) if len(weights) else 0.0
+
+
+def weighted_quantile(values: Array, weights: Array, share: float) -> float:
+    """Quantile of weighted values, straight between the middles of their weights (Hazen where all weigh the same)."""
+    order = np.argsort(values, kind="stable")
+    middles = (np.cumsum(weights[order]) - weights[order] / 2) / weights.sum()
+    return float(np.interp(share, middles, values[order]))
+
+
+def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
+    """Probability of an outcome that some weighted samples have, shape (samples,) each, with its Jeffreys interval."""
+    count = effective_number(weights)
+    value = float(weights[inside].sum() / weights.sum())
+    hits, misses = value * count, (1 - value) * count
+    tail = (1 - CONFIDENCE) / 2
+    low = float(beta.ppf(tail, hits + 0.5, misses + 0.5)) if value > 0 else 0.0
+    high = float(beta.ppf(1 - tail, hits + 0.5, misses + 0.5)) if value < 1 else 1.0
+    return Probability(value, low, high)
+
+
+@dataclass(frozen=True)
+class _Draw:
+    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded) and weight."""
+
+    refused: str = ""
+    figures: Mapping[str, float] | None = None
+    F_ior_arcsec: tuple[float, ...] | None = None
+    weight: float = 0.0
+    certificate: Certificate = EMPTY
+
+
+def draw_samples(
+    prior: DrivePrior,
+    torques: Sequence[float],
+    *,
+    evidence: tuple[Evidence, ...] = (),
+    enough: Callable[[Samples], bool] = lambda _samples: True,
+    effort: SamplingEffort = SamplingEffort(),
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Samples:
+    """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
+
+    Arguments: prior of the drive; evidence on it; enough, whether samples suffice for what they are for; effort, limits
+    of sampling; seed; executor, to spread the work over (the numbers do not depend on it); progress, called with states
+    solved. Raises UntrustedError where too few samples agree with the evidence, or too few draws are drives.
+    """
+    solve = partial(_solved, prior.drive, tuple(torques), evidence)
+    draws: list[_Draw] = []
+    while True:
+        now = slice(len(draws), min(len(draws) + effort.batch, effort.most_draws))
+        shares = prior.shares(now.stop, seed)
+        values, chances = prior.values(shares[now]), shares[now, -1].tolist()
+        for each in (executor.map if executor else map)(solve, values, chances):
+            draws.append(each)
+            if progress:
+                progress(each.certificate.states)
+        samples = _collected(prior, tuple(torques), shares, draws, seed)
+        effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
+        if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
+            return samples
+        if len(draws) >= effort.most_draws:
+            if effective < effort.effective:
+                raise _too_few(samples, draws, evidence, effort.effective)
+            return samples
+
+
+def _solved(
+    drive: Drive, torques: tuple[float, ...], evidence: tuple[Evidence, ...], values: dict[str, float], chance: float
+) -> _Draw:
+    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
+    moved = drive.with_values(values)
+    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
+        return _Draw(refused=f"{outside}: out of range")
+    if conflict := first_conflict(moved):
+        return _Draw(refused=f"{conflict.path}: {conflict.message}")
+    figures: dict[str, float] = {}
+    proof, probability = EMPTY, 1.0
+    try:
+        if any(each.figure != ACCURACY for each in evidence):
+            figures, proof = in_wide_enough_window(moved, stiffness_figures)
+            probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
+            if chance >= probability:
+                return _Draw(figures=figures, certificate=proof)
+        found: list[Extremes] = in_wide_enough_window(moved, lambda there: extremes_of(there, torques, grid=FEW))
+    except HdassistError as error:
+        return _Draw(refused=str(error.fault))
+    F_ior = tuple(each.first for each in found)
+    # accuracy is measured without load, where the error is greatest: F'_ior under the least load keeps its limit too
+    lightest = F_ior[int(np.argmin(np.abs(torques)))]
+    figures = {**figures, ACCURACY: lightest}
+    weight = float(np.exp(log_likelihood(evidence, figures))) / probability
+    return _Draw("", figures, F_ior, weight, sum((each.certificate for each in found), proof))
+
+
+def _collected(
+    prior: DrivePrior, torques: tuple[float, ...], shares: Array, draws: Sequence[_Draw], seed: int
+) -> Samples:
+    rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
+    kept = [draws[k] for k in rows]
+    names = [name for name in (kept[0].figures or {} if kept else {}) if name != ACCURACY]
+    return Samples(
+        prior,
+        torques,
+        shares[rows, : len(prior.fields)],
+        np.array([each.F_ior_arcsec for each in kept]).reshape(-1, len(torques)),
+        {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
+        np.array([each.weight for each in kept]),
+        len(draws),
+        dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
+        seed,
+        sum((each.certificate for each in draws), EMPTY),
+    )
+
+
+def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
+    """The error where fewer samples are effective than needed, with the evidence without which most would agree."""
+    found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
+    if sum(samples.refused.values()) > len(draws) / 2 or not evidence:
+        reason = max(samples.refused, key=lambda each: samples.refused[each], default="no answer")
+        count = sum(samples.refused.values())
+        return UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
+    pieces = {each: tuple(other for other in evidence if other is not each) for each in evidence}
+    doubted = max(pieces, key=lambda each: _mean_likelihood(draws, pieces[each]))
+    return UntrustedError(
+        f"{found}: {doubted.path} = {doubted.value:g} contradicts the other evidence or the assumed ranges",
+        "check that value and its unit, then the ranges of what is assumed",
+    )
+
+
+def _mean_likelihood(draws: Sequence[_Draw], evidence: tuple[Evidence, ...]) -> float:
+    """Mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
+    return float(np.mean([np.exp(log_likelihood(evidence, each.figures or {})) for each in draws if not each.refused]))

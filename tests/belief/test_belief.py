@@ -1,0 +1,246 @@
+"""The belief in a drive: against distributions that are known in closed form, and against samples taken another way."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm, qmc
+
+from hdassist import load_preset
+from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
+from hdassist.belief.influence import influences, shares_of_variance
+from hdassist.belief.measure import measurements
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import (
+    KEPT_LIKELIHOOD,
+    SamplingEffort,
+    draw_samples,
+    effective_number,
+    probability_of,
+    weighted_quantile,
+)
+from hdassist.errors import UntrustedError
+from hdassist.verdict import Verdict, is_settled, verdict_by_probability
+from tests.process import TINY
+
+C_3 = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
+J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"
+FEW = SamplingEffort(effective=8, most_effective=16, most_draws=64, batch=8)
+
+
+def tiny(*overrides: str):
+    return load_preset(TINY, ["operation.M_g=4", *overrides])
+
+
+def fields_of(*overrides: str):
+    return {each.path: each for each in prior_of(tiny(*overrides)).fields}
+
+
+def test_each_field_has_the_distribution_that_its_preset_gives_it():
+    found = fields_of(C_3, J_N, "phases.xi_b=90±8", "tolerances.e_b=unknown", "phases.phi_eb=unknown")
+    assert {path: each.distribution for path, each in found.items()} == {
+        "gears.j_n": "even", "supports.C_3": "logarithmic", "phases.xi_b": "normal", "tolerances.e_b": "even",
+        "phases.phi_eb": "even",
+    }  # fmt: skip
+    share = np.array([0.0, 0.5, 1.0])
+    assert found["gears.j_n"].value(share) == pytest.approx([16, 18, 20])
+    assert found["supports.C_3"].value(share) == pytest.approx([1000, np.sqrt(8e6), 8000])
+    assert found["phases.xi_b"].value(norm.cdf([-1.0, 0.0, 1.0])) == pytest.approx([86, 90, 94])
+    assert found["phases.phi_eb"].group == "tolerances.e_b"
+    assert fields_of() == {}
+
+
+def test_an_uncertainty_counts_before_an_assumed_range_and_an_override_before_both():
+    assert fields_of(J_N, "gears.j_n=18±1")["gears.j_n"].distribution == "normal"
+    assert fields_of(J_N, "gears.j_n=18") == {}
+
+
+def test_a_size_that_may_be_more_than_zero_has_a_direction():
+    sized = "source.tolerances.e_b={kind: assumed, range: [0, 10], ref: judged}"
+    assert list(fields_of(sized, "phases.phi_eb=unknown")) == ["tolerances.e_b", "phases.phi_eb"]
+
+
+def test_a_field_is_the_designs_the_drives_or_its_assemblys():
+    unknown = [f"{path}=unknown" for path in ("tolerances.e_hb", "phases.phi_hb", "tolerances.F_i1")]
+    found = fields_of(C_3, J_N, *unknown)
+    assert {path: each.owner for path, each in found.items()} == {
+        "gears.j_n": "drive", "supports.C_3": "design", "tolerances.F_i1": "drive", "tolerances.e_hb": "assembly",
+        "phases.phi_hb": "assembly",
+    }  # fmt: skip
+
+
+def test_of_more_draws_the_first_are_the_same_and_each_field_fills_its_range():
+    prior = prior_of(tiny(C_3, J_N, "tolerances.e_b=unknown"))
+    many = prior.shares(512, seed=3)
+    assert np.array_equal(prior.shares(20, seed=3), many[:20])
+    assert not np.array_equal(prior.shares(20, seed=4), many[:20])
+    cells = np.sort((many * 512).astype(int), axis=0)  # one draw in each 512th of every range
+    assert np.array_equal(cells, np.tile(np.arange(512)[:, None], many.shape[1]))
+
+
+def test_weights_give_the_posterior_of_a_linear_gaussian_model():
+    # x normal around 0 with 1, measured 1.2 with a standard uncertainty of 0.5: normal around 0.96 with sqrt(0.2)
+    x = norm.ppf(qmc.Sobol(1, seed=1).random_base2(14).ravel())
+    weights = norm.pdf((1.2 - x) / 0.5)
+    posterior = norm(0.96, np.sqrt(0.2))
+    for share in (0.05, 0.5, 0.95):
+        assert weighted_quantile(x, weights, share) == pytest.approx(posterior.ppf(share), abs=2e-3)
+    assert probability_of(x <= 1.0, weights).value == pytest.approx(posterior.cdf(1.0), abs=2e-3)
+    # effective share in closed form: (E w)^2 / E w^2
+    mean = norm(0, np.sqrt(1.25)).pdf(1.2)
+    square = norm(0, np.sqrt(1.125)).pdf(1.2) / (2 * 0.5 * np.sqrt(np.pi))
+    assert effective_number(weights) / len(x) == pytest.approx(mean**2 / square, rel=1e-3)
+
+
+def test_percentiles_of_equal_weights_are_those_of_numpy_and_a_weight_stands_for_as_many_samples():
+    rng = np.random.default_rng(0)
+    values = rng.random(2000)
+    for share in (0.05, 0.5, 0.95):
+        expected = np.quantile(values, share, method="hazen")
+        assert weighted_quantile(values, np.ones(2000), share) == pytest.approx(expected, abs=1e-12)
+    counts = rng.integers(1, 5, 2000)
+    repeated = np.quantile(np.repeat(values, counts), 0.8, method="hazen")
+    assert weighted_quantile(values, counts.astype(float), 0.8) == pytest.approx(repeated, abs=1e-3)
+
+
+def test_evidence_agrees_best_with_its_value_and_a_wrong_figure_carries_no_order():
+    near = Evidence("catalogue.K_2", "K_2", 5e4, 0.15)
+    assert near.log_likelihood(5e4) == 0
+    assert near.log_likelihood(5e4 * 1.1) == pytest.approx(near.log_likelihood(5e4 / 1.1))
+    at_2 = -0.5 * (np.log(2) / 0.15) ** 2  # the logarithm of a normal density
+    assert near.log_likelihood(1e5) > at_2 / 2
+    limit = Evidence("catalogue.lost_motion", "lost_motion", 60.0, 0.25, one_sided=True)
+    assert np.array_equal(limit.log_likelihood(np.array([1.0, 60.0])), [0, 0])
+    assert limit.log_likelihood(75.0) == pytest.approx(-2.5 * np.log(1.25))
+
+
+def test_a_catalogue_is_evidence():
+    drive = tiny("catalogue.K_1=2e3", "catalogue.K_3=4e3", "catalogue.accuracy=60", "catalogue.lost_motion=90")
+    found = {each.path: (each.spread, each.one_sided) for each in evidence_of(drive)}
+    assert found == {
+        "catalogue.K_1": (0.3, False), "catalogue.K_3": (0.15, False), "catalogue.lost_motion": (0.25, True),
+        "catalogue.accuracy": (0.25, True),
+    }  # fmt: skip
+    assert evidence_of(tiny()) == ()
+
+
+def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more():
+    drive = tiny(C_3, J_N, "phases.phi_hb=unknown")
+    prior = prior_of(drive)
+    few = draw_samples(prior, (4.0,), effort=FEW, seed=2)
+    solved: list[int] = []
+    with ThreadPoolExecutor(2) as executor:
+        more = draw_samples(
+            prior, (4.0,), effort=replace(FEW, effective=16), seed=2, executor=executor, progress=solved.append
+        )
+    assert (few.draws, more.draws, few.effective) == (8, 16, pytest.approx(8))
+    assert np.array_equal(more.F_ior_arcsec[:8], few.F_ior_arcsec)
+    assert sum(solved) == more.certificate.states
+    assert more.certificate.max_residual <= 1e-8
+
+
+def test_draws_go_on_until_they_are_enough_or_the_most():
+    prior = prior_of(tiny("phases.phi_hb=unknown"))
+    assert draw_samples(prior, (4.0,), effort=FEW, enough=lambda samples: samples.draws >= 16).draws == 16
+    assert draw_samples(prior, (4.0,), effort=FEW, enough=lambda _: False).draws == 16  # 16 effective are the most
+
+
+def test_draws_that_are_no_drive_are_counted():
+    wide = "source.cam.W_0={kind: assumed, range: [1.2, 3], ref: judged}"
+    samples = draw_samples(prior_of(tiny(wide)), (4.0,), effort=FEW)
+    assert sum(samples.refused.values()) == samples.draws - len(samples.weights) > 0
+    assert any(reason.startswith("cam.W_0: ") for reason in samples.refused)
+
+
+def test_weeding_by_stiffness_leaves_the_posterior_as_it_is():
+    drive = tiny("source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}")
+    evidence = (Evidence("catalogue.K_1", "K_1", stiffness_figures(drive)[0]["K_1"], 0.02),)
+    prior = prior_of(drive)
+    samples = draw_samples(prior, (4.0,), evidence=evidence, effort=SamplingEffort(10, 10, 64, 64))
+    # every draw, with its likelihood for a weight
+    values = prior.values(prior.shares(64))
+    figures = [stiffness_figures(drive.with_values(each))[0] for each in values]
+    weights = np.exp([log_likelihood(evidence, each) for each in figures])
+    assert len(samples.weights) < 50
+    assert samples.weights.min() >= KEPT_LIKELIHOOD * (1 - 1e-12)
+    assert samples.weights.sum() == pytest.approx(weights.sum(), rel=0.1)
+    every = np.array([each["cam.W_0"] for each in values])
+    kept = prior.fields[0].value(samples.shares[:, 0])
+    for share in (0.25, 0.5, 0.75):
+        expected = weighted_quantile(every, weights, share)
+        assert weighted_quantile(kept, samples.weights, share) == pytest.approx(expected, abs=0.01)
+
+
+@pytest.mark.parametrize("wrong", ["K_2", "accuracy"])
+def test_evidence_that_contradicts_is_named(wrong):
+    drive = tiny("phases.phi_hb=unknown")
+    figures = stiffness_figures(drive)[0] | {"accuracy": 1e3}
+    said = {name: figures[name] / (30 if name == wrong else 1) for name in ("K_1", "K_2", "lost_motion", "accuracy")}
+    evidence = evidence_of(tiny(*(f"catalogue.{name}={value!r}" for name, value in said.items())))
+    with pytest.raises(UntrustedError, match=rf"catalogue\.{wrong} = .* contradicts"):
+        draw_samples(prior_of(drive), (4.0,), evidence=evidence, effort=replace(FEW, effective=16, most_draws=16))
+
+
+def test_ranges_without_a_drive_are_named():
+    prior = prior_of(tiny("source.cam.W_0={kind: assumed, range: [1.7, 3], ref: judged}"))
+    beyond = replace(prior, fields=(replace(prior.fields[0], low=2.6),))
+    with pytest.raises(
+        UntrustedError, match=r"0 of 8 draws are effective, 8 are needed: 8 are no drive \(most: cam\.W_0"
+    ):
+        draw_samples(beyond, (4.0,), effort=replace(FEW, most_draws=8))
+
+
+@pytest.mark.parametrize(
+    ("hits", "verdict", "settled"),
+    [
+        (64, Verdict.PASS, True), (62, Verdict.INCONCLUSIVE, False), (50, Verdict.INCONCLUSIVE, True),
+        (2, Verdict.INCONCLUSIVE, False), (0, Verdict.FAIL, True),
+    ],
+)  # fmt: skip
+def test_a_verdict_needs_a_probability_that_is_clear_of_its_threshold(hits, verdict, settled):
+    found = probability_of(np.arange(64) < hits, np.ones(64))
+    assert found.low <= found.value == hits / 64 <= found.high
+    assert verdict_by_probability(found.low, found.high) is verdict
+    assert is_settled(found.low, found.high) is settled
+    assert verdict_by_probability(found.low, found.high, sure=0.999) is Verdict.INCONCLUSIVE
+
+
+def test_shares_of_the_variance_are_those_of_a_linear_model():
+    rng = np.random.default_rng(2)
+    x = {f"x{k}": rng.standard_normal((3000, 1)) for k in range(8)}
+    y = (3 * x["x0"] + 2 * x["x3"] + rng.standard_normal((3000, 1)) * np.sqrt(3)).ravel()
+    found = {each.group: each.share for each in shares_of_variance(x, y, np.ones(3000))}
+    assert found == pytest.approx({"x0": 9 / 16, "x3": 4 / 16}, abs=0.03)
+    assert shares_of_variance(x, np.ones(3000), np.ones(3000)) == ()
+
+
+@pytest.fixture(scope="module")
+def by_C_3():
+    """Samples whose F'_ior is decided by C_3 alone, but for a little chance."""
+    samples = draw_samples(prior_of(tiny(C_3, J_N, "phases.phi_hb=unknown")), (4.0,), effort=FEW)
+    shares = qmc.Sobol(3, seed=1).random_base2(8)
+    k = [each.path for each in samples.prior.fields].index("supports.C_3")
+    F_ior = 20 * np.exp(shares[:, k] + 0.05 * np.random.default_rng(0).standard_normal(256))
+    return replace(samples, shares=shares, F_ior_arcsec=F_ior[:, None], weights=np.ones(256))
+
+
+def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C_3):
+    (first,) = influences(by_C_3, 0)
+    assert first.group == "supports.C_3"
+    assert first.share > 0.9
+    found = {each.measured: each.gain for each in measurements(by_C_3, 0)}
+    assert set(found) == {"supports.C_3", "F_ior@4"}
+    middle = measurements(by_C_3, 0, float(np.median(by_C_3.F_ior_arcsec)))
+    gains = {each.measured: each.gain for each in middle}
+    assert 0.35 < gains["supports.C_3"] < 0.5  # half of the verdicts are right by chance
+    assert measurements(by_C_3, 0, 1000.0) == ()  # all keep it: nothing is left to decide
+
+
+def test_the_interval_of_a_percentile_holds_the_true_one(by_C_3):
+    rng = np.random.default_rng(3)
+    inside = []
+    for _ in range(100):
+        some = replace(by_C_3, F_ior_arcsec=rng.standard_normal((256, 1)) + 10)
+        inside.append(abs(some.percentile(0.95, 0) - norm.ppf(0.95) - 10) < 1.96 * some.percentile_error(0.95, 0))
+    assert sum(inside) >= 85

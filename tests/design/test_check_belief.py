@@ -1,0 +1,97 @@
+"""What a check makes of all that is not known of a drive: percentiles, verdicts, influences, what to measure."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from hdassist import load_preset
+from hdassist.design.check import check
+from hdassist.design.check_page import to_json
+from hdassist.verdict import Verdict
+from tests.process import SMALL, TINY, run
+
+PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
+
+
+@pytest.fixture(scope="module")
+def open_():
+    return check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY]))
+
+
+def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
+    point = open_.points[1]
+    own, belief = point.self_error.range_arcsec, point.belief
+    assert belief.p5 < belief.p50 < belief.p95
+
+    def verdict(limit: float, **change) -> Verdict:
+        return replace(point, limit_arcsec=limit, **change).verdict
+
+    values = open_.samples.F_ior_arcsec[:, 1]
+    assert verdict(values.max() + own + 0.01) is Verdict.PASS
+    # 95 of 100 samples within it may be chance: 64 samples do not tell 0.95 from 0.9
+    assert verdict(belief.p95 + own) is verdict(belief.p50 + own) is verdict(belief.p5 + own) is Verdict.INCONCLUSIVE
+    assert verdict(belief.p95 + own, sure=0.8) is Verdict.PASS
+    assert verdict(values.min() + own - 0.01) is Verdict.FAIL
+    # without samples nothing is settled, however wide the limit; where all is known the value decides
+    assert verdict(1e5, belief=None) is Verdict.INCONCLUSIVE
+    assert verdict(1e5, belief=None, open_=False) is Verdict.PASS
+
+
+def test_what_is_assumed_counts_as_what_is_unknown_does():
+    assumed = [PLAY, "operation.M_g=4"]
+    (point,) = check(load_preset(TINY, assumed), draws=16).points
+    limit = point.F_ior_upper_arcsec + 0.1  # the preset's own values keep it
+    assert point.belief.p95 > point.error.F_ior_arcsec + 1
+    assert replace(point, limit_arcsec=limit).verdict is Verdict.INCONCLUSIVE
+
+
+def test_an_uncertainty_alone_is_judged_by_its_range_too():
+    known = check(load_preset(SMALL, ["operation.M_g=4"]))
+    assert (known.points[0].belief, known.samples, known.influences, known.to_measure) == (None, None, (), ())
+    found = check(load_preset(SMALL, ["operation.M_g=4", "phases.xi_b=90±60", "flexspline.h_1=0.35±0.01"]), draws=16)
+    (point,) = found.points
+    assert point.belief.p95 - point.belief.p5 > 1
+    assert [each.path for each in found.prior.fields] == ["flexspline.h_1", "phases.xi_b"]
+    own = point.self_error.range_arcsec
+    assert replace(point, limit_arcsec=point.belief.p50 + own).verdict is Verdict.INCONCLUSIVE
+
+
+def test_one_torque_may_be_settled_and_another_open():
+    limits = "acceptance.F_ior={1: 3000, 4: 2050}"
+    page = run("check", TINY, "--jobs", "1", "--no-plot", "--set", "phases.phi_hb=unknown", "--set", limits)
+    assert page.returncode == 6
+    assert "\n1 N·m: F'_ior + self error keep 3000 arcsec, 100 % sure (97 to 100)\n4 N·m: open, " in page.stdout
+
+
+def test_json_has_the_belief_and_the_same_from_any_number_of_workers(open_):
+    with ThreadPoolExecutor(2) as executor:
+        again = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY]), executor=executor)
+    told = to_json(open_, 0)
+    assert json.dumps(to_json(again, 0)) == json.dumps(told)
+    assert set(told["operating_points"][0]["belief"]) == {
+        "p5_arcsec", "p50_arcsec", "p95_arcsec", "p5_error_arcsec", "p50_error_arcsec", "p95_error_arcsec",
+        "probability", "probability_low", "probability_high",
+    }  # fmt: skip
+    assert told["samples"] == {"effective": pytest.approx(64), "draws": 64, "refused": [], "seed": 0}
+    assert told["influence"][0]["field"] == "tolerances.e_hb"
+    assert {each["what"] for each in told["to_measure"]} >= {"tolerances.e_hb", "F_ior@1"}
+    shares = [each["share"] for each in told["influence"]]
+    assert shares == sorted(shares, reverse=True)
+    assert 0 < sum(shares) <= 1
+
+
+def test_without_samples_nothing_that_is_open_is_settled():
+    result = run("check", TINY, "--json", "--draws", "0", "--set", PLAY, "--set", "acceptance.F_ior=1e5")
+    told = json.loads(result.stdout)
+    assert (result.returncode, told["verdict"], told["samples"]) == (6, "INCONCLUSIVE", None)
+    assert told["warnings"] == ["not known, and computed as given or 0: gears.j_n; no range over them"]
+
+
+def test_a_catalogue_that_contradicts_the_drive_ends_without_a_number():
+    result = run(
+        "check", TINY, "--jobs", "1", "--draws", "4", "--set", "phases.phi_hb=unknown", "--set", "catalogue.K_2=1e9"
+    )
+    assert (result.returncode, result.stdout) == (5, "")
+    assert "catalogue.K_2 = 1e+09 contradicts" in result.stderr
