@@ -1,81 +1,133 @@
-"""What one state costs on one thread, certificate included: the engine, DAQP warm, and solvers called through cvxpy."""
+"""What one state costs on one thread, sums and certificate included: each engine, and solvers called through cvxpy."""
 
 from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks.machine import seconds
-from hdassist import kinematic_error, load_preset
-from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import gaps
+from benchmarks.words import NUMPY, WARM_DAQP
+from hdassist import Drive, load_preset
+from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.model.contacts import StateGaps, contact_system
+from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
+from hdassist.solve import walk
 from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import CHUNK, solve_states
+from hdassist.solve.answers import CHUNK, N_MM, solve_states
+from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
-from hdassist.solve.compiled import compile_programme
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
 SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # states that each one solves
-N_MM = 1e3  # N*mm in a N*m
+
+
+class Warm:
+    """DAQP warm from state to state, with the sums and the certificate that the engines have."""
+
+    def __init__(self, formulation: Formulation, torque: float) -> None:
+        self._system, self._torque = formulation.system, torque
+        self._one_by_one = ActiveSet(formulation, torque)
+
+    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+        """Solve states as StateSolver says."""
+        delta_p = self._system.delta_p_of(gaps)
+        return StateSums.of(self._system, delta_p, self._torque, *self._one_by_one.solve(delta_p), pull=pull)
 
 
 def measure(quick: bool) -> list[dict]:
-    """For each torque of vzp160: microseconds a state, and seconds of the full cycle as an analysis asks for it.
+    """For each torque of vzp160: microseconds of processor time a state, of the cycle and of a search.
 
-    All in processor time. Engine, DAQP and the certificate take turns, each over the full cycle; a solver through
-    cvxpy solves random states one after another, the programme compiled before and its parameters changed.
+    Engines take turns, each over the full cycle and over the batches in which proposals of extremes are solved; a
+    solver through cvxpy solves random states of the cycle one after another, its programme stated before.
     """
     drive = load_preset("vzp160")
-    system, kinematics = contact_system(drive), Kinematics.of(drive)
+    kinematics = Kinematics.of(drive)
     cycle = pitch_locked_states(kinematics)
-    delta_p = gaps(drive, system, cycle.take(neighbours_together(kinematics, cycle)))
-    formulation = formulate(system)
-    sample = delta_p[np.random.default_rng(0).choice(len(delta_p), max(SOLVERS.values()), replace=False)]
-    found = []
+    formulation = formulate(contact_system(drive))
+    gaps = state_gaps(drive, formulation.system, cycle.take(neighbours_together(kinematics, cycle)))
+    rounds, found = (1 if quick else 5), []
     for M_g in drive.operation.M_g:
-        costs = _over_the_cycle(formulation, M_g * N_MM, delta_p, 1 if quick else 5)
-        solvers = {} if quick else SOLVERS
-        through = {
-            name: _through_cvxpy(formulation, M_g * N_MM, sample[:count], name) for name, count in solvers.items()
-        }
-        rounds = 1 if quick else 5
-        full = seconds(lambda M_g=M_g: kinematic_error(drive, M_g, cross_check=None), rounds)
-        found.append({"M_g": M_g, "states": len(delta_p), **costs, "full_cycle_s": full, "cvxpy_us": through})
+        torque, orders = M_g * N_MM, {"cycle": [gaps], "search": searched(drive, M_g)}
+        found.append({
+            "M_g": M_g,
+            "states": {name: sum(map(len, batches)) for name, batches in orders.items()},
+            "us": {name: _engines(formulation, torque, batches, rounds) for name, batches in orders.items()},
+            "certificate_us": _certificate(formulation, torque, gaps, rounds),
+            "cvxpy_us": {} if quick else {name: _through_cvxpy(formulation, torque, gaps, name) for name in SOLVERS},
+        })  # fmt: skip
     return found
 
 
-def _over_the_cycle(formulation: Formulation, torque: float, delta_p: np.ndarray, rounds: int) -> dict[str, float]:
-    system, data = formulation.system, compile_programme(formulation)
-    everywhere = np.ones(delta_p.shape[1], dtype=bool)
-    chunks = [delta_p[first : first + CHUNK] for first in range(0, len(delta_p), CHUNK)]
-    times = []
+def searched(drive: Drive, M_g: float) -> list[StateGaps]:
+    """The batches of states that proposals of a drive's extremes solve, one after another."""
+    batches: list[StateGaps] = []
+    solve = LoadCase.solve
+
+    def kept(case, gaps, *others, **options):
+        batches.append(gaps)
+        return solve(case, gaps, *others, **options)
+
+    with patch.object(LoadCase, "solve", kept):
+        ErrorMap(drive, M_g).many_extremes(Batch.of(drive))
+    return batches
+
+
+def walks() -> Iterator[tuple[str, object]]:
+    """The compiled walk for each instruction set that this machine has, in words, and its library."""
+    best, _ = walk.library()
+    for level, words in sorted(walk.INSTRUCTIONS.items()):
+        file = best and Path(best._name).parent / library_name(level)
+        if file and file.exists() and level <= best.walk_level():
+            yield f"compiled walk, {words}", walk._load(file)
+
+
+def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], rounds: int) -> dict[str, float]:
+    makers: dict[str, Callable[[], Engine | Warm]] = {}
+    for words, library in walks():
+        makers[words] = lambda library=library: _with(library, formulation, torque, batches[0][:1])
+    makers[NUMPY] = lambda: Engine(formulation, torque, many=True, compiled=False)
+    makers[WARM_DAQP] = lambda: Warm(formulation, torque)
+    times: dict[str, list[float]] = {name: [] for name in makers}
     for _ in range(rounds):
-        engine = Engine(formulation, torque)
-        marks = [time.process_time()]
-        solve_states(system, engine, torque, delta_p, str)
-        marks.append(time.process_time())
-        daqp = ActiveSet(formulation, data, torque, everywhere)
-        answers = [daqp.solve(chunk) for chunk in chunks]
-        marks.append(time.process_time())
-        for chunk, (forces, free, _) in zip(chunks, answers, strict=True):
-            residuals(system, chunk, torque, forces, free)
-        marks.append(time.process_time())
-        times.append(np.diff(marks))
-    engine_us, daqp_us, certificate_us = (float(t) for t in np.median(times, axis=0) / len(delta_p) * 1e6)
-    # DAQP alone is handed out without the certificate: that is added, so that both rows have it
-    return {"engine_us": engine_us, "daqp_us": daqp_us + certificate_us, "certificate_us": certificate_us}
+        for name, made in makers.items():
+            solver = made()
+            begun = time.process_time()
+            for gaps in batches:
+                solve_states(formulation.system, solver, torque, gaps, str)
+            times[name].append(time.process_time() - begun)
+    return {name: statistics.median(taken) / sum(map(len, batches)) * 1e6 for name, taken in times.items()}
 
 
-def _through_cvxpy(formulation: Formulation, torque: float, sample: np.ndarray, solver: str) -> float:
-    solve_through_cvxpy(formulation, sample[0], torque, solver)
+def _with(library: object, formulation: Formulation, torque: float, first: StateGaps) -> Engine:
+    """An engine that walks by a library; it is chosen when the first state is solved."""
+    with patch.object(walk, "library", lambda: (library, "")):
+        engine = Engine(formulation, torque, many=True)
+        engine.solve(first)
+    return engine
+
+
+def _certificate(formulation: Formulation, torque: float, gaps: StateGaps, rounds: int) -> float:
+    """Microseconds that numpy takes for the residuals of a state."""
+    some = formulation.system.delta_p_of(gaps[:CHUNK])
+    forces, free, _ = ActiveSet(formulation, torque).solve(some)
+    return seconds(lambda: residuals(formulation.system, some, torque, forces, free), rounds) / len(some) * 1e6
+
+
+def _through_cvxpy(formulation: Formulation, torque: float, gaps: StateGaps, solver: str) -> float:
+    rows = np.random.default_rng(0).choice(len(gaps), 1 + SOLVERS[solver], replace=False)
     times = []
-    for delta_p in sample:
+    for delta_p in formulation.system.delta_p_of(gaps[rows]):
         begun = time.process_time()
         solve_through_cvxpy(formulation, delta_p, torque, solver)
         times.append(time.process_time() - begun)
-    return statistics.median(times) * 1e6
+    return statistics.median(times[1:]) * 1e6  # the first one is compiled

@@ -1,33 +1,35 @@
-"""Whole processes as users start them: seconds on the clock, and memory."""
+"""Whole processes as users start them: processor time over that of an import, seconds on the clock, and memory."""
 
 from __future__ import annotations
 
 import os
 import pty
+import re
 import statistics
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 EVERY = 0.2  # s between two looks at the memory
-FIG_3 = ("mount", "vzp160", "--step", "5", "--csv", "-")
+ANSWERS = (0, 3, 6)  # exit codes of a command that has its answer
+CONTROL = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
 
 
 @dataclass(frozen=True)
 class Process:
     """One command: its arguments and how often it runs.
 
-    target_s: the most seconds it should take; ratio: of which other process, by its words, so many times the time;
-    python: arguments of Python instead of hdassist.
+    over: the other process, and the most times its processor time that this one should take; python: arguments of
+    Python instead of hdassist.
     """
 
     arguments: tuple[str, ...]
     runs: int
-    target_s: float | None = None
-    ratio: tuple[str, float] | None = None
+    over: tuple[Process, float] | None = None
     python: bool = False
 
     @property
@@ -39,61 +41,67 @@ class Process:
         return [sys.executable, *(() if self.python else ("-m", "hdassist")), *self.arguments]
 
 
+NEW = ("presets", "new", "own", "--ratio", "100", "--torque", "67", "-o", "own.yaml")  # a data-sheet preset
+TRIALS = ("trials", "vzp160", "h0:20.2", "h3:24.1", "h6:31.5", "--noise", "0.5", "--torque", "80")
+TERMINAL = Process(("-c", "import typer, rich"), 7, python=True)
 IMPORT = Process(("-c", "import cvxpy"), 7, python=True)
-CHECK = Process(("check", "vzp160"), 5, ratio=(IMPORT.words, 2.5))
-MOUNT = Process(("mount", "vzp160"), 3, ratio=(CHECK.words, 1.5))
+CHECK = Process(("check", "vzp160"), 5, (IMPORT, 3.0))
 PROCESSES = (
-    Process(("--help",), 7, 0.25),
-    Process(("--version",), 7, 0.25),
+    TERMINAL,
+    Process(("--help",), 7, (TERMINAL, 1.7)),
     IMPORT,
     CHECK,
-    MOUNT,
-    Process(("self-error", "vzp160"), 5, ratio=(IMPORT.words, 1.5)),
-    Process(("stiffness", "vzp160"), 5, ratio=(IMPORT.words, 1.5)),
-    Process(FIG_3, 2, 10.0),
-    Process((*FIG_3, "--every-state"), 1, 60.0),
+    Process(("check", "own.yaml"), 5, (IMPORT, 6.0)),
+    Process(("mount", "vzp160"), 3, (IMPORT, 5.0)),
+    Process(TRIALS, 3, (IMPORT, 6.0)),
+    Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 20.0)),
+    Process(("sensitivity", "vzp160"), 3, (IMPORT, 20.0)),
+    Process(("stiffness", "vzp160"), 5, (IMPORT, 1.6)),
+    Process(("self-error", "vzp160"), 5, (IMPORT, 1.6)),
 )
-FIRST_LINE = 1.5  # times the import: until an answer that takes longer shows something on a terminal
+LONG = ("tolerance", "sensitivity")  # once in a quick run
 
 
 def measure(quick: bool) -> dict:
-    """Medians of every process; quick: fewer runs, and Fig. 3 not with every state."""
-    chosen = [p for p in PROCESSES if not (quick and "--every-state" in p.arguments)]
-    runs = [measured(p, min(p.runs, 2) if quick else p.runs) for p in chosen]
-    first = {p.words: statistics.median(_first_line(p) for _ in range(2 if quick else 5)) for p in (CHECK, MOUNT)}
-    return {"runs": runs, "first_line_s": first}
+    """Medians of every process, in a folder that holds a preset of a data sheet; quick: fewer runs."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(Process(NEW, 1).call, cwd=folder, check=True, capture_output=True)
+        runs = [measured(p, (1 if p.arguments[0] in LONG else 2) if quick else p.runs, folder) for p in PROCESSES]
+        first = statistics.median(_first_words(CHECK, folder) for _ in range(2 if quick else 5))
+    return {"runs": runs, "first_output_s": first}
 
 
-def _first_line(process: Process) -> float:
-    """Seconds until a command shows something on a terminal."""
+def _first_words(process: Process, folder: str) -> float:
+    """Seconds of processor time until a command shows words on a terminal, not controls of it alone."""
     ours, theirs = pty.openpty()
-    begun = time.perf_counter()
-    child = subprocess.Popen(process.call, stdin=subprocess.DEVNULL, stdout=theirs, stderr=theirs)
+    streams = {"stdin": subprocess.DEVNULL, "stdout": theirs, "stderr": theirs}
+    child = subprocess.Popen(process.call, cwd=folder, env=os.environ | {"TERM": "xterm"}, **streams)
     os.close(theirs)
-    os.read(ours, 1)
-    took = time.perf_counter() - begun
-    child.kill()
-    child.wait()
+    shown = b""
+    while not CONTROL.sub(b"", shown).strip():
+        shown += os.read(ours, 4096)
+    child.terminate()  # which takes its workers along
+    _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
     os.close(ours)
-    return took
+    return usage.ru_utime + usage.ru_stime
 
 
-def measured(process: Process, runs: int) -> dict:
-    found = [_run(process) for _ in range(runs)]
+def measured(process: Process, runs: int, folder: str) -> dict:
+    """Medians of runs in a folder; over: words of the other process, and the most times its processor time."""
+    found = [_run(process, folder) for _ in range(runs)]
     return {
         "command": process.words,
         "runs": runs,
-        "target_s": process.target_s,
-        "ratio": process.ratio,
+        "over": process.over and [process.over[0].words, process.over[1]],
         "median_s": statistics.median(run["s"] for run in found),
-        "least_s": min(run["s"] for run in found),
         "processor_s": statistics.median(run["processor_s"] for run in found),
         "one_process_MB": max(run["one_process_MB"] for run in found),
         "all_processes_MB": max(run["all_processes_MB"] for run in found),
     }
 
 
-def _run(process: Process) -> dict[str, float]:
+def _run(process: Process, folder: str) -> dict[str, float]:
     """One run: seconds on the clock, those of the processors (workers included), and memory.
 
     one_process_MB: the greatest resident set of any one process of the command, as the kernel kept it (ru_maxrss);
@@ -101,7 +109,7 @@ def _run(process: Process) -> dict[str, float]:
     processes share counted once (PSS); at least what one process had.
     """
     begun = time.perf_counter()
-    child = subprocess.Popen(process.call, stdout=subprocess.DEVNULL)
+    child = subprocess.Popen(process.call, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     sums, ended = [0.0], threading.Event()
     watch = threading.Thread(target=_watch, args=(child.pid, sums, ended))
     watch.start()
@@ -110,7 +118,7 @@ def _run(process: Process) -> dict[str, float]:
     ended.set()
     watch.join()
     child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
+    if child.returncode not in ANSWERS:
         raise SystemExit(f"{process.words} ended with exit code {child.returncode}")
     one = usage.ru_maxrss / 1024
     return {

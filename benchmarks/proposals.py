@@ -1,0 +1,120 @@
+"""What proposed extremes miss of every state, and the time of both: `python -m benchmarks.proposals --n 1000`.
+
+Drives: all presets; hard cases, `vzp160` with cam offsets from none to large where its wheel has the least and the
+greatest error; random ones (tests/searched_drives.py), light, heavy and of any torque.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+KINDS = ("light", "heavy", "any")  # of tests/searched_drives.py
+OFFSETS = (0.0, 80.0, 120.0)  # um, of the cam offset that stands still
+HOLES = 24  # positions among which the extreme ones are looked for
+RANDOM = 70  # drives of each kind
+FAR = 0.01  # arcsec: a miss that is counted
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A drive by every state, and by proposals: F'_ior [arcsec], states solved, processor time [s]."""
+
+    F_ior: tuple[float, float]
+    states: tuple[int, int]
+    seconds: tuple[float, float]
+
+    @property
+    def missed(self) -> float:
+        """Greatest difference of both [arcsec]."""
+        return abs(self.F_ior[0] - self.F_ior[1])
+
+
+def compared(case) -> Compared | None:
+    """Compare both ways of a drive at a torque [N*m]; None where its answer is outside the limits of the model."""
+    from hdassist.error.error_map import Batch, ErrorMap
+    from hdassist.errors import UntrustedError
+
+    drive, M_g = case
+    found, seconds = [], []
+    for way in (ErrorMap.extremes, ErrorMap.many_extremes):
+        error_map, batch = ErrorMap(drive, M_g), Batch.of(drive)
+        begun = time.process_time()
+        try:
+            found.append(way(error_map, *([batch] if way is ErrorMap.many_extremes else [])))
+        except UntrustedError:
+            return None
+        seconds.append(time.process_time() - begun)
+    every, proposed = found
+    return Compared(
+        (every.first, proposed.first), (every.certificate.states, proposed.certificate.states), tuple(seconds)
+    )
+
+
+def cases(random: int) -> dict[str, Iterable]:
+    """Drives with their torques [N*m], by group."""
+    from hdassist import load_preset, preset_names
+    from tests.searched_drives import searched_drive
+
+    presets = [(drive, M_g) for drive in map(load_preset, preset_names()) for M_g in drive.operation.M_g]
+    groups = {"presets": presets, "hard cases": list(_hard(load_preset("vzp160")))}
+    return groups | {f"random drives, {kind}": [searched_drive(kind, k) for k in range(random)] for kind in KINDS}
+
+
+def _hard(drive) -> Iterable:
+    import numpy as np
+
+    from hdassist.error.error_map import ErrorMap
+    from hdassist.mounting.positions import rotated
+
+    for M_g in drive.operation.M_g:
+        error_map = ErrorMap(drive, M_g)
+        for e_hb in OFFSETS:
+            turned = [rotated(drive.with_values({"tolerances.e_hb": e_hb}), 360 * k / HOLES) for k in range(HOLES)]
+            values = [error_map.extremes(there).first for there in turned]
+            yield from ((turned[k], M_g) for k in (np.argmin(values), np.argmax(values)))
+
+
+def measure(quick: bool, random: int = RANDOM) -> list[dict]:
+    """What proposals miss [arcsec], states [1] and processor time [ms] of both, by group of drives."""
+    with ProcessPoolExecutor(os.cpu_count()) as executor:
+        return [
+            _summary(name, [row for row in executor.map(compared, group) if row])
+            for name, group in cases(5 if quick else random).items()
+        ]
+
+
+def _summary(group: str, rows: list[Compared]) -> dict:
+    values, missed = [row.F_ior[0] for row in rows], [row.missed for row in rows]
+    median = partial(map, statistics.median)
+    return {
+        "group": group,
+        "cases": len(rows),
+        "F_ior_arcsec": [min(values), max(values)],
+        "states": list(median(zip(*(row.states for row in rows), strict=True))),
+        "ms": [1e3 * s for s in median(zip(*(row.seconds for row in rows), strict=True))],
+        "missed_arcsec": max(missed),
+        "missed_share": max((row.missed / row.F_ior[0] for row in rows if row.missed > FAR), default=0.0),
+        "far": sum(miss > FAR for miss in missed),
+    }
+
+
+def main() -> None:
+    """Compare, and print a line for each group."""
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--n", type=int, default=1000, help="random drives of each kind")
+    reader.add_argument("--quick", action="store_true", help="five of each kind")
+    options = reader.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    for row in measure(options.quick, options.n):
+        print(", ".join(f"{name} {value}" for name, value in row.items()))
+
+
+if __name__ == "__main__":
+    main()
