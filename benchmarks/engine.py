@@ -45,12 +45,12 @@ class Warm:
 
 
 def measure(quick: bool) -> list[dict]:
-    """For each torque of vzp160: microseconds of processor time a state, of the cycle and of a search.
+    """For each torque of vzp160 with whole flanks: processor time a state [us], of the cycle and of a search.
 
     Engines take turns, each over the full cycle and over the batches in which proposals of extremes are solved; a
     solver through cvxpy solves random states of the cycle one after another, its programme stated before.
     """
-    drive = load_preset("vzp160")
+    drive = load_preset("vzp160", ["numerics.stations=1"])
     kinematics = Kinematics.of(drive)
     cycle = pitch_locked_states(kinematics)
     formulation = formulate(contact_system(drive))

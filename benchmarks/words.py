@@ -16,8 +16,9 @@ largest of them).
 """
 
 SOLVERS = """\
-Microseconds of processor time a state of `vzp160`, sums and certificate included: over the cycle, where each state is
-next to the one before, and over the states that proposals of its extremes solve, in their order and batches.
+Microseconds of processor time a state of `vzp160` with flanks that bear as a whole (`numerics.stations: 1`; below is
+what coned ones cost), sums and certificate included: over the cycle, where each state is next to the one before, and
+over the states that proposals of its extremes solve, in their order and batches.
 """
 
 # Why a target is missed, and what to try next; a row that is met says nothing. Shares are of processor time.
@@ -34,32 +35,36 @@ REASONS = {
     "proposals": "an island of the error, a few pitches where one zone alone holds the torque, between the points of "
     "the grid. Answers about one drive do not rest on proposals: they solve every state. Next: a finer grid where one "
     "zone takes nearly all.",
-    "check": "over all processes: both ends of each assumption 28 %, self error 21 % (400 pairs of phases, each with "
-    "contacts, rings and a programme of its own), the import of cvxpy for the cross-check 20 % and its states 8 %, "
-    "all other imports 11 %, every state of both torques 6 %, what a micrometre does 3 %. By kinds of work: states "
-    "solved in C 16 %, systems set up 14 %, single states near a known contact set 14 %. Next: bores and rings, which "
-    "phases do not change, factored once.",
-    "check own.yaml": "47 % are the 64 drives drawn from what is not known, at 3800 states each and torque, 22 % "
-    "both ends of each assumption, 10 % the self error, 8 % the import of cvxpy and 4 % the cross-check. States "
-    "solved in C are 43 % of all, setting up of systems 10 %. Next: fewer states a drawn drive, by a map of the drive "
-    "itself.",
-    "mount": "every state of both torques in each hole 37 %, whether the best hole stays the best when an assumption "
-    "is at its end 22 %, the cross-check of where the wheel stands and where it should 16 %, the import of cvxpy 9 %; "
-    "states solved in C are 52 %. Next: look at the holes near the best one alone.",
-    "trials": "F'_ior of 12 288 samples in every hole read off tables of the error 53 %, nearly all of it in numpy "
-    "(deviation scalars 27 %, tables read 25 %), the tables themselves 27 %, imports 6 %. Next: scalars and reading "
-    "of tables in C.",
-    "tolerance": "of 150 drives: states solved in C 29 %, deviation scalars 19 %, proposals 18 % and tables read 7 % "
-    "in numpy, imports 10 %; by purpose, tables of the error 11 % and the self error 8 %. Next: scalars and reading "
-    "of tables in C.",
-    "sensitivity": "proposals and their climbs in numpy 34 %, states solved in C 30 %, deviation scalars 19 %, walks "
-    "and their references made 5 %, tables read 4 %; by purpose, slopes by every number of the drive 8 %. Next: "
-    "proposals and scalars in C.",
-    "self-error": "400 pairs of phases, each with contacts, rings and a programme of its own: 62 % (set-up of "
-    "systems 22 %, states near a known contact set 24 %); imports, of which cvxpy is none, 33 %. Next: what does not "
+    "check": "flanks in five stations (the preset's) take 2.6 times as long as whole ones, for which the target was "
+    "made. Over all processes: both ends of each assumption 36 %, self error 21 % (400 pairs of phases, each with "
+    "contacts, rings and a programme of its own), cross-check 15 %, every state of both torques 8 %, the import of "
+    "cvxpy 8 % and all others 4 %, what a micrometre does 4 %. By kinds of work: single states near a known contact "
+    "set 22 %, states solved in C 20 %, systems set up 15 %, walks and their references made 8 %. Next: bores and "
+    "rings, which phases do not change, factored once.",
+    "check own.yaml": "flanks in five stations take 2.2 times as long as whole ones. Both ends of each assumption "
+    "35 %, the 64 drives drawn from what is not known 33 %, the self error 11 %, the cross-check 8 %, the import of "
+    "cvxpy 4 %, every state 3 %. By kinds of work: states solved in C 35 %, single states near a known contact set "
+    "19 %, systems set up 12 %, walks and their references made 11 %. Next: fewer states a drawn drive, by a map of "
+    "the drive itself.",
+    "mount": "flanks in five stations take three times as long as whole ones. Every state of both torques in each "
+    "hole 38 %, the cross-check of where the wheel stands and where it should 28 %, whether the best hole stays the "
+    "best when an assumption is at its end 18 %, the import of cvxpy 3 %; states solved in C are 51 %. Next: look at "
+    "the holes near the best one alone, and check fewer states again.",
+    "trials": "tables of the error 49 % (states solved in C 20 %, walks and their references made 11 %), F'_ior of "
+    "12 288 samples in every hole read off them 33 %, nearly all of it in numpy (deviation scalars 16 %, tables read "
+    "16 %), both ends of the assumptions 10 %, imports 4 %. Next: scalars and reading of tables in C.",
+    "tolerance": "of 150 drives: states solved in C 45 %, proposals 12 %, deviation scalars 10 % and tables read 4 % "
+    "in numpy, walks and their references made 7 %, imports 5 %; by purpose, tables of the error 15 % and the self "
+    "error 11 %. Next: fewer states where a table is sure.",
+    "sensitivity": "flanks in five stations take half as long again as whole ones. States solved in C 43 %, "
+    "proposals and their climbs in numpy 20 %, walks and their references made 17 %, deviation scalars 10 %; by "
+    "purpose, slopes by every number of the drive 14 %, tables of the error 5 %. Next: walks of neighbouring systems "
+    "that share a reference, proposals in C.",
+    "self-error": "400 pairs of phases, each with contacts, rings and a programme of its own: 81 % (set-up of "
+    "systems 38 %, states near a known contact set 26 %); imports, of which cvxpy is none, 17 %. Next: what does not "
     "change with the phase factored once.",
-    "stiffness": "the import of cvxpy 52 %, all other imports 29 %, eight states again by another solver 9 %. Next: "
-    "fewer imports.",
+    "stiffness": "the import of cvxpy 36 %, eight states again by another solver 33 %, all other imports 20 %. Next: "
+    "fewer states again.",
     "first output": "the bar begins when the modules of the answer are there: numpy and scipy.linalg are most of "
     "their import. Next: head and bar before numpy is imported.",
     "--help": "the modules of all commands are imported for their options: typer is a quarter of it, "

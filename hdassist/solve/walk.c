@@ -13,6 +13,13 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#if defined(_WIN32) /* its C library has no aligned_alloc */
+#include <malloc.h>
+#define aligned_alloc(alignment, bytes) _aligned_malloc(bytes, alignment)
+#define free_aligned _aligned_free
+#else
+#define free_aligned free
+#endif
 
 #define FREEDOMS 9
 #define ZERO 1e-10       /* programme's units: a value this far below zero counts as zero */
@@ -426,7 +433,7 @@ void walk_free(walk *w) {
     if (!w) return;
     void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->row, w->value, w->correction, w->start,
                      w->all, w->panels, w->force, w->gap0, w->gap, w->free, w->blocks, w->loaded};
-    for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free(rooms[k]);
+    for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free_aligned(rooms[k]);
     free(w);
 }
 

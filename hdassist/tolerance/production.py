@@ -1,7 +1,7 @@
 """F'_ior of random drives: as each is put together by chance, and with its fixed wheel bolted in where it is best.
 
 At each torque the table of the error (error/table.py) is read in every position of the wheel; where the wheel stands,
-and where it may be best, the extremes are solved and proven (error/proposed.py).
+and where it may be best, the extremes are solved and proven (error/error_map.py).
 """
 
 from __future__ import annotations
