@@ -7,7 +7,6 @@ import platform
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Literal
 
 from hdassist.errors import HdassistError, UntrustedError
@@ -65,6 +64,8 @@ def command(*, options: o.PageOptions) -> None:
 
 def packages() -> Iterator[Finding]:
     """hdassist, Python, and each package it needs."""
+    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of what `hdassist --help` imports
+
     yield Finding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
     for needed in requires("hdassist") or ():
         name = needed.split(">")[0].split("<")[0].split("=")[0].split(";")[0].strip()

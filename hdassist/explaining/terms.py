@@ -161,6 +161,13 @@ QUANTITIES = (
         "arcsec",
     ),
     Term(
+        "F'_ior, self-aligning cam",
+        "",
+        "F'_ior where the cam aligned itself (an Oldham coupling: no support, C_3 = 0): what its support adds goes.",
+        ("F_ior_floating_arcsec",),
+        "arcsec",
+    ),
+    Term(
         "held",
         "",
         "What is held against a limit: F'_ior with the self error that 5 and 95 % of what the drive may be stay below; "

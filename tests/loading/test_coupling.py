@@ -4,7 +4,7 @@ from math import pi
 from pathlib import Path
 
 import pytest
-from hdassist.preset.write_similar import similar_preset
+from hdassist.loading.write_similar import similar_preset
 
 from hdassist import Drive, load_preset
 from hdassist.errors import PresetError, UsageError

@@ -70,7 +70,7 @@ def test_the_facts():
         ("worst", "3", "31.44 / 12.62", "+56 %", "+179 %"),
     )
     assert "the wheel stands at hole 8: 4 holes (120 deg) clockwise" in made.checks.lines
-    assert made.chance.lines == ("Values of the preset: 48 given, 0 identified, 0 assumed.",)
+    assert made.chance.lines == ("Values of the preset: 49 given, 0 identified, 0 assumed.",)
     assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
     assert made.foot[1] == f"hdassist {__version__}; preset small, sha256 {digest}; card made 2026-03-09"
@@ -368,5 +368,5 @@ def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     made = card(advice_of(overrides=open_), trials=TRIALS)
     assert dict(made.subject)["mark"].startswith("not known where it points")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
-    assert "Values of the preset: 45 given, 0 identified, 1 assumed." in made.chance.lines
+    assert "Values of the preset: 46 given, 0 identified, 1 assumed." in made.chance.lines
     assert made.chance.lines[-1].endswith("phases.xi_b, harmonics.a_g2, harmonics.xi_g2")

@@ -26,7 +26,7 @@ def test_fields_that_can_be_set() -> None:
 
 
 def test_a_shell_is_answered() -> None:
-    asked = {"_HDASSIST_COMPLETE": "complete_bash", "COMP_WORDS": "hdassist check --set cam.", "COMP_CWORD": "3"}
+    asked = {"_HDASSIST_COMPLETE": "complete_bash", "COMP_WORDS": "hdassist check --set cam.W", "COMP_CWORD": "3"}
     assert CliRunner(env=asked).invoke(app, prog_name="hdassist").stdout.split() == ["cam.W_0="]
     asked |= {"COMP_WORDS": "hdassist sens", "COMP_CWORD": "1"}
     assert CliRunner(env=asked).invoke(app, prog_name="hdassist").stdout.split() == ["sensitivity"]
