@@ -396,7 +396,7 @@ def test_interrupt_ends_with_130_and_leaves_nothing(tmp_path):
 
 
 def test_progress_shows_on_a_terminal_only():
-    work = ("check", SMALL, *(f"--torque={torque}" for torque in range(1, 6)), "-q")
+    work = ("check", SMALL, "--set", "numerics.n_phase=16", *(f"--torque={torque}" for torque in range(1, 6)), "-q")
     _, page = on_terminal(*work, columns=80)
     assert "small" in page
     assert "%" in page

@@ -20,8 +20,9 @@ good, and the error is at its floor. Turning pays most where the standing offset
 about as much as the rigid wheel's deviation: on a ridge from a soft support with a large offset to a stiff one with a
 small offset (third table). On either side of it the ratio falls: to 1.00 without support or offset, to 1.3 with too
 much of both. So a stiff cam gains little at the paper's 80 µm, and 1.75 at the 15 µm of a good seat; all of its
-errors are large. C_3 of `vzp160` was identified from Fig. 3, and its plausible range is 1e3 to 1e5 N/mm.  Nobody is
-known to have measured F'_ior hole by hole. Two papers, read second-hand and without figures, compared slider (Oldham)
+errors are large. C_3 of `vzp160` was identified from Fig. 3, and its plausible range is 1e3 to 1e5 N/mm.
+
+Nobody is known to have measured F'_ior hole by hole. Two papers, read second-hand and without figures, compared slider (Oldham)
 with solid cams and found that the slider improves the transmission error; nothing here was fitted to that.
 """
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
