@@ -22,8 +22,8 @@ small offset (third table). On either side of it the ratio falls: to 1.00 withou
 much of both. So a stiff cam gains little at the paper's 80 µm, and 1.75 at the 15 µm of a good seat; all of its
 errors are large. C_3 of `vzp160` was identified from Fig. 3, and its plausible range is 1e3 to 1e5 N/mm.
 
-Nobody is known to have measured F'_ior hole by hole. Two papers, read second-hand and without figures, compared slider (Oldham)
-with solid cams and found that the slider improves the transmission error; nothing here was fitted to that.
+Nobody is known to have measured F'_ior hole by hole. Two papers, read second-hand and without figures, compared slider
+(Oldham) with solid cams and found that the slider improves the transmission error; nothing here was fitted to that.
 """
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
 STIFFNESSES = (0, 500, 1000, 2000, 4000, 8400, 16000, 30000, 60000, 100000)
