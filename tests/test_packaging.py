@@ -62,7 +62,7 @@ def test_wheel_holds_the_presets_as_they_are(tmp_path):
 @pytest.mark.parametrize("pure", [False, True])
 def test_a_wheel_is_compiled_where_there_is_a_compiler_and_pure_where_not(tmp_path, monkeypatch, pure):
     monkeypatch.setenv("CC", "/bin/false" if pure else "cc")
-    stray = ROOT / "hdassist/solve/_walk_1.so"
+    stray = ROOT / "hdassist/solve/stray.so"  # not by a name that a process beside this one would load
     stray.touch()
     try:
         site = build(tmp_path, "build_wheel")
@@ -72,5 +72,6 @@ def test_a_wheel_is_compiled_where_there_is_a_compiler_and_pure_where_not(tmp_pa
     compiled = not pure and shutil.which("cc") is not None
     assert wheel.name.endswith("-py3-none-any.whl") is not compiled
     libraries = list((site / "hdassist/solve").glob("_walk_*"))
+    assert not (site / "hdassist/solve/stray.so").exists()
     assert bool(libraries) is compiled
     assert all(library.stat().st_size for library in libraries)
