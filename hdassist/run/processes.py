@@ -149,7 +149,7 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
         try:
             task, args, more = pickle.loads(asked)
             answer = ForkingPickler.dumps((True, task(*args, **more)))
-        except Exception as error:
+        except Exception as error:  # whatever a task raises is raised where its result is asked for
             error.add_note("".join(traceback.format_exception(error)))  # for --debug: a traceback cannot be pickled
             answer = ForkingPickler.dumps((False, error))
         there.send_bytes(answer)

@@ -96,7 +96,7 @@ def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) ->
     """
     try:
         return make()
-    except Exception as error:
+    except Exception as error:  # whatever breaks a figure: the answer beside it stands, a remark says so
         if os.environ.get(STRICT):
             raise
         say(f"warning: no {name}, the answer stands: {type(error).__name__}: {error} (a bug in hdassist)")
