@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as variance_ratio
+from scipy.special import fdtrc
 
 from hdassist.belief.samples import Samples, effective_number
 from hdassist.model.geometry import Array
@@ -97,7 +97,7 @@ def chance_probability(gain: float, remaining: float, columns: int, free: float)
     if columns == 0 or free - columns < 1:
         return 1.0
     left = max((remaining - gain) / (free - columns), 1e-30)
-    return float(variance_ratio.sf(gain / columns / left, columns, free - columns))
+    return float(fdtrc(columns, free - columns, gain / columns / left))
 
 
 def _beside(basis: Array, columns: Array) -> Array:

@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import deviations_of, standing_offset
@@ -72,6 +71,8 @@ class DrivePrior:
 
         A scrambled Sobol sequence: of more draws by the same seed the first are the same.
         """
+        from scipy.stats import qmc  # imported in half the time of a check's own modules
+
         sequence = qmc.Sobol(len(self.fields) + 1, scramble=True, rng=np.random.default_rng(seed))
         return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
 

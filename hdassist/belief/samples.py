@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.prior import DrivePrior
@@ -146,8 +146,8 @@ def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
     value = float(weights[inside].sum() / weights.sum())
     hits, misses = value * count, (1 - value) * count
     tail = (1 - CONFIDENCE) / 2
-    low = float(beta.ppf(tail, hits + 0.5, misses + 0.5)) if value > 0 else 0.0
-    high = float(beta.ppf(1 - tail, hits + 0.5, misses + 0.5)) if value < 1 else 1.0
+    low = float(betaincinv(hits + 0.5, misses + 0.5, tail)) if value > 0 else 0.0
+    high = float(betaincinv(hits + 0.5, misses + 0.5, 1 - tail)) if value < 1 else 1.0
     return Probability(value, low, high)
 
 

@@ -29,7 +29,7 @@ class Command(TyperCommand):
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write arguments and options, those of no group first, those of every command last."""
-        _sections(formatter, (_with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+        sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
 
 
 class Commands(TyperGroup):
@@ -38,8 +38,8 @@ class Commands(TyperGroup):
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write the commands, then the options."""
         shown = [command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden]
-        _sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
-        _sections(formatter, (_with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+        sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
+        sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
 
 
 def _is_numeric(hint: Any) -> bool:
@@ -61,7 +61,8 @@ def _summary(command: Any) -> str:
 Record = tuple[str, str]  # what stands to the left and to the right in a help text
 
 
-def _with_panel(parameter: Any, ctx: Context) -> tuple[str, Record | None]:
+def with_panel(parameter: Any, ctx: Context) -> tuple[str, Record | None]:
+    """The row of a parameter in a help text, with its section."""
     kind = "Arguments" if parameter.param_type_name == "argument" else OTHERS
     return _panel(parameter, kind), parameter.get_help_record(ctx)
 
@@ -70,7 +71,8 @@ def _panel(thing: Any, other: str) -> str:
     return getattr(thing, "rich_help_panel", None) or other
 
 
-def _sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]) -> None:
+def sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]) -> None:
+    """Write rows of a help text, each with the section that it belongs to."""
     panels: dict[str, list[Record]] = {}
     for panel, record in records:
         if record:

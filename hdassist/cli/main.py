@@ -12,27 +12,9 @@ from typing import Annotated
 
 import typer
 
-from hdassist.acceptance import command as accept
-from hdassist.calibration import command as calibrate
-from hdassist.cli import doctor, presets
-from hdassist.cli.help import Command, Commands
-from hdassist.comparing import command as compare
-from hdassist.design import check_command as check
-from hdassist.design import self_error_command as self_error
-from hdassist.design import stiffness_command as stiffness
-from hdassist.design import trace_command as trace
+from hdassist.cli.commands import RootCommands
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
-from hdassist.explaining import command as explain
-from hdassist.explorer import command as explore
-from hdassist.measuring import command as measure
-from hdassist.mounting import command as mount
-from hdassist.reporting import command as report
 from hdassist.runfiles import begin_run
-from hdassist.tolerance import allocate_command as allocate
-from hdassist.tolerance import sensitivity_command as sensitivity
-from hdassist.tolerance import sweep_command as sweep
-from hdassist.tolerance import tolerance_command as tolerance
-from hdassist.trials import command as trials
 from hdassist.version import __version__
 
 BUG = 1
@@ -45,36 +27,11 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 app = typer.Typer(
     name="hdassist",
     help="Kinematic error of harmonic drives, and how to make it less.",
-    cls=Commands,
+    cls=RootCommands,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-)
-DESIGN, BENCH, ACCEPTANCE, DATA = "Design", "Bench", "Acceptance", "Data"
-for _name, _command, _panel, _summary in (
-    ("check", check.command, DESIGN, "F'_ior over the full cycle, with verdict and proof"),
-    ("explore", explore.command, DESIGN, "the drive on the screen: turn its knobs and its wheel"),
-    ("trace", trace.command, DESIGN, "the error against the cam angle, with its orders"),
-    ("self-error", self_error.command, DESIGN, "what is left of a drive without deviations"),
-    ("stiffness", stiffness.command, DESIGN, "twist against torque, lost motion, K1, K2, K3"),
-    ("tolerance", tolerance.command, DESIGN, "yield of random drives, as built and best mounted"),
-    ("sensitivity", sensitivity.command, DESIGN, "what F'_ior hangs on, what to tighten first"),
-    ("allocate", allocate.command, DESIGN, "the cheapest tolerances that reach a yield"),
-    ("sweep", sweep.command, DESIGN, "F'_ior over a grid of values of any fields"),
-    ("compare", compare.command, DESIGN, "presets side by side; a measured trace over the predicted one"),
-    ("report", report.command, DESIGN, "a drive on one page, HTML or Markdown"),
-    ("mount", mount.command, BENCH, "in which hole to bolt the fixed wheel; the card"),
-    ("trials", trials.command, BENCH, "the same from F'_ior measured in a few holes"),
-    ("measure", measure.command, BENCH, "F'_ior, orders and coverage of measured traces"),
-    ("accept", accept.command, ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
-    ("explain", explain.command, ACCEPTANCE, "what a check, an error, a field, a symbol or a word is"),
-    ("calibrate", calibrate.command, DATA, "stiffnesses and clearances from measurements"),
-    ("doctor", doctor.command, DATA, "whether this installation can be relied on"),
-):
-    app.command(_name, cls=Command, rich_help_panel=_panel, short_help=_summary)(_command)
-app.add_typer(
-    presets.app, name="presets", cls=Commands, rich_help_panel=DATA, short_help="drives: list, show, validate, start"
 )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hdassist.cli.help import Command
+from hdassist.cli.help import Command, Commands
 from hdassist.errors import HdassistError, PresetError
 from hdassist.terminal import options as o
 
@@ -21,7 +21,14 @@ if TYPE_CHECKING:
     from hdassist.preset.schema import ResolvedField
     from hdassist.terminal.console import Style
 
-app = typer.Typer(help="Presets: list, show, check and start them.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    name="presets",
+    cls=Commands,
+    help="Presets: list, show, check and start them.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+)
 
 LAST_COLUMN = 12  # least width of a column of text
 GAP = 3  # columns between those of a table

@@ -42,10 +42,6 @@ def command(
     else INCONCLUSIVE; the error of sampling counts. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no
     trustworthy answer (also: a catalogue that contradicts the other values), 6 INCONCLUSIVE.
     """
-    from hdassist.design.check import check, estimate_states
-    from hdassist.design.check_page import answer
-    from hdassist.run.processes import workers
-    from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.wheels import PitchFiles
 
@@ -53,21 +49,30 @@ def command(
     files = PitchFiles.asked(presets, pitch)
 
     def one(name: str) -> Answer:
-        drive = drives.load(name)
-        measured = files.read(drive)
-        with out.progress(drive.name, estimate_states(drive, measured, draws)) as progress, workers(jobs) as executor:
-            analysis = partial(
-                check,
-                measured=measured,
-                solver=solver,
-                cross_check=cross_check,
-                draws=draws,
-                sure=sure,
-                seed=seed,
-                executor=None if solver else executor,  # a slow solver shows its progress
-                progress=progress,
-            )
-            result = in_wide_enough_window(drive, analysis)
+        with out.progress(name) as progress:
+            drive = drives.load(name)
+            measured = files.read(drive)
+            torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
+            progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
+            from hdassist.design.check import check, estimate_states
+            from hdassist.design.check_page import answer
+            from hdassist.run.processes import workers
+            from hdassist.solve.window import in_wide_enough_window
+
+            progress.expect(words, estimate_states(drive, measured, draws))
+            with workers(jobs) as executor:
+                analysis = partial(
+                    check,
+                    measured=measured,
+                    solver=solver,
+                    cross_check=cross_check,
+                    draws=draws,
+                    sure=sure,
+                    seed=seed,
+                    executor=None if solver else executor,  # a slow solver shows its progress
+                    progress=progress,
+                )
+                result = in_wide_enough_window(drive, analysis)
         return answer(result, seed=seed, plots=plot, details=details)
 
     raise typer.Exit(give("check", run_each("check", presets, one, options), options, out))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import Fault, HdassistError
 from hdassist.run.stops import at_stop
@@ -18,9 +18,12 @@ from hdassist.visible import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+    from rich.progress import Progress
 
 WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
-PATIENCE = 0.5  # s of work before a progress bar appears
+PATIENCE = 0.5  # s of work before a progress bar with a total appears
+TASK: Any = 0  # the only one of a bar
+REDRAWN = 0.1  # s between two of its pictures
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,14 @@ class Output:
             write_text(self.csv, csv, self.force)
 
     @contextmanager
-    def progress(self, words: str, total: int) -> Iterator[Callable[[int], None]]:
-        """A bar with the time left, on a terminal only and once the work has taken PATIENCE."""
+    def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
+        """A bar with the time left, on a terminal only; at once without a total, else after PATIENCE of work.
+
+        Arguments: words beside it; total of what is to be done, None before that is known (`ProgressBar.expect`).
+        """
         style = stderr_style(no_color=self.no_color)
         if not style.codes:
-            yield lambda _: None
+            yield ProgressBar()
             return
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -88,15 +94,12 @@ class Output:
             TextColumn("{task.percentage:3.0f} %"),
             TimeRemainingColumn(),
             console=console(sys.stderr, style), transient=True,
+            auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
             redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
-        task = bar.add_task(style.text(words), total=total)
-        begun = time.monotonic()
-
-        def advance(states: int) -> None:
-            bar.advance(task, states)
-            if not bar.live.is_started and time.monotonic() - begun > PATIENCE:
-                bar.start()
+        bar.add_task(style.text(words), total=total)
+        if total is None:
+            bar.start()
 
         def wipe() -> None:
             if bar.live.is_started:
@@ -105,10 +108,35 @@ class Output:
 
         try:
             with at_stop(wipe):
-                yield advance
+                yield ProgressBar(bar, style)
         finally:
             if bar.live.is_started:
                 bar.stop()
+
+
+class ProgressBar:
+    """Called with work that was done, it moves a bar, if there is one.
+
+    Arguments: bar, with one task, and the style of its words; None where nobody looks.
+    """
+
+    def __init__(self, bar: Progress | None = None, style: Style | None = None) -> None:
+        self._bar, self._style = bar, style
+        self._next = time.monotonic() + PATIENCE  # that it is drawn
+
+    def __call__(self, done: int) -> None:
+        """Move on by work that was done."""
+        if self._bar:
+            self._bar.advance(TASK, done)
+            if (now := time.monotonic()) > self._next:
+                self._next = now + REDRAWN
+                self._bar.start()
+                self._bar.refresh()
+
+    def expect(self, words: str, total: int | None = None) -> None:
+        """Words beside the bar and the total, as soon as they are known."""
+        if self._bar and self._style:
+            self._bar.update(TASK, description=self._style.text(words), total=total, refresh=True)
 
 
 def complain(error: HdassistError, about: str = "") -> None:

@@ -1,11 +1,14 @@
 """Help texts: what a newcomer sees first."""
 
+import subprocess
+import sys
+
 import pytest
 
-from hdassist.cli.main import app
+from hdassist.cli.commands import COMMANDS
 from tests.process import run
 
-NAMES = sorted(str(command.name) for command in app.registered_commands if not command.hidden)
+NAMES = sorted({*COMMANDS} - {"presets"})
 
 
 def test_without_a_command_there_is_help() -> None:
@@ -47,3 +50,15 @@ def test_a_command_that_is_none_has_its_neighbour_named() -> None:
 
 def test_the_version_has_a_short_option() -> None:
     assert run("-V").stdout == run("--version").stdout
+
+
+def test_help_loads_no_command() -> None:
+    code = """
+import sys
+from hdassist.cli.main import app
+app(["--help"], standalone_mode=False)
+loaded = {name.removeprefix("hdassist.") for name in sys.modules if name.startswith("hdassist.")}
+assert not loaded & {entry.module for entry in COMMANDS.values()}, loaded
+assert not {"numpy", "pydantic"} & {*sys.modules}
+"""
+    subprocess.run([sys.executable, "-c", "from hdassist.cli.commands import COMMANDS" + code], check=True)

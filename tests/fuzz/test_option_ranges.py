@@ -18,6 +18,7 @@ import pytest
 import typer.main
 from typer.models import OptionInfo
 
+from hdassist.cli.commands import COMMANDS
 from hdassist.cli.main import app
 from tests.fuzz.inputs import GOOD, unsolved
 from tests.fuzz.seeds import TRACES
@@ -87,12 +88,12 @@ def declared(command: str) -> list[Declared]:
 @cache
 def commands() -> dict[str, Any]:
     """Functions of all commands, by the words that call them."""
-    groups = [("", app), *((f"{group.name} ", group.typer_instance) for group in app.registered_groups)]
-    return {
-        f"{group}{info.name or info.callback.__name__}": info.callback
-        for group, typed in groups
-        for info in typed.registered_commands
-    }
+    found = {}
+    for name in COMMANDS:
+        command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+        inner = getattr(command, "commands", None)
+        found |= {f"{name} {each}": c.callback for each, c in inner.items()} if inner else {name: command.callback}
+    return found | {"help": typer.main.get_command(app).commands["help"].callback}  # type: ignore[attr-defined]
 
 
 @pytest.fixture
