@@ -204,6 +204,12 @@ Torque = Annotated[str | None, typer.Option("--torque", metavar="N*M", help="Rat
 GivenStiffness = Annotated[
     str | None, typer.Option("--stiffness", metavar="K1,K2,K3", help="Torsional stiffnesses of a catalogue, N*m/rad.")
 ]
+GivenLostMotion = Annotated[
+    str | None, typer.Option("--lost-motion", metavar="ARCSEC", help="Lost motion of a catalogue; 60, or '1 arcmin'.")
+]
+GivenAccuracy = Annotated[
+    str | None, typer.Option("--accuracy", metavar="ARCSEC", help="Transmission accuracy of a catalogue, without load.")
+]
 
 
 @app.command(cls=Command)
@@ -218,6 +224,8 @@ def new(
     ratio: Ratio = None,
     torque: Torque = None,
     stiffness: GivenStiffness = None,
+    lost_motion: GivenLostMotion = None,
+    accuracy: GivenAccuracy = None,
     output: o.Target = "-",
     force: o.Force = False,
     debug: o.Debug = False,  # noqa: ARG001 (main reads it)
@@ -229,7 +237,7 @@ def new(
       hdassist presets new own --coupling oldham --ratio 100 --torque 67 -o own.yaml
       hdassist presets new own --coupling overhung --shaft 14x30 --ratio 100 --torque 67
       hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
-      hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
+      hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4 --lost-motion '1 arcmin'
       hdassist presets new my-drive -o my-drive.yaml
 
     --coupling first: it says how far offsets of the cam are felt, and so what turning the wheel can bring. oldham: the
@@ -237,7 +245,8 @@ def new(
     motor's shaft.
     What is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
-    --stiffness stands in the preset's table catalogue as it is given, and hdassist stiffness compares.
+    --stiffness, --lost-motion and --accuracy stand in the preset's table catalogue as they are given: evidence by which
+    check weighs what is assumed.
     """
     from hdassist.loading.load import load_preset
     from hdassist.loading.write import new_preset
@@ -245,14 +254,14 @@ def new(
     from hdassist.preset.wishes import read_wish
     from hdassist.terminal.files import write_text
 
-    asked = (coupling, shaft, like, pitch_diameter, teeth, ratio, torque, stiffness)
+    asked = (coupling, shaft, like, pitch_diameter, teeth, ratio, torque, stiffness, lost_motion, accuracy)
     if all(each is None for each in asked):
         text = new_preset(name)
     else:
         other = load_preset(like if like is not None else "vzp160")
         wish = read_wish(
             other, coupling=coupling, shaft=shaft, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque,
-            stiffness=stiffness,
+            stiffness=stiffness, lost_motion=lost_motion, accuracy=accuracy,
         )  # fmt: skip
         text = similar_preset(name, other, wish)
     write_text(output, text, force)

@@ -23,13 +23,15 @@ def read_wish(
     ratio: float | None = None,
     torque: str | None = None,
     stiffness: str | None = None,
+    lost_motion: str | None = None,
+    accuracy: str | None = None,
 ) -> Wish:
     """What is given of a drive that is to be like another one.
 
     Arguments: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of one that it is overhung
-    on, like 14x30; diameter [mm], torque [N*m] and three stiffnesses [N*m/rad], with units if need be; teeth, like
-    160/162; ratio, of the drive built in as the other one. Raises UsageError: what cannot be read, or contradicts
-    itself.
+    on, like 14x30; diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the drive built in as the other one;
+    of a catalogue three stiffnesses [N*m/rad], lost motion and accuracy [arcsec]; all with units if need be. Raises
+    UsageError: what cannot be read, or contradicts itself.
     """
     said = {}
     z_g = None if teeth is None else _teeth(teeth)
@@ -49,6 +51,11 @@ def read_wish(
     d = None if diameter is None else _measure("--pitch-diameter", diameter, "mm")
     T = None if torque is None else _measure("--torque", torque, "N*m")
     K = None if stiffness is None else _stiffnesses(stiffness)
+    limits = {
+        f"catalogue.{name}": Entry(_measure(option, text, "arcsec"), "given", f"{option} {text}")
+        for name, option, text in (("lost_motion", "--lost-motion", lost_motion), ("accuracy", "--accuracy", accuracy))
+        if text is not None
+    }
     said |= {} if d is None else {"diameter": f"--pitch-diameter {d:g}"}
     said |= {} if T is None else {"torque": f"--torque {plain(T)}"}
     said |= (
@@ -56,7 +63,7 @@ def read_wish(
         if K is None
         else {"stiffness": f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"}
     )
-    return Wish(z_g, d, T, K, said=said, others=_coupling(coupling, shaft))
+    return Wish(z_g, d, T, K, said=said, others=_coupling(coupling, shaft) | limits)
 
 
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, Entry]:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from hdassist.belief.evidence import evidence_of
 from hdassist.cli import presets
 from hdassist.errors import DataError, HdassistError, PresetError, UsageError
 from hdassist.loading.load import load_text
@@ -298,6 +299,12 @@ def test_the_ratio_is_that_of_the_drive_as_it_is_built_in(tmp_path: Path) -> Non
     assert (drive.gears.z_b, drive.mounting.fixed) == (200, "flexspline")
 
 
+def test_new_keeps_lost_motion_and_accuracy_as_evidence() -> None:
+    drive = made("--ratio", "100", "--lost-motion", "1 arcmin", "--accuracy", "90")
+    assert {(each.figure, each.value) for each in evidence_of(drive)} == {("lost_motion", 60.0), ("accuracy", 90.0)}
+    assert drive.source["catalogue.lost_motion"].ref == "--lost-motion 1 arcmin"
+
+
 def test_new_keeps_the_stiffnesses() -> None:
     assert run("new", "own", "--stiffness", "3.1e4, 5e4, 5.7 Nm/mrad").exit_code != 0  # they fall
     drive = made("--stiffness", "3.1e4, 5e4, 57 Nm/mrad")
@@ -323,6 +330,8 @@ def test_new_keeps_the_stiffnesses() -> None:
         (["--pitch-diameter", ""], "--pitch-diameter: must be a number (got nothing)"),
         (["--pitch-diameter", "1e9"], "no such drive: gears.m would be 5e+06 mm"),
         (["--pitch-diameter", "20", "--torque", "800"], "contradicts a pitch diameter of 20 mm"),
+        (["--lost-motion", "x"], "--lost-motion: must be a number (got x)"),
+        (["--accuracy", "0"], "--accuracy must be above 0 arcsec (got 0)"),
         (["--stiffness", "3e4,5e4"], "--stiffness takes three numbers"),
         (["--stiffness", "3e4,5e4,x"], "--stiffness: must be a number (got x)"),
     ],
