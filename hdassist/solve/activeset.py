@@ -23,6 +23,7 @@ ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 FEW = 4  # states for which a model is not worth its set-up
+SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
 STEPS = 25  # of solve_near, after which it is given up; with coned flanks 12 gave up half of the states
 
 
@@ -142,15 +143,18 @@ def solve_near(
         system[n:, :n] = across = A[:, inside]
         system[:n, n:] = across.T
         right_side = np.concatenate([-lowest[inside] - offset, right])
-        _, _, found, failed = lapack.dgesv(system, right_side, overwrite_a=1, overwrite_b=1)
-        if failed or not np.all(np.isfinite(found)):
+        _, _, found, loose = lapack.dgesv(system, right_side)
+        if loose:  # no contact holds the parts: a soft spring lets them move on until some does
+            system[np.arange(n, n + free), np.arange(n, n + free)] -= SOFT
+            _, _, found, _ = lapack.dgesv(system, right_side)
+        if not np.all(np.isfinite(found)):
             return None
         closing = gaps + (H[:, inside] @ found[:n] + A.T @ found[n:])[place]
         approach = np.zeros(len(first))
         approach[inside] = found[:n] / stiff + offset
         forces = np.where(contact, (approach[place] - above) / local, 0.0)
         leave, enter = contact & (forces < -ZERO), ~contact & (closing < -ZERO)
-        if not (leave.any() or enter.any()):
+        if not (loose or leave.any() or enter.any()):
             return np.maximum(forces, 0), found[n:]
         contact = contact ^ leave ^ enter
     return None
