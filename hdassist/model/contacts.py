@@ -1,7 +1,8 @@
 """The contact system of a drive: compliance D, geometry of motion G, supports C, gaps without force.
 
 Candidates stand in the order flanks, bore nodes, balls; a flank has one for each station along its face, the stations
-one after the other. A force opens its own gap: delta = delta_p + D F + G a. Freedoms a: rigid wheel x, y; flexspline x,
+one after the other. All stations of a flank load the structure at one place: they differ in their gap and in how they
+yield themselves. A force opens its own gap: delta = delta_p + D F + G a. Freedoms a: rigid wheel x, y; flexspline x,
 y, rotation; outer ring x, y; cam x, y. Equilibrium is the transpose, as virtual work demands: G' F - C a + b = 0.
 Units mm, N, rad.
 """
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from hdassist.model.face import Face
 from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates
 from hdassist.model.nominal import nominal_shape
-from hdassist.model.rings import flexspline_ring, outer_ring
+from hdassist.model.rings import Ring, flexspline_ring, outer_ring
 from hdassist.preset.fields import Drive
 
 FREEDOMS = (
@@ -41,7 +42,8 @@ class StateGaps:
     """What the gaps without force of states have beyond those of a drive without deviations.
 
     scalars [mm], shape (states, scalars), of the deviations, in the order of the columns of the deviation map, of which
-    the last may be left out where they are 0; at_flanks [mm], shape (states, flanks), of measured teeth, None without.
+    the last may be left out where they are 0; at_flanks [mm], shape (states, flank candidates), of measured teeth, the
+    same at all stations of a flank, None without.
     """
 
     scalars: Array
@@ -59,19 +61,21 @@ WITHOUT_DEVIATIONS = StateGaps(np.zeros((1, 0)))  # one state
 
 @dataclass(frozen=True)
 class ContactSystem:
-    """System (1) of a drive at one tooth phase and one ball phase: M candidates, 9 freedoms.
+    """System (1) of a drive at one tooth phase and one ball phase: M candidates at m places, 9 freedoms.
 
-    D [mm/N], shape (M, M); G, shape (M, 9), its rotation column in mm; C [N/mm], shape (9,), 0 where a
-    freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations;
-    deviation_map, shape (M, 12), the gaps' change by a unit of each deviation
-    scalar (deviations.py); face, the stations along each flank, which are rows of flanks of their own.
+    compliance of the structure between the places, shape (m, m), and local, that of each candidate by itself, shape
+    (M,) [mm/N]; G, shape (M, 9), its rotation column in mm, the same for all candidates at a place; C [N/mm], shape
+    (9,), 0 where a freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations;
+    deviation_map, shape (M, 12), the gaps' change by a unit of each deviation scalar (deviations.py), the same for all
+    candidates at a place; face, the stations along each flank, which are rows of flanks of their own.
     """
 
     geometry: Geometry
     flanks: Flanks
     bore_theta: Array
     ball_theta: Array
-    D: Array
+    compliance: Array
+    local: Array
     G: Array
     C: Array
     delta_p: Array
@@ -83,11 +87,30 @@ class ContactSystem:
         """Number of flank candidates, which come first."""
         return len(self.flanks.theta)
 
+    @cached_property
+    def place(self) -> NDArray[np.int64]:
+        """Place of each candidate among all places, shape (M,)."""
+        flanks = np.arange(self.n_flanks) // len(self.face.fall)
+        pairs = self.n_flanks // len(self.face.fall)
+        return np.concatenate([flanks, pairs + np.arange(len(self.delta_p) - self.n_flanks)])
+
+    @cached_property
+    def first(self) -> NDArray[np.int64]:
+        """First candidate at each place, shape (m,)."""
+        return np.searchsorted(self.place, np.arange(len(self.compliance)))
+
+    @property
+    def D(self) -> Array:
+        """Compliance [mm/N] between candidates, shape (M, M)."""
+        return np.asarray(self.compliance[np.ix_(self.place, self.place)] + np.diag(self.local))
+
     def on_flanks(self, forces: Array) -> Array:
         """Force on each flank [N], all its stations together, shape (states, flanks), of forces, shape (states, M)."""
-        stations = len(self.face.fall)
-        rows = forces[:, : self.n_flanks]
-        return np.asarray(rows.reshape(len(rows), self.n_flanks // stations, stations).sum(axis=2))
+        return self.at_places(forces)[:, : self.n_flanks // len(self.face.fall)]
+
+    def at_places(self, forces: Array) -> Array:
+        """Force at each place [N], all its candidates together, shape (states, m), of forces, shape (states, M)."""
+        return np.asarray(np.add.reduceat(forces, self.first, axis=1))
 
     @property
     def balls(self) -> slice:
@@ -146,11 +169,11 @@ class ContactSystems:
 
         Raises UntrustedError where no teeth overlap.
         """
-        drive, geometry, bore = self._drive, self._geometry, self._bore
+        drive, geometry, bore, face = self._drive, self._geometry, self._bore, self._face
         if tau not in self._flexspline:
-            flanks = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
-            flanks = flanks.repeated(len(self._face.fall))
-            self._flexspline[tau] = flanks, _flexspline_compliance(drive, geometry, flanks, self._face, bore)
+            pairs = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
+            compliance = _flexspline_compliance(drive, geometry, pairs, bore)
+            self._flexspline[tau] = pairs.repeated(len(face.fall)), compliance
         if beta not in self._ring:
             balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
             self._ring[beta] = balls, _ring_compliance(drive, geometry, bore, balls)
@@ -160,17 +183,18 @@ class ContactSystems:
             flanks=flanks,
             bore_theta=bore,
             ball_theta=balls,
-            D=_compliance(flexspline, ring, len(bore)),
+            compliance=_compliance(flexspline, ring, len(bore)),
+            local=_local(drive, flanks, face, len(bore)),
             G=_motion(geometry, flanks, bore, balls),
             C=_supports(drive),
-            delta_p=_gaps(drive, geometry, flanks, self._face, bore, balls),
+            delta_p=_gaps(drive, geometry, flanks, face, bore, balls),
             deviation_map=_deviation_map(flanks, bore, balls),
-            face=self._face,
+            face=face,
         )
 
 
 def _compliance(flexspline: Array, ring: Array, bore: int) -> Array:
-    """D of flanks, bore and balls from what the flexspline and the outer ring each give; both see the bore."""
+    """Compliance between flanks, bore and balls of flexspline and outer ring together; both see the bore."""
     flanks = len(flexspline) - bore
     D = np.zeros((flanks + len(ring), flanks + len(ring)))
     D[: len(flexspline), : len(flexspline)] = flexspline
@@ -178,24 +202,26 @@ def _compliance(flexspline: Array, ring: Array, bore: int) -> Array:
     return D
 
 
-def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, face: Face, bore: Array) -> Array:
-    """Compliance of the flexspline, of tooth pairs and of bore nodes, between flanks and bore."""
+def _local(drive: Drive, flanks: Flanks, face: Face, bore: int) -> Array:
+    """Compliance [mm/N] of tooth pairs at their stations, of bore nodes and of balls, shape (M,)."""
+    others = np.repeat([drive.contact.c_bore, drive.contact.c_ball], [bore, drive.bearing.N])
+    return np.concatenate([_along(face.compliance, flanks), others])
+
+
+def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
+    """Compliance of the flexspline between flanks and bore."""
     flexspline = flexspline_ring(drive, geometry)
     push = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)  # outward normal of the tooth
     at_flank = push[0][:, None] * flexspline.tangential(flanks.theta, flanks.h_c)
     at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
     # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
-    loads = np.vstack([-at_flank, flexspline.radial(bore)])
-    local = np.concatenate([_along(face.compliance, flanks), np.full(len(bore), drive.contact.c_bore)])
-    return _symmetric((loads * flexspline.compliance) @ loads.T, local)
+    return _compliance_of(flexspline, np.vstack([-at_flank, flexspline.radial(bore)]))
 
 
 def _ring_compliance(drive: Drive, geometry: Geometry, bore: Array, balls: Array) -> Array:
-    """Compliance of the outer ring and of balls between bore and balls."""
+    """Compliance of the outer ring between bore and balls."""
     ring = outer_ring(drive, geometry)
-    loads = np.vstack([-ring.radial(bore), ring.radial(balls)])
-    local = np.repeat([0.0, drive.contact.c_ball], [len(bore), len(balls)])
-    return _symmetric((loads * ring.compliance) @ loads.T, local)
+    return _compliance_of(ring, np.vstack([-ring.radial(bore), ring.radial(balls)]))
 
 
 def _along(face: Array, flanks: Flanks) -> Array:
@@ -203,9 +229,10 @@ def _along(face: Array, flanks: Flanks) -> Array:
     return np.tile(face, len(flanks.theta) // len(face))
 
 
-def _symmetric(D: Array, local: Array) -> Array:
-    D[np.diag_indices_from(D)] += local
-    return np.asarray((D + D.T) / 2)
+def _compliance_of(ring: Ring, loads: Array) -> Array:
+    """Compliance [mm/N] of a ring between places that load its modes, shape (places, modes)."""
+    by_mode = loads * np.sqrt(ring.compliance)
+    return np.asarray(by_mode @ by_mode.T)  # symmetric to the last digit
 
 
 def _motion(geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:

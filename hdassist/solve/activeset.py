@@ -23,6 +23,7 @@ ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 FEW = 4  # states for which a model is not worth its set-up
+SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
 STEPS = 25  # of solve_near, after which it is given up; with coned flanks 12 gave up half of the states
 
 
@@ -125,23 +126,35 @@ def solve_near(
     Arguments: formulation; gaps, shape (M,); right side of the equilibrium, shape (free,);
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
-    P, A = formulation.P, formulation.A
-    free, M = A.shape
+    H, local, place, first = formulation.H, formulation.local, formulation.system.place, formulation.system.first
+    A = formulation.A[:, first]
+    free, lowest = len(A), gaps[first]
+    above = gaps - lowest[place]  # so that a place with one candidate has 0, not a difference of large numbers
     for _ in range(STEPS):
-        inside = np.flatnonzero(contact)
-        n = len(inside)
+        # candidates in contact at a place are springs side by side
+        springs = contact / local
+        stiffness = np.add.reduceat(springs, first)
+        inside = np.flatnonzero(stiffness)
+        n, stiff = len(inside), stiffness[inside]
+        offset = np.add.reduceat(springs * above, first)[inside] / stiff
         system = np.zeros((n + free, n + free))
-        system[:n, :n] = P[np.ix_(inside, inside)]
+        system[:n, :n] = H[np.ix_(inside, inside)]
+        system[np.arange(n), np.arange(n)] += 1 / stiff
         system[n:, :n] = across = A[:, inside]
         system[:n, n:] = across.T
-        _, _, found, failed = lapack.dgesv(system, np.concatenate([-gaps[inside], right]), overwrite_a=1, overwrite_b=1)
-        if failed or not np.all(np.isfinite(found)):
+        right_side = np.concatenate([-lowest[inside] - offset, right])
+        _, _, found, loose = lapack.dgesv(system, right_side)
+        if loose:  # no contact holds the parts: a soft spring lets them move on until some does
+            system[np.arange(n, n + free), np.arange(n, n + free)] -= SOFT
+            _, _, found, _ = lapack.dgesv(system, right_side)
+        if not np.all(np.isfinite(found)):
             return None
-        forces = np.zeros(M)
-        forces[inside] = found[:n]
-        closing = P[:, inside] @ found[:n] + gaps + A.T @ found[n:]
+        closing = gaps + (H[:, inside] @ found[:n] + A.T @ found[n:])[place]
+        approach = np.zeros(len(first))
+        approach[inside] = found[:n] / stiff + offset
+        forces = np.where(contact, (approach[place] - above) / local, 0.0)
         leave, enter = contact & (forces < -ZERO), ~contact & (closing < -ZERO)
-        if not (leave.any() or enter.any()):
+        if not (loose or leave.any() or enter.any()):
             return np.maximum(forces, 0), found[n:]
         contact = contact ^ leave ^ enter
     return None

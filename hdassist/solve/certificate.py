@@ -51,8 +51,8 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Arra
     free, displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
-    loaded = np.flatnonzero(forces.any(axis=0))  # in some state: a force of 0 closes no gap
-    gaps = delta_p + forces[:, loaded] @ system.D[loaded] + a @ system.G.T
+    moved = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
+    gaps = delta_p + forces * system.local + moved[:, system.place]
     balance = forces @ system.G - a * system.C + system.load(torque)
     force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
     gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)

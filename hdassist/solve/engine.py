@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
@@ -13,6 +15,7 @@ from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.compiled import require_compiled_as_stated
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.pivoting import Pivoting, Reference
+from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
 from hdassist.solve.walk import Walk, library
 
@@ -59,9 +62,8 @@ class Engine:
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as StateSolver says."""
-        if self._walk is None and self._compiled and self._worth_reference(len(gaps)):
-            assert self._reference
-            self._walk = Walk(self._formulation, self._reference, self._torque)
+        if self._walk is None and self._compiled and len(gaps) >= self._pays and self._places:
+            self._walk = Walk(self._places, self._torque)
         if self._walk is None:
             return self._sums(gaps, self.forces, pull)
         sums = self._walk.solve(gaps, pull=pull)
@@ -76,8 +78,7 @@ class Engine:
         Arguments: delta_p, gaps without force [mm], shape (states, M). A state that nothing solves has an answer
         without proof, or NaN; states behind it are not tried, and NaN.
         """
-        if self._pivoting is None and self._worth_reference(len(delta_p)):
-            assert self._reference
+        if self._pivoting is None and len(delta_p) >= self._pays and self._reference:
             self._pivoting = Pivoting(self._reference)
         if self._pivoting is None:
             return self._one_by_one.solve(delta_p)
@@ -91,19 +92,31 @@ class Engine:
             forces[given_up], free[given_up], _ = self._one_by_one.solve(delta_p[given_up])
         return forces, free, len(given_up)
 
-    def _worth_reference(self, states: int) -> bool:
-        return states >= self._pays and self._reference is not None
-
     def _sums(self, gaps: StateGaps, solve: Callable[[Array], tuple[Array, Array, int]], pull: bool) -> StateSums:
         system = self._formulation.system
         delta_p = system.delta_p_of(gaps)
         return StateSums.of(system, delta_p, self._torque, *solve(delta_p), pull=pull)
 
     @cached_property
+    def _contact(self) -> NDArray[np.bool_]:
+        """Contacts of the drive without deviations, so that they do not depend on the states asked for, shape (M,)."""
+        if self._same:
+            return self._same._contact
+        forces, _, _ = ActiveSet(self._formulation, self._torque).solve(self._formulation.system.delta_p[None])
+        return np.asarray(forces[0] > CARRIES * forces[0].max())
+
+    @cached_property
     def _reference(self) -> Reference | None:
-        """The drive without deviations, so that it does not depend on the states asked for; None where it is no use."""
+        """The reference of the numpy engine; None where it is no use."""
         if self._same:
             return self._same._reference
-        formulation = self._formulation
-        forces, _, _ = ActiveSet(formulation, self._torque).solve(formulation.system.delta_p[None])
-        return Reference.at(formulation.P, formulation.A, forces[0] > CARRIES * forces[0].max())
+        return Reference.at(self._formulation.P, self._formulation.A, self._contact)
+
+    @cached_property
+    def _places(self) -> PlaceReference | None:
+        """The reference of the compiled walk; None where it is no use."""
+        if self._same:
+            return self._same._places
+        with suppress(ValueError):
+            return PlaceReference(self._formulation, self._contact)
+        return None

@@ -59,21 +59,29 @@ class Statement:
 class Formulation:
     """The programme of one contact system: minimise 1/2 x' P x + gaps' x subject to A x + load = 0, x >= 0.
 
-    P, shape (M, M), and A, shape (free, M), in units.
+    H, shape (m, m), compliance between the places of structure and supports together; local, shape (M,), that of each
+    candidate by itself; A, shape (free, M); all in units.
     """
 
     system: ContactSystem
     units: Units
-    P: Array
+    H: Array
+    local: Array
     A: Array
+
+    @cached_property
+    def P(self) -> Array:
+        """Compliance between candidates, shape (M, M)."""
+        place = self.system.place
+        return np.asarray(self.H[np.ix_(place, place)] + np.diag(self.local))
 
     @cached_property
     def statement(self) -> Statement:
         """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
         import cvxpy as cp
 
-        forces = cp.Variable(len(self.P), name="F", nonneg=True)
-        gaps = cp.Parameter(len(self.P), name="delta_p")
+        forces = cp.Variable(len(self.local), name="F", nonneg=True)
+        gaps = cp.Parameter(len(self.local), name="delta_p")
         load = cp.Parameter(len(self.A), name="b")
         energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(self.P))
         equilibrium = self.A @ forces + load == 0
@@ -101,10 +109,15 @@ class Formulation:
 def formulate(system: ContactSystem) -> Formulation:
     """State the programme of a contact system."""
     supported, free = system.supported, ~system.supported
-    G_s, G_f = system.G[:, supported], system.G[:, free]
-    H = system.D + (G_s / system.C[supported]) @ G_s.T
+    at_supports = system.G[system.first][:, supported]
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
     # the softest instead makes Clarabel give up coned flanks at light torques
     stiffest = float(system.face.compliance.min())
     units = Units(gap=MICROMETRE, force=MICROMETRE / stiffest, load=load_units)
-    return Formulation(system, units, P=H * (units.force / units.gap), A=(G_f / load_units).T)
+    return Formulation(
+        system,
+        units,
+        H=(system.compliance + (at_supports / system.C[supported]) @ at_supports.T) * (units.force / units.gap),
+        local=system.local * (units.force / units.gap),
+        A=(system.G[:, free] / load_units).T,
+    )

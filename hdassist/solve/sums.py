@@ -53,7 +53,7 @@ class StateSums:
             tooth_force=flank.max(axis=1),
             edge_force=flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0),
             residuals=residuals(system, delta_p, torque, forces, free),
-            pull=forces @ system.deviation_map if pull else None,
+            pull=system.at_places(forces) @ system.deviation_map[system.first] if pull else None,
             given_up=given_up,
         )
 

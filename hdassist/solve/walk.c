@@ -6,8 +6,12 @@
  * where all its values are positive. The next state starts from the contact set of the one before.
  * pivoting.py is the same in numpy, and the oracle of this file.
  *
+ * Candidates stand at places: the stations of a flank share one, and differ in their gap and in how they yield themselves.
+ * What all candidates at a place see of the structure is one number, its coordinate: the approach there, or the value itself
+ * where a candidate stands alone. So all sums over the structure are made of places, of which there are much fewer.
+ *
  * States are given by deviation scalars s: gaps = delta_p + map' s (+ gaps of measured teeth). The certificate is made of
- * D, G, C and these gaps alone, in mm, N and rad; all else is in the programme's units.
+ * D (compliance between places, and local), G, C and these gaps alone, in mm, N and rad; all else is in the programme's units.
  */
 #include <math.h>
 #include <stdint.h>
@@ -51,25 +55,30 @@
 typedef double vector __attribute__((vector_size(WIDTH * 8), aligned(8)));
 typedef int64_t bits __attribute__((vector_size(WIDTH * 8), aligned(8)));
 
-/* What the caller lends; it has to outlive the walk. M candidates, R = M + free values, p scalars. */
+/* What the caller lends; it has to outlive the walk. M candidates at m places, R = m + free coordinates, p scalars. */
 typedef struct {
-    int32_t M, free, p, flanks, stations, columns, rotation;
-    const double *by_others;   /* (M, R) what another of each candidate adds to all values, scaled on both sides */
-    const double *law;         /* (1 + p, R) values at the reference: constant, and by a unit of each scalar; scaled */
+    int32_t M, m, free, p, flanks, columns, rotation;
+    const double *by_places;   /* (m, R) what a unit that a candidate at each place puts in adds to all coordinates */
+    const double *law;         /* (1 + p, R) coordinates at the reference: constant, and by a unit of each scalar */
+    const int32_t *place;      /* (M) of each candidate, in ascending order */
     const uint8_t *contact;    /* (M) whether the reference has contact */
-    const double *scale;       /* (M) by which values are multiplied and others divided */
+    const double *gain;        /* (M) value by the coordinate of the place; values are scaled, others the other way round */
+    const double *constant;    /* (M) value where that coordinate is 0 */
+    const double *weight;      /* (M) what a unit of the other puts in at the place */
+    const double *own;         /* (M) what a unit of the other adds to the value of the same candidate alone */
     const double *value_force; /* (M) force [N] of a value, 0 where it is a gap */
     const double *other_force; /* (M) force [N] of an other, 0 where it is a gap */
     const double *dual_unit;   /* (free) displacement [mm, rad] of a dual */
-    const double *D;           /* (M, M) mm/N */
-    const double *G;           /* (9, M) */
+    const double *compliance;  /* (m, m) mm/N */
+    const double *local;       /* (M) mm/N */
+    const double *G;           /* (9, m) */
     const double *C;           /* (9) N/mm, 0 where there is no support */
-    const int32_t *place;      /* (9) of a freedom among the free ones, -1 where it has a support */
+    const int32_t *freedom;    /* (9) place of a freedom among the free ones, -1 where it has a support */
     const double *delta_p;     /* (M) mm */
-    const double *map;         /* (columns, M) gaps by a unit of each scalar of a drive; the first p are in use */
-    const double *lever;       /* (flanks, all stations) N*mm a N */
-    const int8_t *zone;        /* (flanks, all stations) mesh zone */
-    const uint8_t *edge;       /* (flanks, one each) whether it is the outermost of the window */
+    const double *map;         /* (columns, m) gaps by a unit of each scalar of a drive; the first p are in use */
+    const double *lever;       /* (flanks) N*mm a N */
+    const int8_t *zone;        /* (flanks) mesh zone */
+    const uint8_t *edge;       /* (flanks) whether it is the outermost of the window */
     double torque;             /* N*mm */
 } contact_system;
 
@@ -95,10 +104,12 @@ typedef struct {
     double *row;         /* scratch of a pivot */
     double *value;       /* (n) values in the tableau */
     double *correction;  /* (n) of a refinement */
-    double *start;       /* (R) values at the reference */
-    double *all;         /* (R) values at the contact set */
-    double *panels;      /* D in panels of WIDTH columns */
-    double *force, *gap0, *gap, *free, *blocks; /* of a batch */
+    double *start;       /* (R) coordinates at the reference */
+    double *all;         /* (R) coordinates at the contact set */
+    double *input;       /* (m) scratch: what candidates put in at each place */
+    double *values;      /* (M) of all candidates as far as their place decides it */
+    double *panels;      /* compliance in panels of WIDTH columns */
+    double *force, *at_place, *moved, *gap, *free, *blocks; /* of a batch */
     int *loaded;
     long states, pivots, since_made;
     int lost;
@@ -127,7 +138,19 @@ static double product(int n, const double *restrict x, const double *restrict y,
 }
 
 static inline const double *column(const walk *w, int candidate) {
-    return w->system->by_others + (size_t)candidate * (w->system->M + w->system->free);
+    return w->system->by_places + (size_t)w->system->place[candidate] * (w->system->m + w->system->free);
+}
+
+/* What a unit of another's other adds to the value of a candidate, at the reference. */
+static inline double entry(const walk *w, int candidate, int another) {
+    const contact_system *s = w->system;
+    const double through = s->gain[candidate] * column(w, another)[s->place[candidate]] * s->weight[another];
+    return candidate == another ? through + s->own[candidate] : through;
+}
+
+static inline double value_at(const walk *w, const double *coordinates, int candidate) {
+    const contact_system *s = w->system;
+    return s->gain[candidate] * coordinates[s->place[candidate]] + s->constant[candidate];
 }
 
 /* Take a candidate into the tableau as it stands. Between candidates on the same side the tableau is symmetric, else
@@ -136,14 +159,14 @@ static void take_in(walk *w, int candidate) {
     const int n = w->n;
     const size_t padded = w->padded;
     double *new_row = w->tableau + n * padded;
-    for (int j = 0; j < n; j++) new_row[j] = w->changed[j] ? 0.0 : column(w, w->candidate[j])[candidate];
+    for (int j = 0; j < n; j++) new_row[j] = w->changed[j] ? 0.0 : entry(w, candidate, w->candidate[j]);
     for (int k = 0; k < n; k++)
-        if (w->changed[k]) add_multiple(n, column(w, w->candidate[k])[candidate], w->tableau + k * padded, new_row);
-    double diagonal = column(w, candidate)[candidate];
+        if (w->changed[k]) add_multiple(n, entry(w, candidate, w->candidate[k]), w->tableau + k * padded, new_row);
+    double diagonal = entry(w, candidate, candidate);
     for (int j = 0; j < n; j++) {
         const int same = (w->system->contact[w->candidate[j]] ^ w->changed[j]) == w->system->contact[candidate];
         w->tableau[j * padded + n] = same ? new_row[j] : -new_row[j];
-        if (w->changed[j]) diagonal += column(w, w->candidate[j])[candidate] * w->tableau[j * padded + n];
+        if (w->changed[j]) diagonal += entry(w, candidate, w->candidate[j]) * w->tableau[j * padded + n];
     }
     new_row[n] = diagonal;
     w->candidate[n] = candidate;
@@ -230,7 +253,7 @@ static void enter(walk *w) {
     double *value = w->value, *moved = w->row;
     int any = 0;
     for (int k = 0; k < n; k++) {
-        const double at_reference = w->start[w->candidate[k]];
+        const double at_reference = value_at(w, w->start, w->candidate[k]);
         value[k] = w->changed[k] ? 0.0 : at_reference;
         moved[k] = w->changed[k] ? at_reference : 0.0;
         any |= w->changed[k];
@@ -252,17 +275,30 @@ static int first_below(int n, const double *x, double bound) {
     return -1;
 }
 
-/* What the others of changed candidates add to all values. */
+/* What the others of changed candidates add to all coordinates. */
 static void add_others(walk *w, const double *others) {
+    const contact_system *s = w->system;
     for (int k = 0; k < w->n; k++)
-        if (w->changed[k]) add_multiple(w->system->M + w->system->free, others[k], column(w, w->candidate[k]), w->all);
+        if (w->changed[k]) w->input[s->place[w->candidate[k]]] += others[k] * s->weight[w->candidate[k]];
+    for (int k = 0; k < w->n; k++) {
+        double *put_in = w->input + s->place[w->candidate[k]];
+        if (*put_in != 0) add_multiple(s->m + s->free, *put_in, column(w, w->candidate[k]), w->all);
+        *put_in = 0;
+    }
+}
+
+/* Value of a candidate in the tableau by the coordinates: 0 of one that changed sides, in exact arithmetic. */
+static double value_of(const walk *w, int k) {
+    const int candidate = w->candidate[k];
+    const double through = value_at(w, w->all, candidate);
+    return w->changed[k] ? through + w->system->own[candidate] * w->value[k] : through;
 }
 
 /* Greatest rounding error: values of what changed sides are zero in exact arithmetic, and none in the tableau negative. */
 static double off(const walk *w) {
     double greatest = 0;
     for (int k = 0; k < w->n; k++) {
-        const double x = w->all[w->candidate[k]], error = w->changed[k] ? fabs(x) : -x;
+        const double x = value_of(w, k), error = w->changed[k] ? fabs(x) : -x;
         greatest = error > greatest ? error : greatest;
     }
     return greatest;
@@ -270,7 +306,8 @@ static double off(const walk *w) {
 
 /* Find the contact set of the state whose values at the reference are in w->start; 0 where it is given up. */
 static int settle(walk *w) {
-    const int M = w->system->M, R = M + w->system->free;
+    const contact_system *s = w->system;
+    const int M = s->M, R = s->m + s->free;
     long count = 0, made = 0;
     for (;;) {
         enter(w);
@@ -289,7 +326,7 @@ static int settle(walk *w) {
         double wrong = off(w);
         if (wrong > REFINED) { /* one step of refinement: what should be zero is entered as one more start */
             double *more = w->correction;
-            for (int k = 0; k < w->n; k++) w->row[k] = w->changed[k] ? w->all[w->candidate[k]] : 0.0;
+            for (int k = 0; k < w->n; k++) w->row[k] = w->changed[k] ? value_of(w, k) : 0.0;
             for (int k = 0; k < w->n; k++) {
                 more[k] = w->changed[k] ? -product(w->n, w->tableau + k * (size_t)w->padded, w->row, NULL) : 0.0;
                 w->value[k] += more[k];
@@ -302,51 +339,49 @@ static int settle(walk *w) {
             make_anew(w);
             continue;
         }
-        const double *all = w->all;
-        if (!(least(M, all) < -ZERO)) return 1;
+        const double *values = w->values;
+        for (int i = 0; i < M; i++) w->values[i] = s->gain[i] * w->all[s->place[i]] + s->constant[i];
+        if (!(least(M, values) < -ZERO)) return 1;
         int more = 0;
         for (int i = 0; i < M; i++)
-            if (all[i] < -ZERO && w->position[i] < 0) take_in(w, i), more = 1;
+            if (values[i] < -ZERO && w->position[i] < 0) take_in(w, i), more = 1;
         if (!more) return 1; /* what is negative is in the tableau, and within rounding */
     }
 }
 
-/* Residuals of system (1) for a batch of states, each a share of its scale: from D, G, C and the gaps alone. */
+/* Residuals of system (1) for a batch of states, each a share of its scale: from compliance, G, C and the gaps alone.
+ * w->moved has what the deviations add to the gaps at each place. */
 static void certify(walk *w, int states, double *residual) {
     const contact_system *s = w->system;
-    const int M = s->M, panels = (M + WIDTH - 1) / WIDTH, groups = (states + ABREAST - 1) / ABREAST;
+    const int M = s->M, m = s->m, panels = (m + WIDTH - 1) / WIDTH, groups = (states + ABREAST - 1) / ABREAST;
     double a[BATCH][FREEDOMS], balance[BATCH][FREEDOMS], size[BATCH][FREEDOMS];
     double *restrict gap = w->gap;
     int *loaded = w->loaded, count = 0;
-    memset(gap, 0, sizeof(double) * M);
-    for (int j = 0; j < states; j++) {
-        const double *F = w->force + (size_t)j * M;
-        SIMD(omp simd)
-        for (int i = 0; i < M; i++) gap[i] += fabs(F[i]);
-    }
-    for (int i = 0; i < M; i++)
-        if (gap[i] != 0) loaded[count++] = i; /* a force of 0 closes no gap */
+    memset(gap, 0, sizeof(double) * m);
+    for (int j = 0; j < states; j++) add_multiple(m, 1.0, w->at_place + (size_t)j * m, gap);
+    for (int i = 0; i < m; i++)
+        if (gap[i] != 0) loaded[count++] = i; /* a force of 0 closes no gap, and no force is negative */
     const int rows = count + FREEDOMS;
     memset(w->blocks, 0, sizeof(double) * groups * rows * ABREAST);
     for (int j = 0; j < states; j++) {
-        const double *F = w->force + (size_t)j * M, *free = w->free + (size_t)j * s->free;
+        const double *F = w->at_place + (size_t)j * m, *free = w->free + (size_t)j * s->free;
         double *block = w->blocks + (size_t)(j / ABREAST) * rows * ABREAST + j % ABREAST;
         for (int l = 0; l < count; l++) block[l * ABREAST] = F[loaded[l]];
         for (int f = 0; f < FREEDOMS; f++) {
             double sizes;
-            const double sum = product(M, F, s->G + (size_t)f * M, &sizes);
-            a[j][f] = s->place[f] < 0 ? sum / s->C[f] : free[s->place[f]];
+            const double sum = product(m, F, s->G + (size_t)f * m, &sizes);
+            a[j][f] = s->freedom[f] < 0 ? sum / s->C[f] : free[s->freedom[f]];
             balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? s->torque : 0.0);
             size[j][f] = sizes + (f == s->rotation ? fabs(s->torque) : 0.0);
             block[(count + f) * ABREAST] = a[j][f];
         }
     }
     for (int panel = 0; panel < panels; panel++) {
-        const int first = panel * WIDTH, wide = M - first < WIDTH ? M - first : WIDTH;
-        const double *D = w->panels + (size_t)panel * M * WIDTH;
+        const int first = panel * WIDTH, wide = m - first < WIDTH ? m - first : WIDTH;
+        const double *D = w->panels + (size_t)panel * m * WIDTH;
         double G[FREEDOMS][WIDTH] = {{0}};
         for (int f = 0; f < FREEDOMS; f++)
-            for (int i = 0; i < wide; i++) G[f][i] = s->G[(size_t)f * M + first + i];
+            for (int i = 0; i < wide; i++) G[f][i] = s->G[(size_t)f * m + first + i];
         for (int group = 0; group < groups; group++) {
             const double *x = w->blocks + (size_t)group * rows * ABREAST;
             vector sum[ABREAST] = {{0}};
@@ -358,24 +393,23 @@ static void certify(walk *w, int states, double *residual) {
                 const vector g = *(const vector *)G[f];
                 for (int j = 0; j < ABREAST; j++) sum[j] += x[(count + f) * ABREAST + j] * g;
             }
-            for (int j = 0; j < ABREAST && group * ABREAST + j < states; j++) {
-                const size_t at = (size_t)(group * ABREAST + j) * M + first;
-                for (int i = 0; i < wide; i++) gap[at + i] = sum[j][i] + w->gap0[at + i];
-            }
+            for (int j = 0; j < ABREAST && group * ABREAST + j < states; j++)
+                for (int i = 0; i < wide; i++) gap[(size_t)(group * ABREAST + j) * m + first + i] = sum[j][i];
         }
     }
     for (int j = 0; j < states; j++) {
-        const double *F = w->force + (size_t)j * M, *g = gap + (size_t)j * M, *g0 = w->gap0 + (size_t)j * M;
+        const double *F = w->force + (size_t)j * M, *closed = gap + (size_t)j * m, *moved = w->moved + (size_t)j * m;
         double force = 2.3e-308, gap_size = 2.3e-308, pushed = 0, pulled = 0, both = 0, off = 0, finite = 0;
         SIMD(omp simd reduction(max : force, gap_size, pushed, pulled, both) reduction(+ : finite))
         for (int i = 0; i < M; i++) {
-            const double size_F = fabs(F[i]), size_0 = fabs(g0[i]), product = fabs(F[i] * g[i]);
+            const double g0 = s->delta_p[i] + moved[s->place[i]], g = g0 + closed[s->place[i]] + F[i] * s->local[i];
+            const double size_F = fabs(F[i]), size_0 = fabs(g0), product = fabs(F[i] * g);
             force = size_F > force ? size_F : force;
             gap_size = size_0 > gap_size ? size_0 : gap_size;
             pulled = -F[i] > pulled ? -F[i] : pulled;
-            pushed = -g[i] > pushed ? -g[i] : pushed;
+            pushed = -g > pushed ? -g : pushed;
             both = product > both ? product : both;
-            finite += size_F + size_0 + fabs(g[i]); /* comparisons pass over what is not a number; a sum does not */
+            finite += size_F + size_0 + fabs(g); /* comparisons pass over what is not a number; a sum does not */
         }
         for (int f = 0; f < FREEDOMS; f++) {
             finite += fabs(balance[j][f]);
@@ -391,23 +425,19 @@ static void certify(walk *w, int states, double *residual) {
     }
 }
 
-/* Sums of the forces of one state. */
+/* Sums of the forces of one state at the places. */
 static void sum_up(const contact_system *s, const double *F, size_t j, answers *out) {
     double moment[2] = {0, 0}, greatest = 0, at_edge = 0;
-    for (int flank = 0, i = 0; flank < s->flanks; flank++) {
-        double force = 0;
-        for (int station = 0; station < s->stations; station++, i++) {
-            force += F[i];
-            moment[s->zone[i]] += F[i] * s->lever[i];
-        }
-        greatest = force > greatest ? force : greatest;
-        if (s->edge[flank] && force > at_edge) at_edge = force;
+    for (int flank = 0; flank < s->flanks; flank++) {
+        moment[s->zone[flank]] += F[flank] * s->lever[flank];
+        greatest = F[flank] > greatest ? F[flank] : greatest;
+        if (s->edge[flank] && F[flank] > at_edge) at_edge = F[flank];
     }
     out->moment[2 * j] = moment[0], out->moment[2 * j + 1] = moment[1];
     out->tooth_force[j] = greatest, out->edge_force[j] = at_edge;
     if (out->pull)
         for (int c = 0; c < s->columns; c++)
-            out->pull[j * s->columns + c] = product(s->M, F, s->map + (size_t)c * s->M, NULL);
+            out->pull[j * s->columns + c] = product(s->m, F, s->map + (size_t)c * s->m, NULL);
 }
 
 static void give_up(const contact_system *s, size_t j, answers *out) {
@@ -422,17 +452,22 @@ static void give_up(const contact_system *s, size_t j, answers *out) {
         for (int f = 0; f < s->free; f++) out->free[j * s->free + f] = NAN;
 }
 
-static void *room(size_t count, size_t size) {
+static void *bare_room(size_t count, size_t size) {
     const size_t bytes = (count * size + 63) / 64 * 64;
-    void *memory = aligned_alloc(64, bytes ? bytes : 64);
-    if (memory) memset(memory, 0, bytes);
+    return aligned_alloc(64, bytes ? bytes : 64);
+}
+
+static void *room(size_t count, size_t size) {
+    void *memory = bare_room(count, size);
+    if (memory) memset(memory, 0, count * size);
     return memory;
 }
 
 void walk_free(walk *w) {
     if (!w) return;
     void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->row, w->value, w->correction, w->start,
-                     w->all, w->panels, w->force, w->gap0, w->gap, w->free, w->blocks, w->loaded};
+                     w->all, w->input, w->values, w->panels, w->force, w->at_place, w->moved, w->gap, w->free, w->blocks,
+                     w->loaded};
     for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free_aligned(rooms[k]);
     free(w);
 }
@@ -441,56 +476,61 @@ void walk_free(walk *w) {
 walk *walk_new(const contact_system *s) {
     walk *w = calloc(1, sizeof(walk));
     if (!w) return NULL;
-    const size_t M = s->M, R = M + s->free, panels = (M + WIDTH - 1) / WIDTH;
+    const size_t M = s->M, m = s->m, R = m + s->free, panels = (m + WIDTH - 1) / WIDTH;
     w->system = s;
     w->padded = (s->M + 7) / 8 * 8;
     w->candidate = room(M, sizeof(int)), w->position = room(M, sizeof(int)), w->loaded = room(M, sizeof(int));
     w->changed = room(2 * M, 1), w->last = room(2 * M, sizeof(long));
-    w->tableau = room(M * w->padded, sizeof(double));
+    w->tableau = bare_room(M * w->padded, sizeof(double)); /* of which little is ever in use */
     w->row = room(M, sizeof(double)), w->value = room(M, sizeof(double)), w->correction = room(M, sizeof(double));
     w->start = room(R, sizeof(double)), w->all = room(R, sizeof(double));
-    w->panels = room(panels * M * WIDTH, sizeof(double));
-    w->force = room(BATCH * M, sizeof(double)), w->gap0 = room(BATCH * M, sizeof(double));
-    w->gap = room(BATCH * M, sizeof(double)), w->free = room(BATCH * (size_t)s->free, sizeof(double));
-    w->blocks = room((BATCH + ABREAST) * (M + FREEDOMS), sizeof(double));
+    w->input = room(m, sizeof(double)), w->values = room(M, sizeof(double));
+    w->panels = room(panels * m * WIDTH, sizeof(double));
+    w->force = room(BATCH * M, sizeof(double)), w->at_place = room(BATCH * m, sizeof(double));
+    w->moved = room(BATCH * m, sizeof(double)), w->gap = room(BATCH * m, sizeof(double));
+    w->free = room(BATCH * (size_t)s->free, sizeof(double));
+    w->blocks = room((BATCH + ABREAST) * (m + FREEDOMS), sizeof(double));
     if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->row && w->value && w->correction &&
-          w->start && w->all && w->panels && w->force && w->gap0 && w->gap && w->free && w->blocks)) {
+          w->start && w->all && w->input && w->values && w->panels && w->force && w->at_place && w->moved && w->gap && w->free &&
+          w->blocks)) {
         walk_free(w);
         return NULL;
     }
     for (size_t i = 0; i < M; i++) w->position[i] = -1;
-    for (size_t k = 0; k < M; k++)
-        for (size_t i = 0; i < M; i++) w->panels[(i / WIDTH * M + k) * WIDTH + i % WIDTH] = s->D[k * M + i];
+    for (size_t k = 0; k < m; k++)
+        for (size_t i = 0; i < m; i++) w->panels[(i / WIDTH * m + k) * WIDTH + i % WIDTH] = s->compliance[k * m + i];
     return w;
 }
 
 /* Solve states and certify each; how many were given up, whose answers are NaN.
- * scalars: (states, p); tooth_gaps: (states, flanks and stations) added to the flanks' gaps, and tooth_values:
- * (states, R) what they add to the values at the reference, both NULL without measured teeth. */
+ * scalars: (states, p); tooth_gaps: (states, m) added to the gaps at each place, and tooth_values:
+ * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
 long walk_solve(walk *w, long states, const double *scalars, const double *tooth_gaps, const double *tooth_values,
                 answers *out) {
     const contact_system *s = w->system;
-    const int M = s->M, R = M + s->free, flanks = s->flanks * s->stations;
+    const int M = s->M, m = s->m, R = m + s->free;
     long given_up = 0, first = 0;
     int held = 0;
     w->lost = 0;
     for (long j = 0; j < states; j++) {
-        double *F = w->force + (size_t)held * M, *gap0 = w->gap0 + (size_t)held * M, *free = w->free + (size_t)held * s->free;
+        double *F = w->force + (size_t)held * M, *free = w->free + (size_t)held * s->free;
+        double *at_place = w->at_place + (size_t)held * m, *moved = w->moved + (size_t)held * m;
         w->states++;
         if (w->since_made > REFRESH) make_anew(w);
         if (w->states % SWEEP == 0)
             for (int k = w->n - 1; k >= 0; k--)
                 if (!w->changed[k] && w->states - w->last[k] > KEEP) leave_out(w, k);
         memcpy(w->start, s->law, sizeof(double) * R);
-        memcpy(gap0, s->delta_p, sizeof(double) * M);
+        memset(moved, 0, sizeof(double) * m);
+        memset(at_place, 0, sizeof(double) * m);
         for (int q = 0; q < s->p; q++) {
             const double x = scalars[(size_t)j * s->p + q];
             add_multiple(R, x, s->law + (size_t)(1 + q) * R, w->start);
-            add_multiple(M, x, s->map + (size_t)q * M, gap0);
+            add_multiple(m, x, s->map + (size_t)q * m, moved);
         }
         if (tooth_gaps) {
             add_multiple(R, 1.0, tooth_values + (size_t)j * R, w->start);
-            add_multiple(flanks, 1.0, tooth_gaps + (size_t)j * flanks, gap0);
+            add_multiple(m, 1.0, tooth_gaps + (size_t)j * m, moved);
         }
         double sum = 0;
         SUM(sum)
@@ -502,12 +542,13 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
             memset(free, 0, sizeof(double) * s->free);
             give_up(s, j, out);
         } else {
-            for (int i = 0; i < M; i++) F[i] = w->all[i] > 0 ? w->all[i] * s->value_force[i] : 0.0;
+            for (int i = 0; i < M; i++) F[i] = w->values[i] > 0 ? w->values[i] * s->value_force[i] : 0.0;
             for (int k = 0; k < w->n; k++)
                 if (w->changed[k]) F[w->candidate[k]] = w->value[k] > 0 ? w->value[k] * s->other_force[w->candidate[k]] : 0.0;
-            for (int f = 0; f < s->free; f++) free[f] = w->all[M + f] * s->dual_unit[f];
-            out->rotation[j] = free[s->place[s->rotation]];
-            sum_up(s, F, j, out);
+            for (int i = 0; i < M; i++) at_place[s->place[i]] += F[i];
+            for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
+            out->rotation[j] = free[s->freedom[s->rotation]];
+            sum_up(s, at_place, j, out);
             if (out->forces) memcpy(out->forces + (size_t)j * M, F, sizeof(double) * M);
             if (out->free) memcpy(out->free + (size_t)j * s->free, free, sizeof(double) * s->free);
         }

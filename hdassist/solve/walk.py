@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.model.contacts import ROTATION, StateGaps
+from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.certificate import Residuals
-from hdassist.solve.formulation import Formulation
-from hdassist.solve.pivoting import Reference
+from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
 
 INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
@@ -24,10 +23,13 @@ class _System(ctypes.Structure):
     """contact_system of walk.c."""
 
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("M", "free", "p", "flanks", "stations", "columns", "rotation")),
-        *((name, ctypes.c_void_p) for name in ("by_others", "law", "contact", "scale", "value_force", "other_force")),
-        *((name, ctypes.c_void_p) for name in ("dual_unit", "D", "G", "C", "place", "delta_p", "map", "lever")),
-        *((name, ctypes.c_void_p) for name in ("zone", "edge")),
+        *((name, ctypes.c_int32) for name in ("M", "m", "free", "p", "flanks", "columns", "rotation")),
+        *((name, ctypes.c_void_p) for name in ("by_places", "law", "place", "contact", "gain", "constant", "weight")),
+        *((name, ctypes.c_void_p) for name in ("own", "value_force", "other_force", "dual_unit", "compliance")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("local", "G", "C", "freedom", "delta_p", "map", "lever", "zone", "edge")
+        ),
         ("torque", ctypes.c_double),
     ]
 
@@ -73,45 +75,15 @@ def _load(path: Path) -> Any:
 class Walk:
     """The compiled walk of one contact system at one torque.
 
-    Arguments: formulation; reference, the programme solved at one contact set; torque [N*mm].
+    Arguments: reference; torque [N*mm].
     """
 
-    def __init__(self, formulation: Formulation, reference: Reference, torque: float) -> None:
+    def __init__(self, reference: PlaceReference, torque: float) -> None:
         self._library, _ = library()
-        self._formulation, self._reference = formulation, reference
-        system, units = formulation.system, formulation.units
-        M, stations = len(system.delta_p), len(system.face.fall)
-        contact = reference.contact
-        self._scale = 1 / np.sqrt(np.diag(reference.by_others))
-        by_others = reference.by_others * self._scale
-        by_others[:M] *= self._scale[:, None]
-        place = np.full(len(system.C), -1, dtype=np.int32)
-        free = len(formulation.A)
-        place[~system.supported] = np.arange(free)
-        self._columns = system.deviation_map.shape[1]
-        self._law = np.empty((1 + self._columns, M + free))
-        self._held = {  # the walk reads them as long as it lives
-            "by_others": by_others.T,
-            "law": self._law,
-            "contact": contact.astype(np.uint8),
-            "scale": self._scale,
-            "value_force": np.where(contact, units.force / self._scale, 0.0),
-            "other_force": np.where(contact, 0.0, units.force * self._scale),
-            "dual_unit": units.gap / units.load,
-            "D": system.D,
-            "G": system.G.T,
-            "C": system.C,
-            "place": place,
-            "delta_p": system.delta_p,
-            "map": system.deviation_map.T,
-            "lever": system.lever,
-            "zone": system.flanks.zone.astype(np.int8),
-            "edge": system.flanks.edge[::stations].astype(np.uint8),
-        }
-        self._held = {name: np.ascontiguousarray(array) for name, array in self._held.items()}
-        self._law = self._held["law"]
-        sizes = (M, free, self._columns, system.n_flanks // stations, stations, self._columns, ROTATION)
-        self._system = _System(*sizes, *(array.ctypes.data for array in self._held.values()), torque)
+        self._reference = reference
+        self._law = reference.held["law"].copy()
+        held = reference.held | {"law": self._law}
+        self._system = _System(*reference.sizes, *(array.ctypes.data for array in held.values()), torque)
         self.load(torque)
         self._walk = self._library.walk_new(ctypes.byref(self._system))
         if not self._walk:
@@ -123,11 +95,7 @@ class Walk:
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]."""
-        reference, system = self._reference, self._formulation.system
-        gaps = self._formulation.gaps(np.vstack([system.delta_p, system.deviation_map.T]))
-        self._law[:] = reference.at_gaps(gaps)
-        self._law[0] += reference.by_right @ self._formulation.right_side(torque)
-        self._law[:, : len(self._scale)] *= self._scale
+        self._law[0] = self._reference.held["law"][0] + self._reference.of_torque(torque)
         self._system.torque = torque
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
@@ -140,13 +108,12 @@ class Walk:
         self._system.p = scalars.shape[1]
         teeth = values = None
         if gaps.at_flanks is not None:
-            teeth = np.ascontiguousarray(gaps.at_flanks, dtype=float)
-            rest = len(self._scale) - teeth.shape[1]
-            values = self._reference.at_gaps(self._formulation.gaps(np.pad(teeth, [(0, 0), (0, rest)])))
-            values[:, : len(self._scale)] *= self._scale
+            teeth = np.zeros((count, self._system.m))
+            teeth[:, : self._system.flanks] = gaps.at_flanks[:, self._reference.flanks]
+            values = self._reference.coordinates(self._reference.formulation.gaps(teeth))
         rotation, tooth_force, edge_force = np.empty((3, count))
         moment, residual = np.empty((count, 2)), np.empty((count, 4))
-        pulls = np.empty((count, self._columns)) if pull else None
+        pulls = np.empty((count, self._system.columns)) if pull else None
         out = _Answers(*(_address(a) for a in (rotation, moment, tooth_force, edge_force, residual, pulls)), None, None)
         teeth_and_values = (_address(teeth), _address(values))
         lost = self._library.walk_solve(self._walk, count, _address(scalars), *teeth_and_values, ctypes.byref(out))

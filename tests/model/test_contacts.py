@@ -33,7 +33,8 @@ def two_teeth(reference, gaps: tuple[float, float]):
     system = contact_system(reference)
     C = np.where(np.arange(len(FREEDOMS)) == ROTATION, 0.0, np.maximum(system.C, 1.0))  # the ring is not part of it
     return replace(
-        system, flanks=flanks, bore_theta=np.zeros(0), ball_theta=np.zeros(0), D=np.eye(2) * C_TOOTH, G=G, C=C,
+        system, flanks=flanks, bore_theta=np.zeros(0), ball_theta=np.zeros(0),
+        compliance=np.zeros((2, 2)), local=np.full(2, C_TOOTH), G=G, C=C,
         delta_p=np.array(gaps), deviation_map=np.zeros((2, 12)),
     )  # fmt: skip
 

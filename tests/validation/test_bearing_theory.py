@@ -64,8 +64,8 @@ def stribeck() -> tuple[float, float]:
     G[:, ROTATION] = -np.cos(2 * np.pi * np.arange(balls) / balls)
     C = np.where(np.arange(len(FREEDOMS)) == ROTATION, 0.0, 1.0)
     bearing = replace(
-        system, D=c * np.eye(balls), G=G, C=C, delta_p=np.zeros(balls), face=Face(np.zeros(1), np.array([c])),
-        flanks=replace(system.flanks, theta=np.zeros(0)),
+        system, compliance=np.zeros((balls, balls)), local=np.full(balls, c), G=G, C=C, delta_p=np.zeros(balls),
+        face=Face(np.zeros(1), np.array([c])), flanks=replace(system.flanks, theta=np.zeros(0)),
     )  # fmt: skip
     forces, free, _ = Engine(formulate(bearing), load).forces(bearing.delta_p[None])
     assert residuals(bearing, bearing.delta_p[None], load, forces, free).equilibrium[0] < 1e-12
