@@ -60,6 +60,9 @@ def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
     for _ in range(ROUNDS):
         r_0, wave = r_m - shrink, W_0 + shrink
         speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
-        shrink += float(speed.mean()) - r_m
+        excess = float(speed.mean()) - r_m
+        shrink += excess
+        if abs(excess) < CONVERGED * r_m:
+            break
     series = np.fft.rfft(speed).real / HARMONICS
     return r_0, wave, series[1:HARMONICS] / (2 * np.arange(1, HARMONICS))

@@ -7,13 +7,13 @@ from typing import Any
 import daqp
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
+from hdassist.solve import walk
 from hdassist.solve.certificate import proven
 from hdassist.solve.formulation import Formulation
-from hdassist.solve.pivoting import ZERO
+from hdassist.solve.near import solve_near
 from hdassist.solve.throughcvxpy import SECOND_SOLVER, solve_through_cvxpy
 
 SOLVED = 1  # exit flag of daqp
@@ -23,18 +23,24 @@ ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 FEW = 4  # states for which a model is not worth its set-up
-SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
-STEPS = 25  # of solve_near, after which it is given up; with coned flanks 12 gave up half of the states
 
 
 class ActiveSet:
     """Warm active-set solver (DAQP) of the states of one contact system.
 
     Arguments: formulation; torque [N*mm] on the flexspline; contact, candidates thought to carry force, shape (M,), by
-    default all.
+    default all; compiled, whether the way near that set may run in C, as it does where it is there.
     """
 
-    def __init__(self, formulation: Formulation, torque: float, contact: NDArray[np.bool_] | None = None) -> None:
+    def __init__(
+        self,
+        formulation: Formulation,
+        torque: float,
+        contact: NDArray[np.bool_] | None = None,
+        *,
+        compiled: bool = True,
+    ) -> None:
+        self._solve_near = walk.near if compiled and walk.library()[0] else solve_near
         self._formulation = formulation
         rows, n = formulation.A.shape
         self.contact = np.ones(n, dtype=bool) if contact is None else contact
@@ -81,7 +87,7 @@ class ActiveSet:
         return forces, free, fallbacks
 
     def _near(self, q: Array) -> tuple[Array, Array] | None:
-        answer = solve_near(self._formulation, q, self._right, self.contact)
+        answer = self._solve_near(self._formulation, q, self._right, self.contact)
         if answer:
             self.contact = answer[0] > 0
         return answer
@@ -113,48 +119,3 @@ class ActiveSet:
             return solve_through_cvxpy(self._formulation, delta_p, self._torque, SECOND_SOLVER)
         except UntrustedError:
             return np.full(len(delta_p), np.nan), np.full(len(self._right), np.nan)
-
-
-def solve_near(
-    formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
-) -> tuple[Array, Array] | None:
-    """Forces, shape (M,), and duals, shape (free,), of one state; None where the method gives up.
-
-    Sets of candidates change sides until none has to: a primal-dual active-set method (Hintermueller, Ito, Kunisch
-    2003, doi 10.1137/S1052623401383558). It needs no set-up and so serves where every state has matrices of its own;
-    it may cycle, and is given up then.
-    Arguments: formulation; gaps, shape (M,); right side of the equilibrium, shape (free,);
-    contact, candidates thought to carry force, shape (M,). All in the programme's units.
-    """
-    H, local, place, first = formulation.H, formulation.local, formulation.system.place, formulation.system.first
-    A = formulation.A[:, first]
-    free, lowest = len(A), gaps[first]
-    above = gaps - lowest[place]  # so that a place with one candidate has 0, not a difference of large numbers
-    for _ in range(STEPS):
-        # candidates in contact at a place are springs side by side
-        springs = contact / local
-        stiffness = np.add.reduceat(springs, first)
-        inside = np.flatnonzero(stiffness)
-        n, stiff = len(inside), stiffness[inside]
-        offset = np.add.reduceat(springs * above, first)[inside] / stiff
-        system = np.zeros((n + free, n + free))
-        system[:n, :n] = H[np.ix_(inside, inside)]
-        system[np.arange(n), np.arange(n)] += 1 / stiff
-        system[n:, :n] = across = A[:, inside]
-        system[:n, n:] = across.T
-        right_side = np.concatenate([-lowest[inside] - offset, right])
-        _, _, found, loose = lapack.dgesv(system, right_side)
-        if loose:  # no contact holds the parts: a soft spring lets them move on until some does
-            system[np.arange(n, n + free), np.arange(n, n + free)] -= SOFT
-            _, _, found, _ = lapack.dgesv(system, right_side)
-        if not np.all(np.isfinite(found)):
-            return None
-        closing = gaps + (H[:, inside] @ found[:n] + A.T @ found[n:])[place]
-        approach = np.zeros(len(first))
-        approach[inside] = found[:n] / stiff + offset
-        forces = np.where(contact, (approach[place] - above) / local, 0.0)
-        leave, enter = contact & (forces < -ZERO), ~contact & (closing < -ZERO)
-        if not (loose or leave.any() or enter.any()):
-            return np.maximum(forces, 0), found[n:]
-        contact = contact ^ leave ^ enter
-    return None

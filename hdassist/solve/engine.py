@@ -46,7 +46,8 @@ class Engine:
         near: Engine | None = like if like is not None and like._formulation.A.shape == formulation.A.shape else None
         self._formulation: Formulation = formulation
         self._torque = torque
-        self._one_by_one: ActiveSet = ActiveSet(formulation, torque, near._one_by_one.contact if near else None)
+        contact = near._one_by_one.contact if near else None
+        self._one_by_one: ActiveSet = ActiveSet(formulation, torque, contact, compiled=compiled)
         self._same = near if near and near._formulation is formulation and near._torque == torque else None
         self._pivoting: Pivoting | None = None
         self._walk: Walk | None = None
@@ -102,7 +103,8 @@ class Engine:
         """Contacts of the drive without deviations, so that they do not depend on the states asked for, shape (M,)."""
         if self._same:
             return self._same._contact
-        forces, _, _ = ActiveSet(self._formulation, self._torque).solve(self._formulation.system.delta_p[None])
+        nominal = ActiveSet(self._formulation, self._torque, compiled=self._compiled)
+        forces, _, _ = nominal.solve(self._formulation.system.delta_p[None])
         return np.asarray(forces[0] > CARRIES * forces[0].max())
 
     @cached_property

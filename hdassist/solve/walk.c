@@ -563,6 +563,127 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
     return given_up;
 }
 
+/* Solve L x = b in place, and L' x = b; L (n, n) lower, its diagonal inverted. */
+static void forward(int n, const double *L, double *x) {
+    for (int i = 0; i < n; i++) x[i] = (x[i] - product(i, L + (size_t)i * n, x, NULL)) * L[(size_t)i * n + i];
+}
+
+static void backward(int n, const double *L, double *x) {
+    for (int i = n - 1; i >= 0; i--) {
+        x[i] *= L[(size_t)i * n + i];
+        add_multiple(i, -x[i], L + (size_t)i * n, x);
+    }
+}
+
+/* Solve S x = b by elimination, S (n, n) symmetric and not negative; 0 where a pivot is nothing beside what it was. */
+static int eliminate(int n, double *S, double *b) {
+    double before[FREEDOMS];
+    for (int i = 0; i < n; i++) before[i] = S[i * n + i];
+    for (int k = 0; k < n; k++) {
+        if (!(S[k * n + k] > 1e-13 * before[k])) return 0;
+        for (int i = k + 1; i < n; i++) {
+            const double factor = S[i * n + k] / S[k * n + k];
+            for (int j = k; j < n; j++) S[i * n + j] -= factor * S[k * n + j];
+            b[i] -= factor * b[k];
+        }
+    }
+    for (int k = n - 1; k >= 0; k--) {
+        for (int j = k + 1; j < n; j++) b[k] -= S[k * n + j] * b[j];
+        b[k] /= S[k * n + k];
+    }
+    return 1;
+}
+
+/* One state by sets of candidates that change sides until none has to (solve_near of activeset.py, which is the same in
+ * numpy). M candidates at m places, the first of each in first (m + 1); all in the programme's units. contact (M) is where
+ * it starts from and what it ends with. Steps it took, 0 where it gives up. */
+int walk_near(int M, int m, int rows, const double *H, const double *local, const int32_t *first, const double *A,
+              const double *gaps, const double *right, double soft, int steps, uint8_t *contact, double *forces,
+              double *duals) {
+    double *memory = bare_room((size_t)m * m + (size_t)m * (7 + rows), sizeof(double));
+    int *inside = bare_room(m, sizeof(int)), taken = 0;
+    if (!memory || !inside || rows > FREEDOMS) goto done;
+    double *L = memory, *closing = L + (size_t)m * m, *series = closing + m, *offset = series + m, *wanted = offset + m;
+    double *F = wanted + m, *rest = F + m, *scratch = rest + m, *Y = scratch + m;
+    for (int step = 1; step <= steps; step++) {
+        int n = 0;
+        for (int r = 0; r < m; r++) { /* candidates in contact at a place are springs side by side */
+            double stiffness = 0, apart = 0;
+            for (int i = first[r]; i < first[r + 1]; i++)
+                if (contact[i]) stiffness += 1 / local[i], apart += (gaps[i] - gaps[first[r]]) / local[i];
+            if (stiffness == 0) continue;
+            inside[n] = r, series[n] = 1 / stiffness, offset[n] = apart / stiffness;
+            wanted[n] = -gaps[first[r]] - offset[n];
+            n++;
+        }
+        for (int i = 0; i < n; i++) {
+            double *row = L + (size_t)i * n;
+            const double *from = H + (size_t)inside[i] * m;
+            for (int j = 0; j < i; j++)
+                row[j] = (from[inside[j]] - product(j, row, L + (size_t)j * n, NULL)) * L[(size_t)j * n + j];
+            const double square = from[inside[i]] + series[i] - product(i, row, row, NULL);
+            if (!(square > 0)) goto done;
+            row[i] = 1 / sqrt(square);
+        }
+        double S[FREEDOMS * FREEDOMS], kept[FREEDOMS * FREEDOMS] = {0}, lambda[FREEDOMS] = {0}, change[FREEDOMS] = {0};
+        for (int f = 0; f < rows; f++) {
+            double *y = Y + (size_t)f * m;
+            for (int i = 0; i < n; i++) y[i] = A[(size_t)f * m + inside[i]];
+            forward(n, L, y);
+            for (int g = 0; g <= f; g++) kept[f * rows + g] = kept[g * rows + f] = product(n, y, Y + (size_t)g * m, NULL);
+        }
+        memcpy(S, kept, sizeof S);
+        const double spring = eliminate(rows, S, change) ? 0.0 : soft; /* where no contact holds the parts: until some does */
+        for (int f = 0; f < rows; f++) kept[f * rows + f] += spring;
+        memset(F, 0, sizeof(double) * n);
+        memset(closing, 0, sizeof(double) * m);
+        for (int round = 0; round < 2; round++) { /* solved, and refined */
+            for (int i = 0; i < n; i++) scratch[i] = rest[i] = wanted[i] - closing[inside[i]] - series[i] * F[i];
+            forward(n, L, scratch);
+            for (int f = 0; f < rows; f++) {
+                change[f] = product(n, Y + (size_t)f * m, scratch, NULL) - right[f] - spring * lambda[f];
+                for (int i = 0; i < n; i++) change[f] += A[(size_t)f * m + inside[i]] * F[i];
+            }
+            memcpy(S, kept, sizeof S);
+            if (!eliminate(rows, S, change)) goto done;
+            for (int f = 0; f < rows; f++) {
+                lambda[f] += change[f];
+                for (int i = 0; i < n; i++) rest[i] -= A[(size_t)f * m + inside[i]] * change[f];
+            }
+            forward(n, L, rest);
+            backward(n, L, rest);
+            for (int i = 0; i < n; i++) F[i] += rest[i];
+            memset(closing, 0, sizeof(double) * m);
+            for (int i = 0; i < n; i++) add_multiple(m, F[i], H + (size_t)inside[i] * m, closing);
+            for (int f = 0; f < rows; f++) add_multiple(m, lambda[f], A + (size_t)f * m, closing);
+        }
+        int moved = 0, finite = 1;
+        for (int r = 0, k = 0; r < m; r++) {
+            const int loaded = k < n && inside[k] == r;
+            const double approach = loaded ? F[k] * series[k] + offset[k] : 0.0;
+            k += loaded;
+            finite &= isfinite(closing[r]) && isfinite(approach);
+            for (int i = first[r]; i < first[r + 1]; i++) {
+                forces[i] = contact[i] ? (approach - (gaps[i] - gaps[first[r]])) / local[i] : 0.0;
+                const int changes = contact[i] ? forces[i] < -ZERO : gaps[i] + closing[r] < -ZERO;
+                contact[i] ^= changes;
+                moved |= changes;
+            }
+        }
+        if (!finite) break;
+        if (spring == 0 && !moved) {
+            for (int i = 0; i < M; i++) forces[i] = forces[i] > 0 ? forces[i] : 0.0;
+            memcpy(duals, lambda, sizeof(double) * rows);
+            taken = step;
+            break;
+        }
+    }
+done:
+    free_aligned(memory);
+    free_aligned(inside);
+    return taken;
+}
+
 /* The instruction set of this machine: 4 AVX-512, 3 AVX2, 1 any other. */
 int walk_level(void) {
 #if defined(__x86_64__)

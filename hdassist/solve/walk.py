@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.certificate import Residuals
+from hdassist.solve.formulation import Formulation
+from hdassist.solve.near import SOFT, STEPS
 from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
 
@@ -50,25 +53,32 @@ def library() -> tuple[Any, str]:
         if not (folder / library_name(1)).exists():
             continue
         try:
-            level = _load(folder / library_name(1)).walk_level()
-            found = _load(folder / library_name(level))
+            level = ctypes.CDLL(str(folder / library_name(1))).walk_level()
+            found = ctypes.CDLL(str(folder / library_name(level)))
         except OSError as error:
             return None, f"the compiled walk can't be loaded: {error}"
+        found.walk_source.restype = ctypes.c_char_p
         if found.walk_source().decode() != source_hash():
             return None, f"the compiled walk is older than {SOURCE.name}: install hdassist again"
-        return found, f"compiled walk, {INSTRUCTIONS[level]}"
+        return _declared(found), f"compiled walk, {INSTRUCTIONS[level]}"
     return None, "numpy: no compiled walk in this installation (no C compiler when it was made)"
 
 
 def _load(path: Path) -> Any:
-    loaded = ctypes.CDLL(str(path))
+    return _declared(ctypes.CDLL(str(path)))
+
+
+def _declared(loaded: Any) -> Any:
+    """The library with the types of its functions."""
     pointer = ctypes.c_void_p
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer], pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
     loaded.walk_solve.argtypes = [pointer, ctypes.c_long, pointer, pointer, pointer, pointer]
     loaded.walk_solve.restype = loaded.walk_pivots.restype = ctypes.c_long
     loaded.walk_pivots.argtypes = [pointer]
-    loaded.walk_source.restype = ctypes.c_char_p
+    integer, real = ctypes.c_int, ctypes.c_double
+    loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [real, integer] + [pointer] * 3
+    loaded.walk_near.restype = integer
     return loaded
 
 
@@ -120,5 +130,18 @@ class Walk:
         return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, lost)
 
 
-def _address(array: Array | None) -> int | None:
+def near(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+    """solve_near of activeset.py, compiled."""
+    system = formulation.system
+    ends = np.append(system.first, len(gaps)).astype(np.int32)
+    at_places = np.ascontiguousarray(formulation.A[:, system.first])
+    held, forces, duals = contact.astype(np.uint8), np.empty(len(gaps)), np.empty(len(right))
+    data = (formulation.H, formulation.local, ends, at_places, np.ascontiguousarray(gaps), right)
+    sizes = len(gaps), len(system.first), len(right)
+    given, made = ([_address(array) for array in some] for some in (data, (held, forces, duals)))
+    found = library()[0].walk_near(*sizes, *given, SOFT, STEPS, *made)
+    return (forces, duals) if found else None
+
+
+def _address(array: NDArray[Any] | None) -> int | None:
     return None if array is None else array.ctypes.data

@@ -1,13 +1,22 @@
 """One state after another by the active-set solver, and the contact sets that they start from."""
 
+import shutil
+
 import numpy as np
 import pytest
 
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.solve.activeset import ActiveSet, solve_near
+from hdassist.solve import walk
+from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.near import solve_near
+
+WAYS = [
+    solve_near,
+    pytest.param(walk.near, marks=pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")),
+]
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +29,8 @@ def formulation(system):
     return formulate(system)
 
 
-def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system):
+@pytest.mark.parametrize("way", WAYS)
+def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system, way):
     torque, delta_p = 80e3, system.delta_p_of(StateGaps(np.array([[0.03, 0.01, 0.05, -0.02]])))
     gaps, right = formulation.gaps(delta_p[0]), formulation.right_side(torque)
     forces, free, _ = Engine(formulation, torque).forces(delta_p)
@@ -28,10 +38,20 @@ def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, s
     one_more = solved.copy()
     one_more[np.argmin(solved)] = True
     for start in (solved, one_more, np.ones_like(solved)):
-        found, duals = formulation.answer(*solve_near(formulation, gaps, right, start))
+        found, duals = formulation.answer(*way(formulation, gaps, right, start))
         assert found == pytest.approx(forces[0], abs=1e-8 * forces.max())
         assert duals == pytest.approx(free[0], abs=1e-11)
-    assert solve_near(formulation, gaps * np.nan, right, solved) is None
+    assert way(formulation, gaps * np.nan, right, solved) is None
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("torque", [1.0, 80e3])
+def test_flanks_that_let_go_as_the_torque_turns_are_followed_to_those_that_hold(formulation, system, way, torque):
+    gaps, right = formulation.gaps(system.delta_p), formulation.right_side(torque)
+    other_way, _ = solve_near(formulation, gaps, -right, np.ones(len(gaps), dtype=bool))
+    found = way(formulation, gaps, right, other_way > 0)
+    forces, free = (answer[None] for answer in formulation.answer(*found))
+    assert residuals(system, system.delta_p[None], torque, forces, free).worst.max() < 1e-10
 
 
 def test_a_model_is_set_up_once_for_many_states(formulation, system, monkeypatch):
