@@ -148,7 +148,9 @@ def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(for
     found = solve_again(formulation, torques, delta_p, rotation + np.array([0.001, -0.004, 0.002]), "daqp", str)
     assert (found.solver, found.states) == ("DAQP", 3)
     assert found.max_difference_arcsec == pytest.approx(0.004, abs=1e-6)
-    with pytest.raises(UntrustedError, match=r"disagree at state 1: 0.02 arcsec between the engine and daqp and clarabel") as error:
+    with pytest.raises(
+        UntrustedError, match=r"disagree at state 1: 0.02 arcsec between the engine and daqp and clarabel"
+    ) as error:
         solve_again(
             formulation, torques, delta_p, rotation + np.array([0.001, -0.02, 0.03]), "daqp", lambda k: f"state {k}"
         )
