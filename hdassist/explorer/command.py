@@ -58,7 +58,7 @@ def command(
     from hdassist.explorer.questions import Effort
     from hdassist.explorer.service import Service
     from hdassist.explorer.session_file import SessionFile
-    from hdassist.terminal.console import Style, say
+    from hdassist.terminal.console import Style, say, silence
 
     with terminal_guarded():
         service = Service()
@@ -69,6 +69,9 @@ def command(
             app.run()
         finally:
             service.close()
+    if not sys.stdout.isatty():  # the terminal hung up: what is left for it has no place
+        for stream in (sys.stdout, sys.stderr):
+            silence(stream)
     if app.session.step != session.step:
         for name in ("explore", "check"):
             say(f"back to it: {app.session.command(name)}")

@@ -38,7 +38,7 @@ def workers(jobs: int) -> Iterator[Executor]:
     One job is a process too: the same arithmetic, so the same digits for any number of jobs.
     Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
     """
-    executor = _Processes()
+    executor = Processes()
     with at_stop(executor.kill):
         try:
             try:
@@ -55,7 +55,7 @@ def workers(jobs: int) -> Iterator[Executor]:
             executor.end()
 
 
-class _Processes(Executor):
+class Processes(Executor):
     """Processes, each with a pipe and a thread that gives it one task after the other."""
 
     def __init__(self) -> None:

@@ -84,11 +84,17 @@ class Terminal:
         left = self.sent.rfind(b"\x1b[?1049l") > self.sent.rfind(b"\x1b[?1049h") > -1
         return line and left and self.sent.rfind(b"\x1b[?25h") > self.sent.rfind(b"\x1b[?25l")
 
+    def hang_up(self) -> None:
+        """Close the end of the terminal that its user has."""
+        os.close(self._leader)
+        self._leader = -1
+
     def close(self) -> None:
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
-        os.close(self._leader)
+        if self._leader >= 0:
+            os.close(self._leader)
         os.close(self._follower)
         self.states.cleanup()
 
@@ -146,6 +152,22 @@ def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: s
         while not terminal.as_it_was and time.monotonic() < end:
             terminal.read()
         assert terminal.as_it_was
+    assert vanished(before)
+
+
+@needs_proc
+@pytest.mark.parametrize("is_ignored", [True, False])
+def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
+    """Also where no signal says so: SIGHUP ignored, as under nohup."""
+    before = processes()
+    ignoring = ["sh", "-c", "trap '' HUP; exec \"$@\"", "sh", *COMMAND] if is_ignored else COMMAND
+    terminal = Terminal("explore", SMALL, *SETS, command=ignoring)
+    try:
+        terminal.wait_for("SEAT")
+        terminal.hang_up()
+        assert terminal.process.wait(timeout=20) > 128
+    finally:
+        terminal.close()
     assert vanished(before)
 
 

@@ -28,11 +28,11 @@ def drives(args: argparse.Namespace) -> bool:
 
 def faults(args: argparse.Namespace) -> bool:
     """Kills, signals, surroundings, two runs at once."""
-    from tests.fuzz.faults import kills, report, signals
+    from tests.fuzz.faults import CASES, kills, report, signals
     from tests.fuzz.surroundings import surroundings, two_at_once
 
     parts = {
-        "kills": lambda: kills(args.kills, args.seed),
+        "kills": lambda: kills(args.kills, args.seed, args.commands or tuple(CASES)),
         "signals": lambda: signals(args.signals, args.seed),
         "surroundings": surroundings,
         "two runs at once": two_at_once,
@@ -69,6 +69,7 @@ def main() -> int:
     study.set_defaults(run=drives)
     study = studies.add_parser("faults", help="runs that are ended at any moment, or that the system gives little")
     study.add_argument("--kills", type=int, default=200, help="runs that are killed")
+    study.add_argument("--commands", nargs="*", help="that are killed: all cases unless named")
     study.add_argument("--signals", type=int, default=300, help="runs that are told to stop")
     study.add_argument("--seed", type=int, default=0)
     known = ("kills", "signals", "surroundings", "two runs at once")

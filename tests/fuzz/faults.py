@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.process import CLEAN, COMMAND, SMALL
+from tests.process import CLEAN, COMMAND, TINY
 
 MARK = "HDASSIST_MARK"
 OLD = "what was there before\n"
@@ -40,13 +40,13 @@ CHANGES = re.compile(  # from run to run; a checksum is that of a time too
 )
 
 INPUTS = {
-    "small.yaml": Path(SMALL).read_text(encoding="utf-8").replace("n_phase: 4", "n_phase: 2").replace("[1, 4]", "[4]"),
+    "tiny.yaml": Path(TINY).read_text(encoding="utf-8").replace("[1, 4]", "[4]"),
     "targets.yaml": (
-        "schema: hdassist.targets/1\nunknowns: {gears.j_n: {low: 0, high: 10}}\n"
-        "targets: [{quantity: F_ior, M_g: 4, phase: 0, value: 33, tolerance: 1}]\n"
+        "schema: hdassist.targets/1\nunknowns: {gears.j_n: {low: 15, high: 20}}\n"
+        "targets: [{quantity: F_ior, M_g: 4, phase: 0, value: 131, tolerance: 1}]\n"
     ),
     "lot.csv": "serial,preset,limit F_ior@4\n"
-    + "".join(f"{k},small.yaml,{limit}\n" for k, limit in enumerate((60, 10, 30, 40))),
+    + "".join(f"{k},tiny.yaml,{limit}\n" for k, limit in enumerate((600, 10, 130, 140))),
     "many.csv": "serial,preset,tolerances.e_hb,limit F_ior@80\n" + "".join(f"{k},vzp160,{k},30\n" for k in range(100)),
     "run.csv": "cam_deg,error_arcsec\n"
     + "".join(f"{k},{15 * math.sin(math.radians(k)) + 3 * math.sin(math.radians(2 * k)):.4f}\n" for k in range(721)),
@@ -72,20 +72,23 @@ CASES = {
     for case in (
         _case("lot", "accept lot.csv --jsonl a.jsonl --resume --junit a.xml --csv a.csv -o a.json --json --force "
               "--jobs 2", "a.xml a.csv a.json", "a.jsonl"),
-        _case("accept", "accept small.yaml --limit F_ior@4=60 --jsonl a.jsonl --junit a.xml --csv a.csv -o a.json "
+        _case("accept", "accept tiny.yaml --limit F_ior@4=600 --jsonl a.jsonl --junit a.xml --csv a.csv -o a.json "
               "--json --force --jobs 2", "a.xml a.csv a.json a.jsonl"),
-        _case("calibrate", "calibrate small.yaml --targets targets.yaml --state s.jsonl --write found.yaml -o a.json "
+        _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --state s.jsonl --write found.yaml -o a.json "
               "--json --force --evaluations 8 --jobs 2", "found.yaml a.json", "s.jsonl"),
-        _case("check", "check small.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
-        _case("mount", "mount small.yaml --set mounting.holes=3 --samples 0 --card card.html --csv a.csv -o a.json "
+        _case("tolerance", "tolerance tiny.yaml -n 96 --results t.jsonl -o a.json --json --force --jobs 2", "a.json",
+              "t.jsonl"),
+        _case("sweep", "sweep tiny.yaml --vary gears.j_n=10:20:81 -o s.jsonl --jobs 2", grows="s.jsonl"),
+        _case("check", "check tiny.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
+        _case("mount", "mount tiny.yaml --set mounting.holes=3 --samples 0 --card card.html --csv a.csv -o a.json "
               "--json --force --jobs 2", "card.html a.csv a.json"),
-        _case("trials", "trials small.yaml h0:100 h1:95 h2:97 --set mounting.holes=3 --noise 30 --sure 0.01 "
+        _case("trials", "trials tiny.yaml h0:130 h1:125 h2:127 --set mounting.holes=3 --noise 30 --sure 0.01 "
               "--card card.html --csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),
-        _case("measure", "measure run.csv --ratio 31 --csv a.csv -o a.json --json --force", "a.csv a.json"),
-        _case("compare", "compare small.yaml run.csv --csv a.csv -o a.json --json --force", "a.csv a.json"),
-        _case("trace", "trace small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
-        _case("stiffness", "stiffness small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
-        _case("self-error", "self-error small.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("measure", "measure run.csv --ratio 11 --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("compare", "compare tiny.yaml run.csv --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("trace", "trace tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("self-error", "self-error tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("new", "presets new mine -o mine.yaml --force", "mine.yaml"),
         _case("schema", "presets schema -o schema.json --force", "schema.json"),
     )
@@ -96,7 +99,7 @@ LONG = (
     _case("tolerance", "tolerance vzp160 -n 4000 --jobs 2 --results a.jsonl", grows="a.jsonl"),
     _case("sweep", "sweep vzp160 --vary gears.j_n=0:10:401 --jobs 2 -o a.jsonl", grows="a.jsonl"),
     _case("sensitivity", "sensitivity vzp160 -n 512 --jobs 2"),
-    _case("calibrate", "calibrate small.yaml --targets targets.yaml --state a.jsonl --evaluations 4000 --jobs 1",
+    _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --state a.jsonl --evaluations 4000 --jobs 1",
           grows="a.jsonl"),
     _case("accept", "accept many.csv --jsonl a.jsonl --jobs 2", grows="a.jsonl"),
 )  # fmt: skip
@@ -117,12 +120,15 @@ class Tally:
     """What came out of a study.
 
     runs; done: those that were over before their signal; outside: those ended by the system before our first line or
-    after our last; broken: promises that were; parts: temporary files left by kills; slowest end [s].
+    after our last; midway: those killed with work kept; gone_on: runs that went on from what was left, to the end;
+    broken: promises that were; parts: temporary files left by kills; slowest end [s].
     """
 
     runs: int = 0
     done: int = 0
     outside: int = 0
+    midway: int = 0
+    gone_on: int = 0
     broken: list[str] = field(default_factory=list)
     parts: int = 0
     slowest: float = 0.0
@@ -231,31 +237,59 @@ def goes_on(case: Case, place: Path, known: Usual) -> list[str]:
 
 
 def kills(count: int, seed: int, names: Sequence[str] = tuple(CASES)) -> Tally:
-    """SIGKILL at a random moment of each command in turn; half of them late, where files are written.
+    """SIGKILL at random moments of each command in turn, up to three times until it is let to its end.
 
     Arguments: count, of kills; seed, of the moments; names, of cases.
     """
     tally = Tally()
     known = {name: usual(CASES[name]) for name in names}
-    for k in range(count):
-        rng = np.random.default_rng([seed, k])
-        case = CASES[names[k % len(names)]]
-        moment = rng.uniform(0, 1) if rng.random() < 0.5 else rng.uniform(0.8, 1.02)
-        old = case.whole if k // len(names) % 2 else ()
+    chain = 0
+    while tally.runs < count:
+        case, rng = CASES[names[chain % len(names)]], np.random.default_rng([seed, chain])
+        old = case.whole if chain // len(names) % 2 else ()
+        chain += 1
         with folder(old) as place:
-            mark = secrets.token_hex(8)
-            process = start(case, place, mark)
-            time.sleep(moment * known[case.name].seconds)
-            process.kill()
-            process.communicate()
-            said = [f"process {pid} left" for pid in left(mark)]
-            said += faults_of_files(case, place, old, known[case.name], ended_in_order=False)
+            for _ in range(min(int(rng.integers(1, 4)), count - tally.runs)):
+                _kill(case, place, old, known[case.name], rng, tally)
             after = texts(place)
             tally.parts += sum(name.endswith(".part") for name in after)
             if after != {name: plain(text) for name, text in INPUTS.items()} | dict.fromkeys(old, OLD):
-                said += goes_on(case, place, known[case.name])
-            record(tally, said, f"{case.name} killed at {moment:.2f} of its time")
+                tally.gone_on += 1
+                if said := goes_on(case, place, known[case.name]):
+                    tally.broken.append(f"{case.name}: {'; '.join(said)}")
+                    print(f"  {tally.broken[-1]}", flush=True)
     return tally
+
+
+def _kill(case: Case, place: Path, old: Sequence[str], known: Usual, rng: np.random.Generator, tally: Tally) -> None:
+    """Begin a run in a folder and kill it, half of the runs to all of its processes.
+
+    Where a file grows line by line, two of three are killed soon after it has a random share of its lines: in the
+    middle of the work, however busy the machine is. The others are killed after a random share of the usual time.
+    """
+    mark, share = secrets.token_hex(8), rng.uniform(0, 1) if rng.random() < 0.6 else rng.uniform(0.8, 1.02)
+    is_by_size, is_for_all, wait = bool(case.grows) and rng.random() < 2 / 3, rng.random() < 0.5, rng.uniform(0, 0.1)
+    process = start(case, place, mark, start_new_session=True)
+    if is_by_size:
+        least = share * len(known.files[case.grows])
+        while process.poll() is None and _size(place / case.grows) < least:
+            time.sleep(0.005)
+        time.sleep(wait)
+    else:
+        time.sleep(share * known.seconds)
+    with suppress(ProcessLookupError):
+        (os.killpg if is_for_all else os.kill)(process.pid, signal.SIGKILL)
+    process.communicate(timeout=LONGEST)
+    tally.done += process.returncode != -signal.SIGKILL
+    if process.returncode == -signal.SIGKILL and case.grows and _size(place / case.grows):
+        tally.midway += 1
+    said = [f"process {pid} left" for pid in left(mark)]
+    said += faults_of_files(case, place, old, known, ended_in_order=False)
+    record(tally, said, f"{case.name} killed at {share:.2f} of its {'file' if is_by_size else 'time'}")
+
+
+def _size(file: Path) -> int:
+    return file.stat().st_size if file.exists() else 0
 
 
 def signals(count: int, seed: int, seconds: float = 8.0) -> Tally:
@@ -315,5 +349,7 @@ def report(name: str, tally: Tally) -> bool:
     parts = f", {tally.parts} temporary files left" if tally.parts else ""
     ends += f", {tally.done} done before" if tally.done else ""
     ends += f", {tally.outside} ended while the interpreter began or ended" if tally.outside else ""
+    ends += f", {tally.midway} with work kept" if tally.midway else ""
+    ends += f", {tally.gone_on} gone on with to the end" if tally.gone_on else ""
     print(f"{name}: {tally.runs} runs, {len(tally.broken)} of them broke a promise{parts}{ends}", flush=True)
     return not tally.broken

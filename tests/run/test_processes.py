@@ -144,6 +144,6 @@ def test_where_one_process_is_lost_no_other_is_waited_for():
 
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), RuntimeError("can't start new thread")])
 def test_processes_that_cannot_begin_are_a_data_error(monkeypatch, fault):
-    monkeypatch.setattr("hdassist.run.processes._Processes.begin", lambda *_: refuse(fault))
+    monkeypatch.setattr("hdassist.run.processes.Processes.begin", lambda *_: refuse(fault))
     with pytest.raises(DataError, match=r"cannot begin the processes.*(No space left|new thread)"), workers(1):
         pass
