@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import io
 import os
+import pickle
 import pty
 import signal
 import struct
@@ -17,9 +18,14 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future
+from functools import cache
 from pathlib import Path
+from typing import Any
 from unittest import mock
+
+import typer.main
 
 from hdassist.cli.main import main
 
@@ -37,13 +43,44 @@ CLEAN = {
 }
 CLEAN |= {name: text for name, text in os.environ.items() if name.startswith("OPENBLAS_")}  # the kernels numpy has here
 LONGEST = 240  # s of one process
+_get_command = cache(typer.main.get_command)  # half of the time of a command that reads little
 
 
-def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+class InProcess(Executor):
+    """Stands where processes share the work of a command, and does each task at once, pickled as a process gets it."""
+
+    def begin(self, count: int) -> None:
+        """Begin no processes."""
+
+    def end(self) -> None:
+        """End none."""
+
+    kill = end
+
+    def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        try:
+            task, args, more = pickle.loads(pickle.dumps((task, args, more)))
+            done.set_result(pickle.loads(pickle.dumps(task(*args, **more))))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+
+@contextlib.contextmanager
+def no_processes() -> Iterator[None]:
+    """Do in this process what would be shared among others: beginning these takes longer than the tiny drive."""
+    with mock.patch("hdassist.run.processes.Processes", InProcess):
+        yield
+
+
+def run(
+    *args: str, stdin: str | None = None, cwd: Path | None = None, shares: bool = False
+) -> subprocess.CompletedProcess[str]:
     """Run a command in this process, with arguments, streams, folder and environment of its own.
 
     It is main() that runs, as in a process: typer's CliRunner would call the app below it, and miss the messages and
-    exit codes that main() makes of errors.
+    exit codes that main() makes of errors. shares: whether it begins the processes that it shares its work with.
     """
     given = io.TextIOWrapper(io.BytesIO((stdin or "").encode()), encoding="utf-8")
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="")
@@ -51,7 +88,9 @@ def run(*args: str, stdin: str | None = None, cwd: Path | None = None) -> subpro
     with (
         mock.patch.multiple(sys, argv=["hdassist", *args], stdin=given, stdout=out, stderr=err),
         mock.patch.dict(os.environ, CLEAN, clear=True),
+        mock.patch("typer.main.get_command", _get_command),
         contextlib.chdir(cwd or Path.cwd()),
+        contextlib.nullcontext() if shares else no_processes(),
     ):
         code = 0
         try:

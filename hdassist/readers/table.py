@@ -285,7 +285,7 @@ class _Rows:
         It reads the same numbers as `_row` does, only faster: whatever is not plain is left to that.
         """
         separator, decimal = self.separator, self.decimal
-        if separator == decimal:
+        if separator == decimal or part.isspace():
             return None
         if '"' in part:  # around nothing but a number
             apart = r"\s" if separator == " " else rf"{separator}\n"

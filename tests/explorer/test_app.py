@@ -20,8 +20,8 @@ from hdassist.explorer.state import Session, opened, with_trials
 from hdassist.explorer.words import advice_text
 from hdassist.loading.load import load_text
 from hdassist.terminal.options import TrialOptions
-from tests.explorer.rig import FEW, QUICK, explored, said, screen, settled, small, typed
-from tests.process import SMALL
+from tests.explorer.rig import FEW, QUICK, explored, said, screen, settled, tiny, typed
+from tests.process import SMALL, TINY
 
 SETS = [word for text in FEW for word in ("--set", text)]
 
@@ -32,7 +32,7 @@ def test_the_first_view_shows_seat_curve_levers_and_the_order() -> None:
         advised = app.known.advised
         assert advised is not None and advised.settled and advised.words.split(":")[0] in told.replace("│", "")[:99999]
         assert "SEAT, cam side" in told and "LEVERS" in told and "F'_ior, arcsec" in told
-        assert f"= hdassist mount {SMALL[:40]}" in told
+        assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told
 
     explored(act, size=(140, 40))
@@ -108,7 +108,7 @@ def test_trials_are_entered_dropped_undone_and_weighed() -> None:
 @pytest.fixture(scope="module")
 def likely() -> str:
     """Trials that the small drive can show: what is computed of it, turned by a hole."""
-    app = explored(lambda app, pilot: pilot.pause())
+    app = explored(lambda app, pilot: pilot.pause(), opened(SMALL, FEW))
     curve = app.known.curve
     assert curve is not None
     values = [place.values[0].F_ior_arcsec for place in curve.places]
@@ -137,7 +137,7 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_j
         written = json.loads((tmp_path / "trials.json").read_text())
         assert (written["schema"], written["instruction"]) == ("hdassist.trials/1", found.advised.words)
 
-    explored(act, with_trials(small(), likely))
+    explored(act, with_trials(opened(SMALL, FEW), likely))
 
 
 def test_a_trial_that_cannot_be_is_refused_where_it_is_entered() -> None:
@@ -197,13 +197,13 @@ def test_a_step_is_a_key() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await to_lever(app, pilot, "gears.j_n")
         await pilot.press("plus", "plus", "minus")
-        assert app.session.changes == (("gears.j_n", "7"),)
+        assert app.session.changes == (("gears.j_n", "19"),)
         await to_lever(app, pilot, "bearing.g_b")
         await pilot.press("minus")
-        assert app.session.changes == (("gears.j_n", "7"),) and "out of range" in said(app)
+        assert app.session.changes == (("gears.j_n", "19"),) and "out of range" in said(app)
         await to_lever(app, pilot, "mounting.fixed")
         await pilot.press("plus")
-        assert app.session.changes == (("gears.j_n", "7"),)  # no knob
+        assert app.session.changes == (("gears.j_n", "19"),)  # no knob
 
     explored(act)
 
@@ -219,7 +219,7 @@ def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() 
         await settled(app, pilot)
         assert app.known.advised is not None
 
-    explored(act, small("operation.M_g=[9000000.0]"))
+    explored(act, tiny("operation.M_g=[9000000.0]"))
 
 
 TURNABLE = ("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0")  # any hole may be the best
@@ -243,7 +243,7 @@ def test_unknown_directions_have_a_range_no_order_and_no_card(tmp_path: Path, mo
         await pilot.pause()
         assert "no card" in said(app) and not isinstance(app.screen, Form) and not list(tmp_path.iterdir())
 
-    explored(act, small(*TURNABLE))
+    explored(act, tiny(*TURNABLE))
 
 
 def test_a_variant_with_unknown_directions_is_no_curve_to_compare_with() -> None:
@@ -252,7 +252,7 @@ def test_a_variant_with_unknown_directions_is_no_curve_to_compare_with() -> None
         await settled(app, pilot)
         assert app.known.curve is not None and "┄" not in screen(app)
 
-    explored(act, small(*TURNABLE))
+    explored(act, tiny(*TURNABLE))
 
 
 def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
@@ -274,11 +274,11 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
         assert "UNKNOWN AS 0 · 4 N·m" in turned and "computed as 0: tolerances.e_hh" in turned.replace("│", "")
         assert "PROVEN" not in told + turned
 
-    explored(act, small("tolerances.e_hh=unknown"), size=(160, 45))
+    explored(act, tiny("tolerances.e_hh=unknown"), size=(160, 45))
 
 
 def kept_in(folder: Path) -> SessionFile:
-    return SessionFile(SMALL, folder)
+    return SessionFile(TINY, folder)
 
 
 def asked(app: Explorer) -> str:
@@ -314,12 +314,12 @@ def test_leaving_asks_where_work_is_not_saved_and_offers_it_next_time(tmp_path: 
         await pilot.pause()
         assert not app.is_running  # as it was opened: it is kept
 
-    explored(begin, small(rig=TrialOptions(noise=2.0)), kept=kept_in(tmp_path))
+    explored(begin, tiny(rig=TrialOptions(noise=2.0)), kept=kept_in(tmp_path))
     explored(go_on, kept=kept_in(tmp_path))
 
 
 def test_what_is_not_to_be_kept_leaves_the_session_before(tmp_path: Path) -> None:
-    kept_in(tmp_path).write(with_trials(small(), "h4:17.3"))
+    kept_in(tmp_path).write(with_trials(tiny(), "h4:17.3"))
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("n")
@@ -330,7 +330,7 @@ def test_what_is_not_to_be_kept_leaves_the_session_before(tmp_path: Path) -> Non
         assert not app.is_running
 
     explored(act, kept=kept_in(tmp_path))
-    found = kept_in(tmp_path).read(small())
+    found = kept_in(tmp_path).read(tiny())
     assert found is not None and found[0].trials == ("h4:17.3",)
 
 
@@ -428,7 +428,7 @@ def test_in_seven_bits_every_view_is_as_wide_and_says_the_same() -> None:
 def test_a_trace_lies_over_the_prediction(tmp_path: Path) -> None:
     from tests.process import run
 
-    record = run("trace", SMALL, *SETS, "-n", "3", "-q", "--csv", "-")
+    record = run("trace", TINY, *SETS, "-n", "3", "-q", "--csv", "-")
     rows = [line.split(",") for line in record.stdout.splitlines() if "," in line]
     file = tmp_path / "run.csv"
     file.write_text("".join(f"{row[0]},{row[3]}\n" for row in rows))
@@ -447,14 +447,14 @@ def test_a_trace_lies_over_the_prediction(tmp_path: Path) -> None:
         assert found is not None and "agrees" in found.page and "━ measured" in screen(app)
         apart = [m - p for m, p in zip(found.measured_arcsec, found.predicted_arcsec, strict=True)]
         assert max(map(abs, apart)) < 0.05 * max(map(abs, found.measured_arcsec))
-        assert f"hdassist compare {SMALL[:20]}" in screen(app)
+        assert f"hdassist compare {TINY[:20]}" in screen(app)
 
     explored(act)
 
 
 def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
     file = tmp_path / "drive.yaml"
-    text = Path(SMALL).read_text().replace("name: small", 'name: "a\\u202eb"').replace("mounting", "mounting")
+    text = Path(TINY).read_text().replace("name: tiny", 'name: "a\\u202eb"').replace("mounting", "mounting")
     file.write_text(text)
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
@@ -464,7 +464,7 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
 
 
 def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:
-    original = Path(SMALL).read_text()
+    original = Path(TINY).read_text()
     there = tmp_path / "mine.yaml"
 
     async def save(app: Explorer, pilot: Pilot[int]) -> None:
@@ -477,9 +477,9 @@ def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp
         await to_lever(app, pilot, "gears.j_n")
         await pilot.press("plus")
         await save(app, pilot)
-        wanted = original.replace("j_n: 6", "j_n: 7").replace("[1, 4]", "[4.0]").replace("20, n_2: 40", "8, n_2: 16")
+        wanted = original.replace("j_n: 18", "j_n: 19").replace("[1, 4]", "[4.0]")
         assert there.read_text() == f"{wanted}\nmounting:\n  holes: 6\n"
-        assert load_text(there.read_bytes(), str(there)).gears.j_n == 7 and f"wrote {there}" in said(app)
+        assert load_text(there.read_bytes(), str(there)).gears.j_n == 19 and f"wrote {there}" in said(app)
         there.write_text("precious")
         await save(app, pilot)
         assert isinstance(app.screen, Confirm)
@@ -487,7 +487,7 @@ def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp
         assert there.read_text() == "precious"
         await save(app, pilot)
         await pilot.press("y")
-        assert "j_n: 7" in there.read_text()
+        assert "j_n: 19" in there.read_text()
         await pilot.press("q")
         await pilot.pause()
         assert not app.is_running  # all is saved: nothing is asked
@@ -519,7 +519,7 @@ def test_the_card_and_the_json_are_those_of_the_command(tmp_path: Path) -> None:
     card, told = tmp_path / "card.md", tmp_path / "mount.json"
     made = run(
         "mount",
-        SMALL,
+        TINY,
         *SETS,
         "--samples",
         "64",

@@ -6,26 +6,26 @@ from hdassist.explorer.levers import levers, step_of, stepped, text_of
 from hdassist.explorer.state import opened
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import field_table
-from tests.explorer.rig import small
-from tests.process import SMALL
+from tests.explorer.rig import tiny
+from tests.process import TINY
 
 
 def test_every_field_is_a_lever_with_what_the_preset_says_of_it() -> None:
-    found = {lever.path: lever for lever in levers(small().drive, {"cam.W_0"})}
+    found = {lever.path: lever for lever in levers(tiny().drive, {"cam.W_0"})}
     assert list(found) == list(field_table())
     assert found["mounting.allowed"].mark == found["harmonics.xi_b2"].mark == ""  # a setting; not known
     lever = found["gears.j_n"]
-    assert (lever.text, lever.unit, lever.range, lever.mark) == ("6", "um", "0 to 200 um", "")
+    assert (lever.text, lever.unit, lever.range, lever.mark) == ("18", "um", "0 to 200 um", "")
     assert "clearance" in lever.meaning
     assert (found["cam.W_0"].mark, found["gears.alpha"].mark) == ("*", "?")  # changed; left to its default
 
 
 def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
-    session = opened(SMALL)
+    session = opened(TINY)
     given = [lever for lever in levers(session.drive, set()) if lever.text != "unknown"]
     assert len(given) > len(field_table()) / 2
     for lever in given:
-        there = load_text(session.source.text, SMALL, [f"{lever.path}={lever.text}"])
+        there = load_text(session.source.text, TINY, [f"{lever.path}={lever.text}"])
         assert there.value(lever.path) == session.drive.value(lever.path), lever.path
 
 

@@ -12,7 +12,7 @@ import pytest
 from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Sure, Underway
 from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, TrialsQuestion
 from hdassist.explorer.service import Service
-from tests.explorer.rig import QUICK, small
+from tests.explorer.rig import QUICK, tiny
 
 needs_proc = pytest.mark.skipif(not Path("/proc").exists(), reason="processes are counted in /proc")
 
@@ -29,7 +29,7 @@ async def told(service: Service, question: Question) -> list[Answer]:
 
 
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
-    answers = asyncio.run(told(service, MountQuestion(small().drive, QUICK)))
+    answers = asyncio.run(told(service, MountQuestion(tiny().drive, QUICK)))
     assert isinstance(answers[0], Facts) and isinstance(answers[-1], Advised)
     curves = [answer for answer in answers if isinstance(answer, Curve)]
     assert [curve.sure for curve in curves][:2] == [Sure.COARSE, Sure.REFINED] and len(curves[-1].places) == 6
@@ -45,13 +45,13 @@ def test_how_far_the_weighing_of_trials_is_comes_before_the_answer(service: Serv
         async with contextlib.aclosing(service.ask(question)) as answers:
             return await anext(answers)
 
-    session = small()
+    session = tiny()
     answer = asyncio.run(first(TrialsQuestion(session.drive, ("h0:20",), session.rig, QUICK)))
     assert isinstance(answer, Underway) and 0 < answer.share < 1
 
 
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
-    drive = small("operation.M_g=[9000000.0]").drive
+    drive = tiny("operation.M_g=[9000000.0]").drive
     [failed] = asyncio.run(told(service, ProofQuestion(drive, 0.0, QUICK)))
     assert isinstance(failed, Failed) and "linear model" in failed.message
 
@@ -62,7 +62,7 @@ def test_no_process_that_can_begin_is_said(monkeypatch: pytest.MonkeyPatch) -> N
 
     service = Service()
     monkeypatch.setattr(service, "_begin", refused)
-    [failed] = asyncio.run(told(service, ProofQuestion(small().drive, 0.0, QUICK)))
+    [failed] = asyncio.run(told(service, ProofQuestion(tiny().drive, 0.0, QUICK)))
     assert isinstance(failed, Failed) and "cannot begin a process" in failed.message
 
 
@@ -91,7 +91,7 @@ LONG = Effort(turns=4, samples=20_000, jobs=2)  # with an uncertainty of a stiff
 
 def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awaitable[None]]) -> set[int]:
     """Ask what takes minutes, and end that once its workers are at work; the processes that there were."""
-    drive = small("uncertainty.cam.W_0=0.001").drive
+    drive = tiny("uncertainty.cam.W_0=0.001").drive
     seen: set[int] = set()
 
     async def run() -> None:
@@ -108,7 +108,7 @@ def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awai
 
 @needs_proc
 def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> None:
-    asyncio.run(told(service, ProofQuestion(small().drive, 0.0, QUICK)))  # what it forks from has begun
+    asyncio.run(told(service, ProofQuestion(tiny().drive, 0.0, QUICK)))  # what it forks from has begun
     before = processes()
 
     async def cancelled(task: asyncio.Task[list[Answer]]) -> None:
@@ -122,7 +122,7 @@ def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> No
 @needs_proc
 def test_a_service_that_is_closed_leaves_no_process() -> None:
     service = Service()
-    asyncio.run(told(service, ProofQuestion(small().drive, 0.0, QUICK)))
+    asyncio.run(told(service, ProofQuestion(tiny().drive, 0.0, QUICK)))
     before = processes()
 
     async def closed(task: asyncio.Task[list[Answer]]) -> None:

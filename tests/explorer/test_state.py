@@ -9,20 +9,20 @@ from hdassist.explorer import state
 from hdassist.explorer.state import Session, Step
 from hdassist.loading.load import load_text
 from hdassist.terminal.options import TrialOptions
-from tests.explorer.rig import FEW, small
-from tests.process import SMALL
+from tests.explorer.rig import FEW, tiny
+from tests.process import TINY
 
 
 @pytest.fixture
 def session() -> Session:
-    return state.opened(SMALL)
+    return state.opened(TINY)
 
 
 def test_an_edit_is_an_override_and_makes_another_drive(session: Session) -> None:
     there = state.edited(session, "gears.j_n", "8")
-    assert (session.drive.gears.j_n, there.drive.gears.j_n) == (6, 8)
-    assert there.command() == f"hdassist mount {SMALL} --set gears.j_n=8"
-    same = load_text(there.source.text, SMALL, ["gears.j_n=8"])
+    assert (session.drive.gears.j_n, there.drive.gears.j_n) == (18, 8)
+    assert there.command() == f"hdassist mount {TINY} --set gears.j_n=8"
+    same = load_text(there.source.text, TINY, ["gears.j_n=8"])
     assert there.drive == same and there.drive.origin.overrides == same.origin.overrides
 
 
@@ -72,8 +72,8 @@ def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -
 
 
 def test_the_command_of_trials_says_how_they_were_measured() -> None:
-    tried = state.with_trials(small(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0:28.1 h4:17.3")
-    assert tried.command() == (f"hdassist trials {SMALL} h0:28.1 h4:17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
+    tried = state.with_trials(tiny(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0:28.1 h4:17.3")
+    assert tried.command() == (f"hdassist trials {TINY} h0:28.1 h4:17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
         f"--set {quote(text)}" for text in FEW
     )
 
@@ -86,8 +86,8 @@ def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
 
 
 def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
-    assert state.turned(small(), -1).turn_deg == 300
-    free = small("mounting.holes=0")
+    assert state.turned(tiny(), -1).turn_deg == 300
+    free = tiny("mounting.holes=0")
     assert state.turned(free, 1).turn_deg == 5 and state.with_trials(state.turned(free, 1), "20").trials == ("5:20",)
 
 
@@ -98,5 +98,5 @@ def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
 
 
 def test_of_two_values_of_a_field_the_last_one_counts() -> None:
-    there = state.edited(small("gears.j_n=7"), "gears.j_n", "8")
+    there = state.edited(tiny("gears.j_n=7"), "gears.j_n", "8")
     assert there.drive.gears.j_n == 8 and there.command().count("gears.j_n") == 1

@@ -23,7 +23,7 @@ import pytest
 
 from tests.explorer.rig import FEW
 from tests.explorer.test_service import needs_proc, processes, vanished
-from tests.process import CLEAN, COMMAND, LONGEST, SMALL, run
+from tests.process import CLEAN, COMMAND, LONGEST, TINY, run
 
 SETS = [word for text in FEW for word in ("--set", text)]
 COLUMNS, ROWS = 80, 24
@@ -101,7 +101,7 @@ class Terminal:
 
 @contextmanager
 def explorer(*args: str) -> Iterator[Terminal]:
-    terminal = Terminal("explore", SMALL, *SETS, *args)
+    terminal = Terminal("explore", TINY, *SETS, *args)
     try:
         yield terminal
     finally:
@@ -134,8 +134,8 @@ def test_a_session_in_a_terminal() -> None:
         assert terminal.as_it_was
         left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
         sets = " ".join(f"--set {quote(text)}" for text in FEW)
-        assert f"back to it: hdassist explore {SMALL} h1:28.1 {sets}\r\n" in left
-        assert f"back to it: hdassist check {SMALL} {sets}\r\n" in left
+        assert f"back to it: hdassist explore {TINY} h1:28.1 {sets}\r\n" in left
+        assert f"back to it: hdassist check {TINY} {sets}\r\n" in left
         assert len(list(Path(terminal.states.name).rglob("*.json"))) == 1
     assert vanished(before)
 
@@ -161,7 +161,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
     """Also where no signal says so: SIGHUP ignored, as under nohup."""
     before = processes()
     ignoring = ["sh", "-c", "trap '' HUP; exec \"$@\"", "sh", *COMMAND] if is_ignored else COMMAND
-    terminal = Terminal("explore", SMALL, *SETS, command=ignoring)
+    terminal = Terminal("explore", TINY, *SETS, command=ignoring)
     try:
         terminal.wait_for("SEAT")
         terminal.hang_up()
@@ -175,7 +175,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
 def test_a_crash_gives_the_terminal_back_too() -> None:
     before = processes()
     crash = "import hdassist.explorer.words as words; from hdassist.cli.main import main; words.stage = None; main()"
-    terminal = Terminal("explore", SMALL, *SETS, command=[sys.executable, "-c", crash])
+    terminal = Terminal("explore", TINY, *SETS, command=[sys.executable, "-c", crash])
     try:
         assert terminal.end() == 1  # a bug
         assert terminal.as_it_was
@@ -185,10 +185,10 @@ def test_a_crash_gives_the_terminal_back_too() -> None:
 
 
 def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None:
-    done = run("explore", SMALL, "h0:28.1", "--set", "gears.j_n=7")
+    done = run("explore", TINY, "h0:28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr
-    assert f"hdassist trials {SMALL} h0:28.1 --set gears.j_n=7" in done.stderr
+    assert f"hdassist trials {TINY} h0:28.1 --set gears.j_n=7" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -196,9 +196,9 @@ def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None
     [
         (("explore", "-"), 2, "needs standard input for its keys"),
         (("explore", "nosuch"), 4, "no such preset"),
-        (("explore", SMALL, "--set", "gears.j_n=-1"), 2, "out of range"),
-        (("explore", SMALL, "h99:3"), 2, "the seat's holes"),
-        (("explore", SMALL, "--noise", "0"), 2, "noise"),
+        (("explore", TINY, "--set", "gears.j_n=-1"), 2, "out of range"),
+        (("explore", TINY, "h99:3"), 2, "the seat's holes"),
+        (("explore", TINY, "--noise", "0"), 2, "noise"),
     ],
 )
 def test_what_cannot_be_opened_is_refused_before_the_screen(args: tuple[str, ...], code: int, words: str) -> None:

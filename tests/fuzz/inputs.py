@@ -15,18 +15,14 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import numpy as np
-import typer.main
 
 from hdassist.acceptance.answer import read_answers
 from hdassist.errors import HdassistError, UntrustedError
@@ -107,7 +103,6 @@ def _import_all() -> None:
 def _work(numbers: Sequence[int], seed: int, kinds: Sequence[str], answer: Connection) -> None:
     os.setpgid(0, 0)
     warnings.simplefilter("error")  # what numpy has to say is no message of ours
-    typer.main.get_command = cache(typer.main.get_command)  # which is half of the time of a command that reads little
     with tempfile.TemporaryDirectory() as name:
         for k in numbers:
             folder = Path(name) / "there" / str(k)
@@ -185,32 +180,13 @@ def _goes_on(before: bytes, now: bytes) -> bool:
 
 @contextmanager
 def unsolved() -> Iterator[None]:
-    """Commands that stop where the first state would be solved, and begin no processes."""
+    """Commands that stop where the first state would be solved."""
 
     def refuse(*_: object, **__: object) -> None:
         raise UntrustedError("not solved here", "")
 
-    with ExitStack() as stack:
-        stack.enter_context(mock.patch("hdassist.solve.loadcase.LoadCase.__init__", refuse))
-        stack.enter_context(mock.patch("hdassist.run.processes.Processes", _Here))
+    with mock.patch("hdassist.solve.loadcase.LoadCase.__init__", refuse):
         yield
-
-
-class _Here(Executor):
-    """Does at once what it is given; stands where processes would."""
-
-    def begin(self, count: int) -> None:
-        """Begin no processes."""
-
-    kill = end = lambda self: None
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        done: Future[Any] = Future()
-        try:
-            done.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            done.set_exception(error)
-        return done
 
 
 def _files(folder: Path) -> dict[str, bytes]:

@@ -12,10 +12,8 @@ from functools import cache
 from math import nextafter, sqrt
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
-from unittest import mock
 
 import pytest
-import typer.main
 from typer.models import OptionInfo
 
 from hdassist.cli.commands import COMMANDS
@@ -102,12 +100,6 @@ def folder(tmp_path: Path) -> Path:
     for name, content in (("drive.yaml", text), ("run.csv", TRACES[0][0]), ("targets.yaml", TARGETS)):
         (tmp_path / name).write_text(content, encoding="utf-8")
     return tmp_path
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _once_made() -> Iterator[None]:
-    with mock.patch("typer.main.get_command", cache(typer.main.get_command)):  # half of the time of a short run
-        yield
 
 
 def code_of(command: str, folder: Path, *options: str) -> int:

@@ -310,10 +310,11 @@ def test_a_line_break_in_a_name_forges_no_line(folder, answer):
 
 
 KEYS = ("left_out", "seed", "checks", "preset", "certificate", "rule", "measured", "limits", "reading", "cross_check")
-WRONG = ("-1", "5", "NaN", "-Infinity", "1" + "0" * 400, "1" + "0" * 5000, "{}", "[[]]", '"x"', "null")
+ODD = ("5", "1" + "0" * 400, "{}", '"x"', "null")
+WRONG = ("-1", "NaN", "-Infinity", "[[]]", "1" + "0" * 5000)
 
 
-@pytest.mark.parametrize("value", WRONG, ids=lambda text: text[:9])
+@pytest.mark.parametrize("value", ODD, ids=lambda text: text[:9])
 @pytest.mark.parametrize("key", KEYS)
 def test_no_value_of_an_answer_is_a_bug(folder, answer, key, value):
     for told in _with(answer, key):
@@ -323,7 +324,7 @@ def test_no_value_of_an_answer_is_a_bug(folder, answer, key, value):
         assert done.returncode in (0, 3, *REFUSED)  # it may be one that the answer could have had
 
 
-@pytest.mark.parametrize("value", ["-1", "NaN", "-Infinity", "[[]]", "1" + "0" * 5000], ids=lambda text: text[:9])
+@pytest.mark.parametrize("value", WRONG, ids=lambda text: text[:9])
 @pytest.mark.parametrize("key", KEYS)
 def test_a_value_that_no_answer_has_is_refused(folder, answer, key, value):
     for told in _with(answer, key):
@@ -340,12 +341,7 @@ def _with(answer, key):
 
 STDOUT = {
     "help": ("--help",),
-    "help of a command": ("mount", "--help"),
-    "version": ("--version",),
     "list": ("presets", "list"),
-    "list as JSON": ("presets", "list", "--json"),
-    "preset as it is": ("presets", "show", "vzp160"),
-    "verdict of validate": ("presets", "validate", TINY),
     "schema": ("presets", "schema"),
     "page": ("explain",),
     "accepted": ("accept", TINY, "--limit", "F_ior@4=60"),
@@ -354,7 +350,7 @@ STDOUT = {
 
 
 @pytest.mark.parametrize(
-    ("asked", "unbuffered"), [*((asked, "") for asked in STDOUT), *((asked, "1") for asked in ("help", "list"))]
+    ("asked", "unbuffered"), [*((asked, "") for asked in STDOUT), ("help", "1"), ("list", "1")]
 )
 def test_a_full_device_as_standard_output_is_said_and_is_no_bug(folder, asked, unbuffered):
     with Path("/dev/full").open("w") as full:

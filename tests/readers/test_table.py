@@ -278,6 +278,11 @@ def test_remarks_blank_lines_and_quotes_far_down() -> None:
     assert (table.lines[0], table.lines[-1], np.diff(table.lines).max()) == (1, FAR + 3, 4)
 
 
+def test_a_line_of_blanks_at_the_end_is_no_row() -> None:
+    table = read_numbers(b"1 2.5\n" * SAMPLE + b" ", NEEDS)
+    assert (len(table.values), table.findings) == (SAMPLE, [])
+
+
 def test_a_decimal_comma_may_come_late() -> None:
     lines = ["0;0"] * SAMPLE * 2 + ["1;2,5"]
     assert read_numbers("\n".join(lines).encode(), NEEDS).values[-1].tolist() == [1, 2.5]
