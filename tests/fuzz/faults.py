@@ -77,7 +77,7 @@ CASES = {
         _case("calibrate", "calibrate small.yaml --targets targets.yaml --state s.jsonl --write found.yaml -o a.json "
               "--json --force --evaluations 8 --jobs 2", "found.yaml a.json", "s.jsonl"),
         _case("check", "check small.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
-        _case("mount", "mount small.yaml --set mounting.holes=3 --samples 0 --card card.html --csv a.csv -o a.json "
+        _case("mount", "mount small.yaml --set mounting.holes=3 --draws 0 --card card.html --csv a.csv -o a.json "
               "--json --force --jobs 2", "card.html a.csv a.json"),
         _case("trials", "trials small.yaml h0:100 h1:95 h2:97 --set mounting.holes=3 --noise 30 --sure 0.01 "
               "--card card.html --csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),
