@@ -9,15 +9,12 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.model.assumed import Assumption
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import Card, card_of
-from hdassist.mounting.curve import Alternative
-from hdassist.mounting.losses import Criterion, Losses
+from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.page import card_facts
 from hdassist.mounting.positions import MountingCurve
-from hdassist.mounting.stays import End, Stays
 from hdassist.mounting.trial import Trial, Tried
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
@@ -42,7 +39,7 @@ def advice_of(*values: list[float], rotations: list[float] | None = None, overri
         torques, turns, turns, found, EMPTY, (), np.ones(found.shape, dtype=bool), holes=holes,
         allowed=None if allowed == "all" else allowed, weights=options.pop("weights", None),
     )  # fmt: skip
-    return Advice(drive, curve, options.pop("sampled", None), options.pop("others", ()), (), ())
+    return Advice(drive, curve)
 
 
 def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
@@ -51,22 +48,11 @@ def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
     noise = 1 + spread * np.random.default_rng(seed).standard_normal((1, 50, int(curve.usable.sum())))
     values, now = curve.F_ior_arcsec[:, None, curve.usable] * noise, np.repeat(curve.F_ior_arcsec[:, :1], 50, axis=1)
     rotations = tuple(curve.rotation_deg[curve.usable].tolist())
-    return replace(advice, robust=Losses(rotations, values, now, Criterion.of("expected"), curve.weights, True))
-
-
-def disagreeing(advice: Advice) -> Advice:
-    """The advice with an alternative that has its best position elsewhere."""
-    return replace(advice, others=(Alternative({}, advice.curve.worst),))
-
-
-W_0, C_2 = Assumption("cam.W_0", 0.55, 0.6, "judged"), Assumption("supports.C_2", 2e3, 1.2e4, "judged")
-
-
-def resting(advice: Advice) -> Advice:
-    """The advice with an assumption over which its position stays the best, and one over which it does not."""
-    best = advice.chosen.rotation_deg
-    stays = Stays(W_0, (End(0.55, best, 0.0, 0.97), End(0.6, best, 0.0, 0.93)))
-    return replace(advice, rests_on=(Stays(C_2, (End(2e3, best, 0.0, 0.8), End(1.2e4, 30.0, 0.123, 0.3))), stays))
+    found = PositionStatistics(
+        rotations, values, now, np.ones(50), Criterion.of("expected"), curve.weights, against_now=True
+    )
+    gain, stay = found.probability_gain(found.challenger), found.probability_close(0)
+    return replace(advice, positions=found, gain_probability=gain, stay_probability=stay, open_=("gears.j_n",) * 3)
 
 
 def cards() -> dict[str, Advice]:
@@ -76,8 +62,7 @@ def cards() -> dict[str, Advice]:
     many = [[v * (1 + k) for v in LIGHT] for k in range(14)]
     return {
         "plain": advice_of(),
-        "sampled": disagreeing(sampled(advice_of(weights=(2.0, 1.0)))),
-        "resting": resting(advice_of()),
+        "sampled": sampled(advice_of(weights=(2.0, 1.0))),
         "leave": advice_of([10.0, 11.0, 12.0], overrides=("mounting.holes=3",)),
         "not sure": sampled(advice_of([10.0, 9.8, 12.0], overrides=("mounting.holes=3",)), spread=0.3),
         "allowed": advice_of(
@@ -87,9 +72,9 @@ def cards() -> dict[str, Advice]:
             [*LIGHT, 14.5], rotations=[*free, 245.3], overrides=("mounting.holes=0", "mounting.mark_kind=pitch")
         ),
         "flexspline": advice_of(overrides=(fixed, "tolerances.e_hg=20", "mounting.mark_kind=runout")),
-        "many": disagreeing(sampled(advice_of(*many, torques=tuple(QUARTERS), overrides=("phases.xi_b=10",)))),
+        "many": sampled(advice_of(*many, torques=tuple(QUARTERS), overrides=("phases.xi_b=10",))),
         "measured": replace(
-            disagreeing(advice_of(overrides=("mounting.holes=0", "alternatives=[{gears.j_n: 7}]"))), measured=TEETH
+            advice_of(overrides=("mounting.holes=0",)), measured=TEETH
         ),
         "fine": advice_of(
             [20.0 + 10 * float(np.cos(k / 57.3)) for k in range(360)], overrides=("mounting.holes=360",)
@@ -114,5 +99,5 @@ def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequenc
     say = texts(language)
     facts = card_facts(advice, say)
     if trials:
-        facts = replace(facts, tried=Tried(1.0, tuple(trials)))
+        facts = replace(facts, tried=Tried(1.0, tuple(trials)), good=0.93)
     return card_of(facts, say, serial=serial, made=MADE)

@@ -33,8 +33,13 @@ def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
 
     What is missing to 1 is unexplained. Empty where samples are too few to tell, or F'_ior does not vary.
     """
+    return influences_on(samples, np.log(samples.F_ior_arcsec[:, torque]))
+
+
+def influences_on(samples: Samples, y: Array) -> tuple[Influence, ...]:
+    """Shares of the variance of another result of the samples, shape (samples,), the largest first."""
     groups = {name: columns_of(samples, samples.shares, name) for name in groups_of(samples)}
-    return shares_of_variance(groups, np.log(samples.F_ior_arcsec[:, torque]), samples.weights)
+    return shares_of_variance(groups, y, samples.weights)
 
 
 def groups_of(samples: Samples) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ the samples makes of it, with the residuals of that regression; the verdict goes
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,9 +22,10 @@ LEAST_GAIN = 0.005  # a smaller one is not told
 
 @dataclass(frozen=True)
 class MeasurementGain:
-    """A measurement (path of a field, `stiffness.K_1`, or `F_ior@TORQUE`) and what is expected of it.
+    """A measurement and what is expected of it.
 
-    gain: of the probability of a right verdict; without a limit, the share of the spread of ln F'_ior that goes.
+    measured: path of a field, `stiffness.K_1`, `F_ior@TORQUE`, or `F_ior@TORQUE+ROTATION`, F'_ior now and turned by so
+    many degrees. gain: of the probability of a right verdict; without a limit, the share of the spread that goes.
     """
 
     measured: str
@@ -38,7 +39,16 @@ def measurements(
 
     Arguments: limit_arcsec that F'_ior is held against, if any; seed of the errors of measurement.
     """
-    y, weights = np.log(samples.F_ior_arcsec[:, torque]), samples.weights / samples.weights.sum()
+    limit = None if limit_arcsec is None else float(np.log(limit_arcsec))
+    return gains_for(replace(samples, rotations_deg=()), np.log(samples.F_ior_arcsec[:, torque]), limit, seed)
+
+
+def gains_for(samples: Samples, y: Array, limit: float | None = None, seed: int = 0) -> tuple[MeasurementGain, ...]:
+    """Measurements by what is expected of them for a result y of the samples, shape (samples,), the best first.
+
+    Arguments: limit that y is held against, if any; seed of the errors of measurement.
+    """
+    weights = samples.weights / samples.weights.sum()
     if effective_number(weights) < 3 or np.ptp(y) == 0:
         return ()
     gains = []
@@ -47,10 +57,7 @@ def measurements(
         prediction, explained, by_chance = _regression(columns, y, weights)
         if by_chance > CHANCE / len(predictors):
             continue
-        if limit_arcsec is None:
-            gain = 1 - np.sqrt(1 - explained)
-        else:
-            gain = _right(prediction, y, weights, np.log(limit_arcsec))
+        gain = 1 - np.sqrt(1 - explained) if limit is None else _right(prediction, y, weights, limit)
         gains.append(MeasurementGain(name, float(gain)))
     return tuple(sorted((each for each in gains if each.gain >= LEAST_GAIN), key=lambda each: -each.gain))
 
@@ -62,9 +69,17 @@ def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[st
         yield group, columns_of(samples, shares, group)
     figures = {f"stiffness.{name}": values for name, values in samples.figures.items()}
     figures |= {f"F_ior@{M_g:g}": samples.F_ior_arcsec[:, k] for k, M_g in enumerate(samples.torques)}
+    read: dict[str, Array] = {}
     for name, values in figures.items():
-        x = np.log(np.maximum(values, 1e-9)) + FIGURE_ERROR * rng.standard_normal(len(values))
+        x = read[name] = np.log(np.maximum(values, 1e-9)) + FIGURE_ERROR * rng.standard_normal(len(values))
         yield name, np.stack([x, x**2], axis=1)
+    for r, rotation in enumerate(samples.rotations_deg):
+        for k, M_g in enumerate(samples.torques):
+            if rotation % 360:
+                now, turned = f"F_ior@{M_g:g}", samples.turned_arcsec[:, k, r]
+                error = FIGURE_ERROR * rng.standard_normal(len(turned))
+                x = np.log(np.maximum(turned, 1e-9)) + error - read[now]
+                yield f"{now}+{rotation:g}", np.stack([x, x**2], axis=1)
 
 
 def _regression(columns: Array, y: Array, weights: Array) -> tuple[Array, float, float]:

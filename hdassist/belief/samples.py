@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,16 +19,21 @@ from scipy.special import betaincinv
 
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.prior import DrivePrior
-from hdassist.error.error_map import Extremes, extremes_of
+from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
+from hdassist.verdict import SURE, is_settled
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 FEW = 40  # positions of each wheel at which the error of a sample is looked at first: 0.03 arcsec may be missed
+TURNED = 24  # the same with its fixed wheel turned: 0.1 arcsec may be missed
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 
 
@@ -62,7 +67,9 @@ class Samples:
 
     torques [N*m]; shares: of each field's probability, shape (samples, fields); F_ior_arcsec, shape (samples, torques);
     figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
-    made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws.
+    made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
+    numbers of the samples among the draws, shape (samples,); turned_arcsec: F'_ior with the fixed wheel turned by
+    rotations_deg, shape (samples, torques, rotations).
     """
 
     prior: DrivePrior
@@ -75,6 +82,23 @@ class Samples:
     refused: Mapping[str, int]
     seed: int
     certificate: Certificate
+    numbers: NDArray[np.int64]
+    rotations_deg: tuple[float, ...]
+    turned_arcsec: Array
+
+    def first(self, draws: int) -> Samples:
+        """Those among the first draws: the samples had no more been drawn, but for the draws that were refused."""
+        kept = self.numbers < draws
+        return replace(
+            self,
+            shares=self.shares[kept],
+            F_ior_arcsec=self.F_ior_arcsec[kept],
+            figures={name: values[kept] for name, values in self.figures.items()},
+            weights=self.weights[kept],
+            draws=min(draws, self.draws),
+            numbers=self.numbers[kept],
+            turned_arcsec=self.turned_arcsec[kept],
+        )
 
     @property
     def effective(self) -> float:
@@ -153,11 +177,15 @@ def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
 
 @dataclass(frozen=True)
 class _Draw:
-    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded) and weight."""
+    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded) and weight.
+
+    F_ior_arcsec, shape (torques,); turned_arcsec, shape (torques, rotations).
+    """
 
     refused: str = ""
     figures: Mapping[str, float] | None = None
-    F_ior_arcsec: tuple[float, ...] | None = None
+    F_ior_arcsec: Array | None = None
+    turned_arcsec: Array | None = None
     weight: float = 0.0
     certificate: Certificate = EMPTY
 
@@ -166,6 +194,7 @@ def draw_samples(
     prior: DrivePrior,
     torques: Sequence[float],
     *,
+    rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
@@ -175,11 +204,13 @@ def draw_samples(
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
-    Arguments: prior of the drive; evidence on it; enough, whether samples suffice for what they are for; effort, limits
-    of sampling; seed; executor, to spread the work over (the numbers do not depend on it); progress, called with states
-    solved. Raises UntrustedError where too few samples agree with the evidence, or too few draws are drives.
+    Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
+    the drive; enough, whether samples suffice for what they are for; effort, limits of sampling; seed; executor, to
+    spread the work over (the numbers do not depend on it); progress, called with states solved. Raises UsageError for a
+    drive with rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
-    solve = partial(_solved, prior.drive, tuple(torques), evidence)
+    rotations = tuple(rotations_deg)
+    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence)
     draws: list[_Draw] = []
     while True:
         now = slice(len(draws), min(len(draws) + effort.batch, effort.most_draws))
@@ -189,7 +220,7 @@ def draw_samples(
             draws.append(each)
             if progress:
                 progress(each.certificate.states)
-        samples = _collected(prior, tuple(torques), shares, draws, seed)
+        samples = _collected(prior, tuple(torques), rotations, shares, draws, seed)
         effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
         if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
             return samples
@@ -199,8 +230,23 @@ def draw_samples(
             return samples
 
 
+def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
+    """Whether the Monte Carlo error of no probability of keeping a limit reaches over a threshold of its verdict.
+
+    Arguments: left_arcsec, at each torque what a limit leaves F'_ior beside the self error, None without a limit; sure,
+    probability that PASS needs.
+    """
+    found = [samples.probability_within(left, k) for k, left in enumerate(left_arcsec) if left is not None]
+    return all(is_settled(each.low, each.high, sure) for each in found)
+
+
 def _solved(
-    drive: Drive, torques: tuple[float, ...], evidence: tuple[Evidence, ...], values: dict[str, float], chance: float
+    drive: Drive,
+    torques: tuple[float, ...],
+    rotations_deg: tuple[float, ...],
+    evidence: tuple[Evidence, ...],
+    values: dict[str, float],
+    chance: float,
 ) -> _Draw:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
     moved = drive.with_values(values)
@@ -216,19 +262,48 @@ def _solved(
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
             if chance >= probability:
                 return _Draw(figures=figures, certificate=proof)
-        found: list[Extremes] = in_wide_enough_window(moved, lambda there: extremes_of(there, torques, grid=FEW))
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
+        F_ior, turned, found = in_wide_enough_window(moved, search)
     except HdassistError as error:
         return _Draw(refused=str(error.fault))
-    F_ior = tuple(each.first for each in found)
     # accuracy is measured without load, where the error is greatest: F'_ior under the least load keeps its limit too
-    lightest = F_ior[int(np.argmin(np.abs(torques)))]
+    lightest = float(F_ior[int(np.argmin(np.abs(torques)))])
     figures = {**figures, ACCURACY: lightest}
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
-    return _Draw("", figures, F_ior, weight, sum((each.certificate for each in found), proof))
+    return _Draw("", figures, F_ior, turned, weight, proof + found)
+
+
+def errors_by_turn(
+    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float]
+) -> tuple[Array, Array, Certificate]:
+    """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
+
+    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Raises
+    UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
+    """
+    turns = np.array(rotations_deg, dtype=float)
+    moved = np.flatnonzero(turns % 360)
+    batch = Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})
+    formulation, like, proof = formulate(contact_system(drive)), None, EMPTY
+    F_ior, turned = np.empty(len(torques)), np.empty((len(torques), len(turns)))
+    for k, M_g in enumerate(torques):
+        error_map = ErrorMap(drive, M_g, formulation, like)
+        like = error_map.fresh
+        own = error_map.many_extremes(Batch.of(drive), grid=FEW)
+        F_ior[k], turned[k], proof = own.first, own.first, proof + own.certificate
+        if len(moved):
+            there = error_map.many_extremes(batch, grid=TURNED)
+            turned[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
+    return F_ior, turned, proof
 
 
 def _collected(
-    prior: DrivePrior, torques: tuple[float, ...], shares: Array, draws: Sequence[_Draw], seed: int
+    prior: DrivePrior,
+    torques: tuple[float, ...],
+    rotations_deg: tuple[float, ...],
+    shares: Array,
+    draws: Sequence[_Draw],
+    seed: int,
 ) -> Samples:
     rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
     kept = [draws[k] for k in rows]
@@ -244,6 +319,9 @@ def _collected(
         dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
         seed,
         sum((each.certificate for each in draws), EMPTY),
+        np.array(rows, dtype=np.int64),
+        rotations_deg,
+        np.array([each.turned_arcsec for each in kept]).reshape(len(kept), len(torques), len(rotations_deg)),
     )
 
 

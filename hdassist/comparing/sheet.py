@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.design.check import DesignCheck, check
+from hdassist.design.check import DRAWS, DesignCheck, check
 from hdassist.design.check import estimate_states as check_states
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.error.unknown_range import DRAWS
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.advice import estimate_states as advice_states
 from hdassist.mounting.positions import seat_positions
@@ -18,8 +17,6 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.solve.window import in_wide_enough_window
-
-SAMPLES = 256  # of what is uncertain, as `hdassist mount` takes them
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +51,7 @@ def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
 def estimate_states(drive: Drive, draws: int = DRAWS) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
-    mounting = advice_states(drive, torques, turns, every_state=False, samples=SAMPLES)
+    mounting = advice_states(drive, torques, turns, every_state=False, draws=draws)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
@@ -75,16 +72,17 @@ def sheet_of(
     half an advice is none here.
     """
 
-    def checked(there: Drive) -> DesignCheck:
-        return check(there, draws=draws, seed=seed, executor=executor, progress=progress)
-
     def advised(there: Drive) -> Advice:
         at, turns = there.operation.M_g, seat_positions(there)
-        return advise(there, at, turns, samples=SAMPLES, seed=seed, executor=executor, progress=progress)
+        return advise(there, at, turns, draws=draws, seed=seed, executor=executor, progress=progress)
+
+    def checked(there: Drive) -> DesignCheck:
+        samples = advice.samples if advice.drive == there else None  # not those of a wider window
+        return check(there, draws=draws, samples=samples, seed=seed, executor=executor, progress=progress)
 
     loaded = drive if torques is None else at_torques(drive, torques)
-    found = in_wide_enough_window(loaded, checked)
     advice = in_wide_enough_window(loaded, advised)
     if advice.curve.interrupted:
         raise KeyboardInterrupt
+    found = in_wide_enough_window(loaded, checked)
     return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, progress=progress)))

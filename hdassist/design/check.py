@@ -13,7 +13,7 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import ErrorBelief, Probability, Samples, SamplingEffort, draw_samples
+from hdassist.belief.samples import ErrorBelief, Probability, Samples, SamplingEffort, draw_samples, limits_settled
 from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
 from hdassist.error.error_map import SEARCHED, extremes_of, searchable
 from hdassist.error.rests_on import reached
@@ -26,7 +26,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver
-from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability, worst
+from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
 DRAWS = 64  # effective samples, at least
 
@@ -75,6 +75,11 @@ class OperatingPoint:
         return None if self.open_ else (self.F_ior_upper_arcsec, self.F_ior_upper_arcsec)
 
     @property
+    def left_arcsec(self) -> float | None:
+        """What the limit leaves F'_ior beside the self error [arcsec], None without a limit."""
+        return None if self.limit_arcsec is None else self.limit_arcsec - self.self_error.range_arcsec
+
+    @property
     def certificates(self) -> tuple[Certificate, ...]:
         """Certificates of the states behind the point, those of samples left out."""
         parts = (self.error, self.self_error, self.sensitivity, self.floating)
@@ -83,9 +88,8 @@ class OperatingPoint:
     @property
     def probability(self) -> Probability | None:
         """Probability that F'_ior with the self error on top keeps the limit; None without a limit or samples."""
-        if self.limit_arcsec is None or self.belief is None:
-            return None
-        return self.belief.probability_within(self.limit_arcsec - self.self_error.range_arcsec)
+        left = self.left_arcsec
+        return None if left is None or self.belief is None else self.belief.probability_within(left)
 
     @property
     def verdict(self) -> Verdict:
@@ -160,9 +164,8 @@ class DesignCheck:
         if not self.samples:
             return ()
         point = self.points[self.least_sure]
-        if point.limit_arcsec is None:
+        if (left := point.left_arcsec) is None:
             return measurements(self.samples, self.least_sure)
-        left = point.limit_arcsec - point.self_error.range_arcsec
         return measurements(self.samples, self.least_sure, left) if left > 0 else ()
 
     @property
@@ -191,6 +194,7 @@ def check(
     solver: str | None = None,
     cross_check: str = CROSS_SOLVER,
     draws: int = DRAWS,
+    samples: Samples | None = None,
     sure: float = SURE,
     seed: int = 0,
     executor: Executor | None = None,
@@ -201,8 +205,9 @@ def check(
     Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities and no samples;
     solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver
     that solves the extremes and a sample drawn by seed again; draws, effective samples of what is not known at least, 0
-    for none; sure, probability of keeping a limit that PASS needs, and FAIL of not keeping it; executor, to spread the
-    work over (any concurrent.futures executor; the numbers do not depend on it); progress, called with states solved.
+    for none; samples of the same drive, where they were drawn before; sure, probability of keeping a limit that PASS
+    needs, and FAIL of not keeping it; executor, to spread the work over (any concurrent.futures executor; the numbers
+    do not depend on it); progress, called with states solved.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted, or the preset's catalogue
     contradicts its other values.
     """
@@ -224,7 +229,7 @@ def check(
     if progress and executor:
         progress(sum(part.certificate.states for part in own))
     known = measured.without_harmonics(drive) if measured else drive
-    prior, samples = prior_of(known), None
+    prior = prior_of(known)
     if measured:  # of a wheel that was measured nothing is open
         prior = replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
     slopes: Sequence[Sensitivity | None] = [None] * len(torques)
@@ -237,12 +242,12 @@ def check(
             if end == 0:
                 floating = [Floating(each.first, each.certificate) for each in extremes]
         slopes = sensitivity(drive, errors)
-        if prior.fields and draws:
+        if prior.fields and draws and not samples:
             samples = draw_samples(
                 prior,
                 torques,
                 evidence=evidence_of(drive),
-                enough=partial(_all_settled, points),
+                enough=partial(limits_settled, [point.left_arcsec for point in points], sure=sure),
                 effort=SamplingEffort.of(draws),
                 seed=seed,
                 executor=executor,
@@ -257,12 +262,6 @@ def check(
 
 def _with_samples(points: Sequence[OperatingPoint], samples: Samples | None) -> tuple[OperatingPoint, ...]:
     return tuple(replace(p, belief=ErrorBelief(samples, k) if samples else None) for k, p in enumerate(points))
-
-
-def _all_settled(points: Sequence[OperatingPoint], samples: Samples) -> bool:
-    """Whether the Monte Carlo error of no point's probability reaches over a threshold of its verdict."""
-    found = [(point.probability, point.sure) for point in _with_samples(points, samples)]
-    return all(each is None or is_settled(each.low, each.high, sure) for each, sure in found)
 
 
 def _run(job: Callable[[], Any]) -> Any:

@@ -10,10 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.belief.prior import DrivePrior
-from hdassist.belief.samples import ErrorBelief, Samples
+from hdassist.belief.samples import ErrorBelief
 from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
-from hdassist.design.influence_words import influence_objects, influence_words, measure_objects, measure_words
 from hdassist.error.rests_on import LEAST
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
@@ -23,6 +22,14 @@ from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof, verdict_coloured, verdict_text
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.influence_words import (
+    influence_objects,
+    influence_words,
+    measure_objects,
+    measure_words,
+    samples_object,
+    samples_words,
+)
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
@@ -231,13 +238,6 @@ def _coupling(check: DesignCheck) -> str:
     return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f} arcsec at {M_g:g} N·m"
 
 
-def samples_words(samples: Samples) -> str:
-    """How many samples there are, and why others are not."""
-    refused = sum(samples.refused.values())
-    words = f"{samples.effective:.0f} effective of {samples.draws} drawn"
-    return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")
-
-
 def fitted_words(prior: DrivePrior) -> str:
     """Identified fields that samples take as exact."""
     paths = prior.fitted
@@ -272,14 +272,6 @@ def to_json(check: DesignCheck, seed: int) -> Json:
         "seed": seed,
         "verdict": str(check.verdict),
     }
-
-
-def samples_object(samples: Samples | None) -> Json | None:
-    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
-    if samples is None:
-        return None
-    refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
-    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}
 
 
 def _at_zero(check: DesignCheck) -> list[str]:

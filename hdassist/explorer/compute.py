@@ -58,9 +58,8 @@ from hdassist.mounting import card_render
 from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.card import card_of
-from hdassist.mounting.cloud import MESH
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_positions
-from hdassist.mounting.stays import Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
@@ -71,6 +70,7 @@ from hdassist.terminal.answers import json_text
 from hdassist.terminal.texts import texts
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
+from hdassist.trials.cloud import MESH
 from hdassist.trials.prior import SAMPLES
 
 FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
@@ -120,7 +120,7 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
             advise,
             torques=drive.operation.M_g,
             rotations_deg=seat_positions(drive),
-            samples=effort.samples,
+            draws=effort.draws,
             seed=SEED,
             executor=executor,
         )
@@ -305,37 +305,30 @@ def _mount_advised(advice: Advice) -> Advised:
         warnings=mount_page.warnings(advice),
         settled=settled,
         why_not=why,
-        next_deg=advice.to_measure[0].rotation_deg if not settled else None,
+        next_deg=advice.to_try[0].rotation_deg if not settled else None,
         curve=_mount_curve(drive, curve, advice),
         sealed=_sealed(advice),
     )
 
 
 def _mount_reasons(advice: Advice) -> Iterator[str]:
-    if sampled := advice.robust:
-        yield f"P(gain) {sampled.probability_gain:.0%}, {advice.needed:.0%} wanted, {len(sampled.merits)} samples"
-    yield from _rests_on(advice.rests_on)
+    if gain := advice.gain_probability:
+        yield f"P(gain) {gain.value:.0%}, {advice.needed:.0%} wanted, {advice.all_draws} draws"
     proof = advice.curve.certificate
     yield f"{proof.states} states, greatest residual {proof.max_residual:.0e}"
 
 
-def _rests_on(held: Sequence[Stays]) -> Iterator[str]:
-    """The assumption over whose range the choice loses most."""
-    for each in held[:1]:
-        path, (low, high) = each.assumption.path, each.ends
-        shares = [end.loss if end.good is None else end.good for end in each.ends]
-        known = [share for share in shares if share is not None]
-        told = "hardly anything explains the trials there"
-        if known:
-            told = f"loses up to {max(known):.0%} there" if low.good is None else f"P(good) {min(known):.0%} there"
-        yield f"rests on {path} {low.value:.4g} to {high.value:.4g}: {told}"
+def _spread(found: PositionStatistics) -> Array:
+    """5th and 95th percentile of F'_ior [arcsec] in each position, shape (2, torques, positions)."""
+    places = range(len(found.rotations_deg))
+    return np.array([np.transpose([found.quantile(share, place) for place in places]) for share in (LOW, HIGH)])
 
 
 def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
     """The curve of an advice: where every state is solved it is proven, elsewhere searched."""
     bands: dict[int, Array] = {}
-    if advice.robust:
-        spread = np.quantile(advice.robust.F_ior_arcsec, (LOW, HIGH), axis=1)  # ends, torques, places
+    if found := advice.positions:
+        spread = _spread(found)
         bands = {int(place): spread[:, :, k] for k, place in enumerate(np.flatnonzero(curve.usable))}
     places = []
     for k in np.argsort(curve.rotation_deg):
@@ -354,12 +347,12 @@ def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
 
 def _trials_advised(advice: TrialAdvice) -> Advised:
     losses, drive = advice.losses, advice.drive
-    spread = np.quantile(losses.F_ior_arcsec, (LOW, HIGH), axis=1)  # ends, torques, places
+    spread = _spread(losses)
     places = []
     for place in np.argsort(losses.rotations_deg):
         values = tuple(
             Value(value, Sure.FITTED, (float(spread[0, t, place]), float(spread[1, t, place])))
-            for t, value in enumerate(losses.at(int(place)).mean(axis=1).tolist())
+            for t, value in enumerate(losses.quantile(0.5, int(place)))
         )
         places.append(_place(drive, losses.rotations_deg[place], values))
     best, good = losses.chosen
@@ -372,7 +365,6 @@ def _trials_advised(advice: TrialAdvice) -> Advised:
         reasons=(
             f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
             f"cam offset {size:.0f} um (sd {about:.0f}) {toward}",
-            *_rests_on(advice.rests_on),
         ),
         warnings=tuple(trials_page.warnings(advice, texts())),
         settled=advice.settled,

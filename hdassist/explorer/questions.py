@@ -12,13 +12,12 @@ from hdassist.terminal.options import TrialOptions
 class Effort:
     """How much is computed.
 
-    turns: positions of each wheel that a coarse value rests on; draws of what is not known, as check has them; samples
-    of it, of mount and of trials (None: as many as the command takes); jobs: processes at work (0: one for each core).
+    turns: positions of each wheel that a coarse value rests on; draws of what is not known, as check and mount have
+    them; samples of trials (None: as many as the command takes); jobs: processes at work (0: one for each core).
     """
 
     turns: int = 8
     draws: int = 64
-    samples: int = 256
     trial_samples: int | None = None
     jobs: int = 0
 

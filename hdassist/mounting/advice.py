@@ -1,70 +1,86 @@
-"""Where to mount the fixed wheel: the curve, what is uncertain about it, and the position to choose."""
+"""Where to mount the fixed wheel: what each position brings over all that is not known of the drive, and the order."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Literal
+from functools import cached_property
 
 import numpy as np
 
-from hdassist.error.cycle import kinematic_error
+from hdassist.belief.evidence import evidence_of
+from hdassist.belief.influence import Influence, influences_on
+from hdassist.belief.measure import MeasurementGain, gains_for
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import Probability, Samples, SamplingEffort, draw_samples, limits_settled
 from hdassist.error.error_map import SEARCHED, searchable
-from hdassist.error.sensitivity import Sensitivity, sensitivity
-from hdassist.errors import UsageError
+from hdassist.error.self_error import self_error
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.curve import FREE_POSITIONS, Alternative, alternatives, curve_states, mounting_curve
-from hdassist.mounting.losses import Criterion, Losses
-from hdassist.mounting.positions import Choice, MountingCurve, Position, rotated
-from hdassist.mounting.robust import LEAST_PROBABILITY, is_open, robust, sample_states
-from hdassist.mounting.stays import Stays, stays_best
+from hdassist.mounting.curve import curve_states, mounting_curve
+from hdassist.mounting.losses import LEAST_GAIN, Criterion, PositionStatistics
+from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER
+from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
-LEAST_GAIN = 0.01  # of the error: a smaller one is not worth a turn
+DRAWS = 64  # effective samples, at least
 TRIALS = 3  # positions to begin trials with
+TURNED_STATES = 700  # that a sample solves for a further position, about
 
-Order = Literal["turn", "leave", "none"]
+Order = str  # turn, leave; or none, where what is not known could reverse it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Advice:
     """Advice on one drive.
 
-    robust: the positions over what is uncertain or not known, None without any of it, or where it was not sampled;
-    others: the best position under each of the preset's alternatives; now and best: what a micrometre does where the
-    wheel stands and at the chosen position, one for each torque, empty where it cannot be had; measured: wheels in
-    place of first harmonics, for which there is the curve alone; unknown: deviations that are not known; rests_on:
-    assumptions that the choice hinges on most; needed: probability of a gain for which a turn is ordered.
+    curve of the drive as the preset has it, with unknown deviations as 0; samples of what is not known exactly, as many
+    as `check` takes, None where there is nothing to draw or nothing was drawn; positions over them; gain_probability,
+    that of the best other position to be better than the present one, from these and further samples, all_draws in
+    number; stay_probability, that the present one is nearly as good as the best; measured: wheels in place of first
+    harmonics, for which there is the curve alone; unknown: deviations that are not known; open_: fields, by path, that
+    are not known exactly; as_given: whether to order by the values as given where nothing was drawn; needed:
+    probability of a gain for which a turn is ordered.
     """
 
     drive: Drive
     curve: MountingCurve
-    robust: Losses | None
-    others: tuple[Alternative, ...]
-    now: tuple[Sensitivity, ...]
-    best: tuple[Sensitivity, ...]
+    samples: Samples | None = None
+    positions: PositionStatistics | None = None
+    gain_probability: Probability | None = None
+    stay_probability: Probability | None = None
+    all_draws: int = 0
     measured: MeasuredTeeth | None = None
     unknown: tuple[Unknown, ...] = ()
-    rests_on: tuple[Stays, ...] = ()
-    needed: float = LEAST_PROBABILITY
+    open_: tuple[str, ...] = ()
+    as_given: bool = True
+    needed: float = SURE
 
     @property
     def chosen(self) -> Position:
         """The position to choose."""
-        if not self.robust:
-            return self.curve.recommended
-        return self.curve.at(int(np.flatnonzero(self.curve.usable)[self.robust.best]))
+        return self.choice.chosen
 
     @property
     def gain(self) -> float:
-        """What the chosen position takes off the error of the present one, as a share, for the torque served worst."""
-        return self.robust.gain if self.robust else -self.chosen.change_from(self.curve.current)
+        """Share of the error of the present position that the chosen one takes off, at the torque served worst."""
+        return self.gain_range[1]
+
+    @property
+    def gain_range(self) -> tuple[float, float, float]:
+        """5th percentile, median and 95th percentile of the gain; all the same without samples."""
+        if not self.positions:
+            return (-self.curve.recommended.change_from(self.curve.current),) * 3
+        return self.positions.range_of(self.positions.gains(self.positions.best))
+
+    @property
+    def best_gain_range(self) -> tuple[float, float, float]:
+        """The same of the position that is the best one in each sample, whichever that is."""
+        return self.positions.range_of(self.positions.best_gains) if self.positions else self.gain_range
 
     @property
     def any_hole(self) -> bool:
@@ -85,32 +101,34 @@ class Advice:
     @property
     def has_curve(self) -> bool:
         """Whether the curve means anything: without the size of the offset that stands still it is flat."""
-        size = "tolerances.e_hb" if self.drive.mounting.fixed == "rigid" else "tolerances.e_hg"
-        return not self.any_hole or self.drive.value(size) is not None
+        return not self.any_hole or self.drive.value(standing_offset(self.drive)[0]) is not None
 
-    @property
+    @cached_property
     def order(self) -> Order:
-        """What is ordered: to turn the wheel, to leave it; or nothing, where what is not known could reverse it.
+        """Order on the wheel: turn, leave, or none, where what is not known could reverse it.
 
-        A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; a forbidden position
-        is always left.
+        A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; the wheel is left
+        where that is as improbable, or no position is clearly better than the present one. A forbidden position is
+        always left. Where nothing is open, or wanted as given, the curve decides, unless a deviation is not known.
         """
-        if not self.curve.usable[0] and self.no_hole_better:
-            return "turn"
+        forbidden = not self.curve.usable[0]
         if self.no_hole_better:
-            return "leave"
-        if self.any_hole or (self.unknown and not self.robust):
+            return "turn" if forbidden else "leave"
+        undrawn = not self.positions and bool(self.unknown or (self.open_ and not self.as_given))
+        if self.any_hole or undrawn:
             return "none"
-        if self.chosen == self.curve.current:
-            return "leave"
-        if not self.curve.usable[0]:
+        if forbidden:
             return "turn"
-        if self.gain <= LEAST_GAIN:
-            return "leave"
-        return "none" if self.robust and self.robust.probability_gain < self.needed else "turn"
+        if self.gain_probability is None:
+            return "turn" if self.gain > LEAST_GAIN else "leave"
+        verdict = verdict_by_probability(self.gain_probability.low, self.gain_probability.high, self.needed)
+        if verdict is Verdict.PASS and self._best_deg:
+            return "turn"
+        stays = self.stay_probability is not None and self.stay_probability.low >= self.needed
+        return "leave" if verdict is Verdict.FAIL or stays else "none"
 
     @property
-    def to_measure(self) -> tuple[Position, ...]:
+    def to_try(self) -> tuple[Position, ...]:
         """Usable positions, three that lie apart as far as they can, in which trials would tell."""
         usable = sorted(self.choice.ranked, key=lambda p: p.rotation_deg)
         wanted = [120.0 * k for k in range(TRIALS)]
@@ -123,19 +141,41 @@ class Advice:
         return self.order == "turn"
 
     @property
+    def _best_deg(self) -> float:
+        """Rotation of the best position [deg]."""
+        if not self.positions:
+            return self.curve.recommended.rotation_deg
+        return self.positions.rotations_deg[self.positions.best]
+
+    @cached_property
     def choice(self) -> Choice:
-        """The chosen position beside the others; where they were sampled, with the F'_ior expected over the samples."""
+        """The chosen position beside the others; where there are samples, with the median F'_ior over them."""
         curve, turn = self.curve, self.worth_turning
-        if not self.robust:
-            return Choice(self.drive, curve.torques, curve.current, self.chosen, turn, tuple(curve.ranked))
-        found = self.robust.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
+        if not self.positions:
+            return Choice(self.drive, curve.torques, curve.current, curve.recommended, turn, tuple(curve.ranked))
+        found = self.positions.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
         return replace(found, torques=curve.torques, turn=turn)
 
-    @property
-    def disagreeing(self) -> tuple[Alternative, ...]:
-        """Alternatives whose best position is more than a hole from the chosen one."""
-        hole = 360 / (self.drive.mounting.holes or FREE_POSITIONS)
-        return tuple(o for o in self.others if _apart(o.recommended, self.chosen) > hole + 1e-9)
+    @cached_property
+    def _log_ratios(self) -> np.ndarray | None:
+        """Logarithm of F'_ior in the best other position over that now, at the torque served worst, (samples,)."""
+        if not self.positions or (place := self.positions.challenger) is None:
+            return None
+        return np.asarray(np.log(np.maximum(1 - self.positions.gains(place), 1e-9)))
+
+    @cached_property
+    def influences(self) -> tuple[Influence, ...]:
+        """Shares of the variance of the logarithm of that ratio by field, the largest first."""
+        if self.samples is None or self._log_ratios is None:
+            return ()
+        return influences_on(self.samples, self._log_ratios)
+
+    @cached_property
+    def to_measure(self) -> tuple[MeasurementGain, ...]:
+        """Measurements that would settle the order, by how much more often it would be right; empty where settled."""
+        if self.order != "none" or self.samples is None or self._log_ratios is None:
+            return ()
+        return gains_for(self.samples, self._log_ratios, np.log(1 - LEAST_GAIN))
 
 
 def estimate_states(
@@ -144,15 +184,14 @@ def estimate_states(
     rotations: Sequence[float],
     *,
     every_state: bool,
-    samples: int,
+    draws: int,
     measured: MeasuredTeeth | None = None,
 ) -> int:
     """Number of states that an advice solves, about, for a progress bar."""
-    curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured)
-    if measured or not searchable(drive) or unknown_turn(drive):
-        return curve
-    others = SEARCHED * len(drive.alternatives) * (drive.mounting.holes or FREE_POSITIONS)
-    return curve + len(torques) * (others + sample_states(drive, samples, len(rotations) + 1))
+    sampled = 0 if measured or not searchable(drive) or not prior_of(drive).fields else draws
+    curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured, searched=sampled > 0)
+    each = SEARCHED + TURNED_STATES * len(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+    return curve + sampled * len(torques) * each
 
 
 def advise(
@@ -163,9 +202,9 @@ def advise(
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     weights: Sequence[float] | None = None,
-    samples: int = 256,
+    draws: int = DRAWS,
     criterion: str = "expected",
-    needed: float = LEAST_PROBABILITY,
+    needed: float = SURE,
     cross_check: str | None = CROSS_SOLVER,
     seed: int = 0,
     executor: Executor | None = None,
@@ -173,65 +212,76 @@ def advise(
 ) -> Advice:
     """Find the position in which to mount the fixed wheel of a drive.
 
-    Arguments: torques [N*m]; rotations_deg, positions to try [deg], 0 first, where the wheel stands; measured, wheels
-    in place of first harmonics; every_state, solve all states instead of searching; weights of the torques, one each;
-    samples of what is not known or has an uncertainty, and the criterion that chooses among positions in them:
-    expected, worst or quantile:Q; needed, probability of a gain for which a turn is ordered; cross_check, solver of
-    some states again; seed of samples and of those states; executor, to spread the work over (the numbers do not depend
-    on it); progress, told how many states were solved. An
-    interrupt ends the work early: the advice has what was done. Raises UsageError for positions, weights or a criterion
-    that cannot be meant, and for samples of a drive with measured teeth; UntrustedError where an answer cannot be
-    trusted.
+    Arguments: torques [N*m]; rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured,
+    wheels in place of first harmonics, for which nothing is drawn; every_state, solve all states of the curve instead
+    of searching; weights of the torques, one each; draws, effective samples of what is not known at least, 0 for none,
+    and the criterion that chooses among positions in them: expected, worst or quantile:Q; needed, probability of a gain
+    for which a turn is ordered; cross_check, solver of some states again; seed of samples and of those states;
+    executor, to spread the work over (the numbers do not depend on it); progress, called with states solved. An
+    interrupt ends the work early: the advice has the curve that was done. Raises UsageError for invalid positions,
+    weights or criterion, UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its
+    other values.
     """
-    Criterion.of(criterion)  # wrong before anything is computed, and without uncertainties too
-    if measured and drive.uncertainty and samples:
-        raise UsageError(
-            "with measured teeth what the preset has as uncertain is not sampled: "
-            "each sample would take every state at every position",
-            "--samples 0 advises without the uncertainty",
-        )
+    Criterion.of(criterion)  # wrong before anything is computed, and without samples too
+    known = measured.without_harmonics(drive) if measured else drive
+    prior = prior_of(known)
+    drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve = mounting_curve(
         drive,
         torques,
         rotations_deg,
         measured=measured,
         every_state=every_state,
+        proposed_from=0 if drawn else None,
         weights=weights,
         cross_check=cross_check,
         seed=seed,
         executor=executor,
         progress=progress,
     )
-    unknown = unknowns(measured.without_harmonics(drive) if measured else drive)
-    if curve.interrupted or measured or unknown_turn(drive):
-        return Advice(drive, curve, None, (), (), (), measured, unknown, needed=needed)
-    sampled = None
-    if is_open(drive) and samples and searchable(drive):
-        sampled = robust(
-            drive, curve, samples=samples, criterion=criterion, seed=seed, executor=executor, progress=progress
-        )
-    others = tuple(alternatives(drive, torques, executor=executor, progress=progress))
-    chosen = Advice(drive, curve, sampled, others, (), ()).chosen
-    here, there = _slopes(drive, torques, (curve.current, chosen), executor)
-    held = stays_best(drive, curve, chosen, executor=executor, progress=progress)
-    return Advice(drive, curve, sampled, others, here, there, None, unknown, held, needed)
+    # of a wheel that was measured nothing is open
+    open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
+    advice = Advice(
+        drive, curve, measured=measured, unknown=unknowns(known), open_=open_, as_given=not draws, needed=needed
+    )
+    if curve.interrupted or not drawn:
+        return advice
+    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+    shares = None if weights is None else tuple(weights)
+    limits = [drive.limit(M_g) for M_g in torques]
+    left: list[float | None] = [None] * len(limits)
+    if any(limit is not None for limit in limits):
+        own = [each.range_arcsec for each in self_error(drive, torques)]
+        left = [None if limit is None else limit - each for limit, each in zip(limits, own, strict=True)]
+    of_check: list[int] = []  # draws that `check` takes
 
+    def probabilities(samples: Samples) -> tuple[Probability | None, Probability | None]:
+        found = PositionStatistics.of(samples, positions, criterion, shares)
+        now, place = found.place(0.0), found.challenger
+        gain = None if place is None else found.probability_gain(place)
+        return gain, None if now is None else found.probability_close(now)
 
-def _slopes(
-    drive: Drive,
-    torques: Sequence[float],
-    positions: Sequence[Position],
-    executor: Executor | None,
-) -> list[tuple[Sensitivity, ...]]:
-    if not searchable(drive):
-        return [() for _ in positions]
-    turned = [rotated(drive, position.rotation_deg) for position in positions]
-    return list((executor.map if executor else map)(partial(_sensitivity, torques), turned))
+    def enough(samples: Samples) -> bool:
+        if not of_check and not limits_settled(left, samples):
+            return False
+        of_check.append(samples.draws)
+        gain, _ = probabilities(samples)
+        return gain is None or advice.any_hole or is_settled(gain.low, gain.high, needed)
 
-
-def _sensitivity(torques: Sequence[float], drive: Drive) -> tuple[Sensitivity, ...]:
-    return sensitivity(drive, [kinematic_error(drive, M_g, cross_check=None) for M_g in torques])
-
-
-def _apart(one: Position, other: Position) -> float:
-    return abs((one.phase_deg - other.phase_deg + 180) % 360 - 180)
+    samples = draw_samples(
+        prior,
+        torques,
+        rotations_deg=sorted({0.0, *positions}),
+        evidence=evidence_of(drive),
+        enough=enough,
+        effort=SamplingEffort.of(draws),
+        seed=seed,
+        executor=executor,
+        progress=progress,
+    )
+    gain, stay = probabilities(samples)
+    first = samples.first(of_check[0]) if of_check else samples
+    found = PositionStatistics.of(first, positions, criterion, shares)
+    return replace(
+        advice, samples=first, positions=found, gain_probability=gain, stay_probability=stay, all_draws=samples.draws
+    )

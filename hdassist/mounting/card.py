@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from datetime import date
 from math import inf
 
-from hdassist.model.unknown import unknowns
+from hdassist.belief.samples import Probability
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import FREE_STEP, Chances, Choice, Position
+from hdassist.mounting.positions import FREE_STEP, Choice, Position
 from hdassist.mounting.seat_page import Seat, SeatMark, instruction, place_at, seat_of, turn, wheel
-from hdassist.mounting.stays import Stays
 from hdassist.mounting.trial import Tried
 from hdassist.preset.fields import Drive
-from hdassist.preset.kinds import short
 from hdassist.preset.schema import counted
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.texts import HOME, Texts
@@ -25,7 +23,6 @@ WARNINGS = 4  # that a card has room for
 LETTERS = 240  # of one of them
 DIGITS = 12  # of a SHA-256
 TORQUES = 12  # that a card has room for
-FIELDS = 6  # that are not known, which are named
 TRIALS = 8  # that a card has room for
 BESIDE = 4  # torques whose values stand side by side
 
@@ -34,19 +31,22 @@ BESIDE = 4  # torques whose values stand side by side
 class CardFacts:
     """What a card tells, whoever advises.
 
-    choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; chances, None
-    where nothing was sampled; weights of the torques; warnings, in the reader's language; rests_on: assumptions that
-    the choice hinges on most; tried, where the advice comes of trials: then the wheel lies in the last of them, and
-    turns count from before the first.
+    choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
+    percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
+    than the present one, None where nothing was drawn; good: probability that the position is good after trials; open_:
+    number of values that were drawn; weights of the torques; warnings, in the reader's language; tried, where the
+    advice comes of trials: then the wheel lies in the last of them, and turns count from before the first.
     """
 
     choice: Choice
     cam_deg: float | None
     measured: MeasuredTeeth | None = None
-    chances: Chances | None = None
+    gain_range: tuple[float, float, float] | None = None
+    gain_probability: Probability | None = None
+    good: float | None = None
+    open_: int = 0
     weights: tuple[float, ...] | None = None
     warnings: tuple[str, ...] = ()
-    rests_on: tuple[Stays, ...] = ()
     tried: Tried | None = None
 
 
@@ -85,7 +85,6 @@ class Card:
     torques: Table
     others: Table
     chance: Lines
-    rests_on: Lines
     checks: Lines
     warnings: Lines
     sign: tuple[str, ...]
@@ -111,7 +110,6 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
         torques=_torques(choice, say),
         others=_other_positions(choice, say),
         chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
-        rests_on=Lines(say("rests.title"), tuple(_rests_on(facts, say))),
         checks=Lines(say("checks.title"), tuple(_checks(facts, say))),
         warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say))),
         sign=(say("sign.date"), say("sign.name")),
@@ -250,39 +248,18 @@ def _away(one: Position, other: Position) -> float:
 
 
 def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
-    choice, chances = facts.choice, facts.chances
-    if chances and choice.turn:
-        best, gain = say.percent(chances.chosen), say.percent(chances.gain)
-        yield say("chance.turn", samples=chances.samples, best=best, gain=gain)
-    elif chances and chances.current is not None:
-        yield say("chance.leave", samples=chances.samples, best=say.percent(chances.current))
-        if choice.chosen != choice.current:
-            yield say("chance.not_sure", gain=say.percent(chances.gain))
+    choice, gain = facts.choice, facts.gain_probability
+    if facts.gain_range and gain and choice.turn:
+        low, middle, high = map(say.percent, facts.gain_range)
+        yield say("chance.turn", count=facts.open_, low=low, middle=middle, high=high, gain=say.percent(gain.value))
+    elif gain:
+        yield say("chance.leave", count=facts.open_, gain=say.percent(gain.value))
+    if facts.good is not None:
+        yield say("chance.good", good=say.percent(facts.good))
     if facts.weights:
         yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
-    kinds, open_ = counted(choice.drive), unknowns(choice.drive)
+    kinds = counted(choice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
-    if open_:
-        paths = [each.path for each in open_[:FIELDS]] + ["..."] * (len(open_) > FIELDS)
-        yield say("chance.unknown", fields=", ".join(paths))
-
-
-def _rests_on(facts: CardFacts, say: Texts) -> Iterator[str]:
-    """A line an assumption: after trials how probable it is that the position is good, else what it loses."""
-    for held in facts.rests_on:
-        end = max(held.ends, key=lambda end: inf if end.loss is None else end.loss)
-        low, high, value = (short(e.value).replace(".", say("number.point")) for e in (*held.ends, end))
-        told = {"field": held.assumption.path, "low": low, "high": high}
-        good = sorted(e.good for e in held.ends if e.good is not None)
-        if end.loss is None or end.best_deg is None:
-            yield say("rests.hardly", **told, value=value)
-        elif facts.tried:
-            yield say("rests.good", **told, least=f"{100 * good[0]:.0f}", most=say.percent(good[-1]))
-        elif end.best_deg == facts.choice.chosen.rotation_deg:
-            yield say("rests.stays", **told)
-        else:
-            where = place_at(end.best_deg, facts.choice.drive.mounting.holes, say)
-            yield say("rests.loses", **told, value=value, where=where, loss=say.percent(end.loss))
 
 
 def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:
@@ -305,7 +282,7 @@ def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
         return origin.warnings
     told, more = [], len(origin.warnings)
     if origin.zeros:
-        told.append(say("warning.zeros", fields=", ".join(origin.zeros)))
+        told.append(say("warning.zeros", count=len(origin.zeros)))
         more -= 1
     if more:
         told.append(say("warning.preset", count=more))

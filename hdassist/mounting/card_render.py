@@ -54,11 +54,11 @@ def lines_on_paper(card: Card) -> int:
     """
     values = [value for _, value in card.subject]
     texts = [*values, card.instruction, *card.foot]
-    parts = (card.chance, card.rests_on, card.warnings)
+    parts = (card.chance, card.warnings)
     texts += [text for part in parts for text in part.lines]
     headings = sum(3 for part in parts if part.lines)
     rows = 2 * len(card.torques.rows) + sum(1 + len(row[0]) // 16 for row in card.others.rows)
-    return sum(1 + len(text) // 100 for text in texts) + headings + rows
+    return sum(1 + len(text) // 90 for text in texts) + headings + rows
 
 
 def environment(

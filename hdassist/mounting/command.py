@@ -25,9 +25,9 @@ def command(
         typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360; without it the holes alone."),
     ] = None,
     choosing: ChoiceOptions,
-    samples: Annotated[
-        int, typer.Option(min=0, help="Samples of what is uncertain or not known, about (0: none).")
-    ] = 256,
+    draws: Annotated[
+        int, typer.Option(min=0, help="Effective samples of what is not known exactly, at least (0: none).")
+    ] = 64,
     probability: Annotated[
         float, typer.Option(min=0, max=1, help="Probability of a gain for which a turn is ordered.")
     ] = 0.95,
@@ -63,16 +63,17 @@ def command(
 
     The fixed wheel is the rigid wheel (circular spline) or the flexspline. Turns are counter-clockwise seen from the
     side of the cam (wave generator), from where the wheel stands. The best position is that in which the torque served
-    worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. What the
-    preset gives an uncertainty (k = 2) for, or does not know, is sampled; where that could reverse the order there is
-    none, no card, and exit code 6: --assume-phases takes what is not known as 0, on your word. Where the wheel stands
-    and at the advised position every state is solved and proven, elsewhere the extremes are searched for. -q prints the
-    hole (or the angle) alone, 0 for "leave it", unknown where nothing can be ordered.
+    worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. All that the
+    preset does not know exactly is drawn jointly, as check draws it (docs/unknown.md): what is assumed with a range,
+    has an uncertainty (k = 2), or is not given. A turn is ordered where it gains more than 1 % with the --probability;
+    else there is no order, no card, and exit code 6, and the page says what to measure. --assume-phases takes
+    deviations that are not known as 0, on your word. -q prints the hole (or the angle) alone, 0 for "leave it", unknown
+    where nothing can be ordered.
 
     Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
 
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
-    state is solved then; alternatives and what a micrometre does are left out.
+    state is solved then, and nothing is drawn.
 
     Ctrl-C ends the work early and prints what is done (exit code 130).
     """
@@ -81,6 +82,7 @@ def command(
     from hdassist.mounting.advice import advise, estimate_states
     from hdassist.mounting.page import answer, card_facts
     from hdassist.run.processes import workers
+    from hdassist.solve.answers import EMPTY
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.terminal.wheels import PitchFiles
@@ -95,7 +97,7 @@ def command(
     measured = files.read(drive)
     torques, rotations, weights = drive.operation.M_g, _rotations(drive, step), choosing.numbers()
     begun = time.monotonic()
-    total = estimate_states(drive, torques, rotations, every_state=every_state, samples=samples, measured=measured)
+    total = estimate_states(drive, torques, rotations, every_state=every_state, draws=draws, measured=measured)
     with out.progress(drive.name, total) as progress, workers(jobs) as executor:
         analysis = partial(
             advise,
@@ -104,7 +106,7 @@ def command(
             measured=measured,
             every_state=every_state,
             weights=weights,
-            samples=samples,
+            draws=draws,
             criterion=choosing.criterion,
             needed=probability,
             cross_check=cross_check,
@@ -114,7 +116,8 @@ def command(
         )
         advice = in_wide_enough_window(drive, analysis)
     if options.verbose:
-        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.curve.certificate}")
+        proof = advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {proof}")
     facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: card_facts(advice, say)
     told = answer(advice, seed=seed, plots=plot, details=details, carded=card_file is not None)
     raise typer.Exit(give_with_card("mount", told, card_file, facts, options, out))

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -21,9 +20,8 @@ from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import MountingCurve, Position, merit, phase_deg, require_weights, rotated
+from hdassist.mounting.positions import MountingCurve, merit, phase_deg, require_weights, rotated
 from hdassist.preset.fields import Drive
-from hdassist.preset.overrides import is_overridden
 from hdassist.run.stops import until_interrupted
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
@@ -32,7 +30,6 @@ SAMPLE = 1  # random states solved again at each position, besides those of the 
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 GROUP = 6  # positions that one task searches
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
-FREE_POSITIONS = 12  # positions tried under alternatives where the seat has no holes
 HOLES = 24  # positions of which every state is solved
 PROVEN = 2  # positions where every state is solved
 
@@ -47,10 +44,12 @@ def curve_states(
     *,
     every_state: bool,
     measured: MeasuredTeeth | None = None,
+    searched: bool = False,
 ) -> int:
-    """Number of states that a mounting curve solves, about, for a progress bar."""
+    """Number of states that a mounting curve solves, about, for a progress bar; searched: even of few positions."""
     cycle = Kinematics.of(drive).cycle_states
-    if every_state or measured or not searchable(drive) or len(rotations_deg) <= HOLES:
+    every_state = every_state or (len(rotations_deg) <= HOLES and not searched)
+    if every_state or measured or not searchable(drive):
         return len(torques) * len(rotations_deg) * cycle
     return len(torques) * (len(rotations_deg) * SEARCHED + PROVEN * cycle)
 
@@ -62,7 +61,7 @@ def mounting_curve(
     *,
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
-    proposed_from: int = HOLES + 1,
+    proposed_from: int | None = None,
     weights: Sequence[float] | None = None,
     cross_check: str | None = CROSS_SOLVER,
     seed: int = 0,
@@ -82,7 +81,8 @@ def mounting_curve(
     no position is added.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    every_state, solve all states of all positions; proposed_from, positions from which on extremes are proposed;
+    every_state, solve all states of all positions; proposed_from, positions from which on extremes are proposed
+    (HOLES + 1);
     weights of the torques in the choice of the best position, one each; executor, to spread the work over (any
     concurrent.futures executor; the numbers do not depend on it); progress, told how many states were solved. Raises
     UsageError where the present position is not the first or weights are not one positive number a torque,
@@ -91,11 +91,12 @@ def mounting_curve(
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
     require_weights(weights, len(torques))
+    searched_from = HOLES + 1 if proposed_from is None else proposed_from
     job = _Job(
         drive, tuple(torques), np.array(rotations_deg, dtype=float), measured,
         None if weights is None else tuple(weights), cross_check, seed, executor, progress,
     )  # fmt: skip
-    if every_state or measured or not searchable(drive) or len(rotations_deg) < proposed_from:
+    if every_state or measured or not searchable(drive) or len(rotations_deg) < searched_from:
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
         job.search()
@@ -108,36 +109,6 @@ def mounting_curve(
     if missed > SEARCH_TOLERANCE:
         job.solve(job.unsolved())
     return job.curve()
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """The best position under other values of identified fields that agree with the same targets."""
-
-    values: dict[str, float]
-    recommended: Position
-
-
-def alternatives(
-    drive: Drive, torques: Sequence[float], *, executor: Executor | None = None, progress: Progress | None = None
-) -> list[Alternative]:
-    """Best position under each of the preset's alternatives, in steps of a seat hole, or of 30 deg.
-
-    Fields that were overridden keep their override. Arguments: torques [N*m]; executor, to spread the work over;
-    progress, told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
-    """
-    count = drive.mounting.holes or FREE_POSITIONS
-    rotations = np.arange(count, dtype=float) * 360 / count
-    found = []
-    for given in drive.alternatives:
-        values = {p: v for p, v in given.items() if not is_overridden(p, drive.origin.overrides)}
-        job = _Job(drive.with_values(values), tuple(torques), rotations, executor=executor, progress=progress)
-        if searchable(drive):
-            job.search()
-        else:
-            job.solve(product(range(len(torques)), range(count)))
-        found.append(Alternative(values, job.curve().recommended))
-    return found
 
 
 @dataclass

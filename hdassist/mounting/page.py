@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
@@ -10,29 +10,38 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.error.rests_on import LEAST
-from hdassist.error.sensitivity import Sensitivity
+from hdassist.belief.samples import Probability
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import names
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.card import CardFacts, warnings_of
-from hdassist.mounting.losses import Losses
 from hdassist.mounting.losses_page import beside, kept_line, losses_object, losses_table
 from hdassist.mounting.positions import MountingCurve, Position, bare
 from hdassist.mounting.seat_page import TRADE, instruction, place, seat_text, wheel
-from hdassist.mounting.stays_page import stays_line, stays_objects, stays_table
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style, grid
+from hdassist.terminal.influence_words import (
+    influence_objects,
+    influence_words,
+    measure_objects,
+    measure_words,
+    samples_object,
+    samples_words,
+)
 from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading, pitch_object
 from hdassist.verdict import Verdict
 
-MICROMETRES = {"j_n": "flank clearance j_n", "W_0": "wave W_0", "g_b": "bearing clearance g_b"}
-SHOWN = 6  # positions that the table of uncertainty lists, best first
+SHOWN = 6  # positions that the table of all samples lists, best first
+OPEN_NAMED = 4  # fields that are not known exactly, which are named
+RANGED = 2  # torques whose ranges stand beside their medians
+VERDICTS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
+NEXT_DRAWS = 4  # times as many samples, where chance alone leaves an order open
 
 
 def _phase_words(advice: Advice) -> str:
@@ -49,13 +58,10 @@ def warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
         found.append(f"interrupted: {done} of {result.missing + done} positions were done")
     elif result.interrupted:
         found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
-    if advice.measured and advice.drive.alternatives:
-        found.append(say("warning.alternatives"))
+    if advice.open_ and not advice.as_given and not advice.positions and not result.interrupted:
+        found.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
         found.append(say("warning.steps"))
-    if advice.disagreeing:
-        phases = ", ".join(say.number(other.recommended.phase_deg) for other in advice.disagreeing)
-        found.append(say("warning.disagree", phases=phases, phase=say.number(advice.chosen.phase_deg)))
     return tuple(found)
 
 
@@ -71,7 +77,7 @@ def answer(advice: Advice, *, seed: int, plots: bool, details: bool = False, car
         summary_line=lambda: summary_line(advice),
         figures=lambda: figures(advice),
         warnings=warnings(advice),
-        proof=advice.curve.certificate,
+        proof=_certificate(advice),
         exit_code=exit_code(advice),
     )
 
@@ -92,88 +98,113 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
             advice.choice, say
         )
     holes = bool(advice.drive.mounting.holes)
-    fixed, where = wheel(advice.drive, say), ", ".join(place(p, say) for p in advice.to_measure)
-    trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_measure]
+    fixed, where = wheel(advice.drive, say), ", ".join(place(p, say) for p in advice.to_try)
+    trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_try]
     measure = say("instruction.measure", where=where, command=again("trials", advice.drive, *trials))
-    if sampled := advice.robust:
-        change = say.percent(-advice.gain, "+")
-        chances = (say.percent(sampled.probability_gain), say.percent(advice.needed))
+    if (found := advice.gain_probability) and not advice.any_hole:
         why = say(
-            "instruction.unsure", wheel=fixed, gain=chances[0], needed=chances[1], best=place(advice.chosen, say),
-            change=change,
+            "instruction.unsure", wheel=fixed, gain=_interval(found, say), needed=say.percent(advice.needed),
+            best=place(advice.chosen, say), change=say.percent(-advice.gain, "+"),
         )  # fmt: skip
     else:
         key = "instruction.any_hole" if advice.any_hole else "instruction.unknown"
-        fields = ", ".join(advice.deciding) if advice.any_hole else names(advice.unknown)
+        paths = advice.deciding if advice.any_hole else advice.open_
+        fields = ", ".join(paths[:OPEN_NAMED]) + (", ..." if len(paths) > OPEN_NAMED else "")
         why = say(key, wheel=fixed, fields=fields)
     return f"{why} {measure}"
+
+
+def _interval(found: Probability, say: Texts) -> str:
+    """A probability in per cent with its Monte Carlo interval."""
+    return f"{say.percent(found.value)} ({100 * found.low:.0f}-{100 * found.high:.0f})"
 
 
 def render(
     advice: Advice, style: Style, *, plots: bool = True, details: bool = False, carded: bool = False
 ) -> RenderableType:
-    """The instruction, the seat, the positions, and what to know of them; with details a plot per torque and tables."""
+    """Verdict and instruction, gain and how sure it is, positions, seat; with details a plot per torque and tables."""
     drive, result = advice.drive, advice.curve
-    words = f"{drive.name}: turning the fixed {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
-    parts: list[RenderableType] = [Text(style.text(words), style="bold"), Text(style.text(what_to_do(advice)))]
+    words = f"{drive.name}: {VERDICTS[advice.order]}, the fixed {TRADE[drive.mounting.fixed]} on its seat"
+    head = Text(style.text(words + heading(advice.measured)), style="bold")
+    parts: list[RenderableType] = [head, Text(style.text(what_to_do(advice))), facts(style, _first_lines(advice))]
+    parts += [] if advice.any_hole else [_positions(advice, style)]
     if plots and not advice.any_hole:
         parts.append(Text(seat_text(advice.choice, style)))
     if plots and details and advice.has_curve:
         parts += [Text(drawn) for drawn in _curves(advice, style)]
-    parts += [] if advice.any_hole else [_positions(advice, style)]
     if details:
         parts += _tables(advice, style)
     turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
-    parts += [Text(style.text(turns)), Text(_proof(result)) if details else facts(style, _lines(advice, carded))]
+    parts += [Text(style.text(turns)), facts(style, _lines(advice, details=details, carded=carded))]
+    if details:
+        parts.append(Text(_proof(result)))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
 def _tables(advice: Advice, style: Style) -> Iterator[Table]:
     if advice.has_curve:
         yield _torques(advice, style)
-    if advice.robust:
-        yield _uncertain(advice, advice.robust, style)
-    if advice.now:
-        yield _slopes(advice, style)
-    if advice.rests_on:
-        yield stays_table(advice.drive, advice.rests_on, style)
+    if found := advice.positions:
+        title = f"all positions over the samples, best first ({found.criterion.name})"
+        for M_g, ratios in zip(advice.curve.torques, found.ratios, strict=True):
+            low, _, high = found.range_of(ratios)
+            title += (
+                f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
+            )
+        yield losses_table(found, advice.curve.holes, advice.curve.torques, style, title, SHOWN)
 
 
-def _lines(advice: Advice, carded: bool) -> Iterator[tuple[str, str]]:
-    """What is to be known beside the positions, a label and a text each."""
-    sampled = advice.robust
-    sure = f"gains with {sampled.probability_gain:.0%} over {len(sampled.merits)} samples" if sampled else ""
+def _first_lines(advice: Advice) -> Iterator[tuple[str, str]]:
+    """Gain of turning with its range, and how sure it is."""
+    say, found = texts(), advice.positions
+    if found and not advice.no_hole_better:
+        low, middle, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
+        where = "the best hole, whichever it is," if advice.any_hole else place(advice.chosen, say)
+        if advice.any_hole or advice.chosen.rotation_deg:
+            served = " at the torque served worst" if len(advice.curve.torques) > 1 else ""
+            yield "gain", f"{middle:.0f} % less error in {where} than now{served} (5 to 95 %: {low:.0f} to {high:.0f})"
+    if (gain := advice.gain_probability) and found and not advice.any_hole and not advice.no_hole_better:
+        at = place(found.position(advice.drive, 0.0, found.challenger), say)
+        yield (
+            "sure",
+            f"{at} is better than now by more than 1 % with {_interval(gain, say)}, {100 * advice.needed:g} % needed",
+        )
     if not advice.curve.usable[0]:
-        sure = "; ".join(filter(None, (sure, "the wheel may not stay where it stands (mounting.allowed)")))
-    yield "sure", sure if advice.order != "none" else ""
-    if sampled and advice.worth_turning:
-        yield "limit", kept_line(sampled, advice.drive, advice.curve.torques, sampled.standard_error_arcsec)
-    yield "lever", _lever(advice)
-    yield "rests on", stays_line(advice.drive, advice.rests_on)
-    yield "unknown", names(advice.unknown)
+        yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
+
+
+def _lines(advice: Advice, *, details: bool, carded: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the positions, a label and a text each."""
+    samples, drive = advice.samples, advice.drive
+    if advice.positions and advice.worth_turning:
+        yield "limit", kept_line(advice.positions, drive, advice.curve.torques)
+    yield "influence", influence_words(advice.influences, "the gain") if advice.influences else ""
+    yield "measure", _measure(advice)
+    yield "unknown", ("" if samples else "taken as 0: ") + names(advice.unknown) if advice.unknown else ""
+    more = f"; the order from {advice.all_draws} drawn" if samples and advice.all_draws > samples.draws else ""
+    yield "samples", samples_words(samples) + more if samples else ""
     if advice.order != "none" and not carded:  # else the sentence above names it
-        card = again("mount", advice.drive, "--card", "card.html")
+        card = again("mount", drive, "--card", "card.html")
         yield "next", card + (" with the same pitch files" if advice.measured else "")
-    yield "proof", proof(advice.curve.certificate, advice.curve.cross_checks)
-    yield "more", "--details"
+    yield "proof", proof(_certificate(advice), advice.curve.cross_checks)
+    yield "more", "" if details else "--details"
 
 
-def _lever(advice: Advice) -> str:
-    """The micrometre that changes the greatest share of F'_ior where the wheel is to stand; empty if not computed."""
-    target, at = ("there", advice.best) if advice.choice.turn else ("now", advice.now)
-    if not at:
+def _certificate(advice: Advice) -> Certificate:
+    """Worst residuals of curve and samples."""
+    return advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
+
+
+def _measure(advice: Advice) -> str:
+    """What to measure where nothing is ordered; more samples where chance alone leaves it open."""
+    found = advice.gain_probability
+    if advice.order != "none" or advice.any_hole or not found or not advice.samples:
         return ""
-    place = advice.choice.target
-    slopes = [
-        (abs(value) / max(F_ior, LEAST), value, words, M_g)
-        for M_g, F_ior, slope in zip(advice.curve.torques, place.F_ior_arcsec, at, strict=True)
-        for name, words in MICROMETRES.items()
-        if (value := getattr(slope, name))
-    ]
-    if not slopes:
-        return ""
-    _, value, words, M_g = max(slopes)
-    return f"a micrometre more of {words}: {value:+.2f} arcsec at {M_g:g} N·m {target}"
+    words = measure_words(advice.to_measure, True, advice.curve.holes).replace("right verdict", "right order")
+    if found.low < advice.needed < found.high:
+        words += f"; more samples may settle it: --draws {NEXT_DRAWS * round(advice.samples.effective)}" * bool(words)
+        words = words or f"more samples may settle it: --draws {NEXT_DRAWS * round(advice.samples.effective)}"
+    return words
 
 
 def _curves(advice: Advice, style: Style) -> list[str]:
@@ -199,17 +230,25 @@ def _proof(result: MountingCurve) -> str:
 
 
 def _positions(advice: Advice, style: Style) -> Table:
-    choice, phase = advice.choice, f"phase {_phase_words(advice)}, deg"
+    """The present, chosen, second and worst position: F'_ior, over samples its median and range."""
+    choice, found, torques = advice.choice, advice.positions, advice.curve.torques
     title = "positions (best for the torque served worst)"
-    if advice.robust:
-        title += "\nF'_ior as expected over what is uncertain or not known"
-    rows = grid(style, title, "position", "hole", "turn, deg", phase, "F'_ior, arcsec", "against now")
+    ranged = found is not None and len(torques) <= RANGED
+    heads = [f"F'_ior, arcsec, at {beside(torques, 'g')} N·m"]
+    if ranged:
+        title += "\nF'_ior in arcsec over all that is not known exactly: median (5 to 95 %)"
+        heads = [f"at {M_g:g} N·m" for M_g in torques]
+    rows = grid(style, title, "position", "hole", "turn, deg", *heads, "against now")
     named = {"now": choice.current, "best": choice.chosen, "second": choice.second, "worst": choice.ranked[-1]}
     for words, position in named.items():
         if position is not None:
-            values = " / ".join(f"{v:.2f}" for v in position.F_ior_arcsec)
-            change = f"{position.change_from(choice.current):+.0%}"
-            rows.add_row(words, *_where(position), f"{position.phase_deg:g}", values, change)
+            cells = [beside(position.F_ior_arcsec)]
+            if found and ranged:
+                at = found.place(position.rotation_deg)
+                ends = zip(position.F_ior_arcsec, found.quantile(0.05, at), found.quantile(0.95, at), strict=True)
+                cells = [f"{F_ior:.2f} ({low:.1f}-{high:.1f})" for F_ior, low, high in ends]
+            change = f"{100 * position.change_from(choice.current):+.0f} %"
+            rows.add_row(words, *_where(position), *cells, change)
     return rows
 
 
@@ -221,7 +260,7 @@ def _where(position: Position) -> tuple[str, str]:
 def _torques(advice: Advice, style: Style) -> Table:
     result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
     heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
-    title = "each torque alone" + ", by values as given, the unknown as 0" * bool(advice.robust)
+    title = "each torque alone" + ", by values as given, the unknown as 0" * bool(advice.positions)
     rows = grid(style, title, *heads, words=0)
     rows.columns[0].no_wrap = True
     for k, M_g in enumerate(result.torques):
@@ -230,42 +269,10 @@ def _torques(advice: Advice, style: Style) -> Table:
     return rows
 
 
-def _uncertain(advice: Advice, sampled: Losses, style: Style) -> Table:
-    title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
-    if errors := sampled.standard_error_arcsec:
-        title += f"; interpolated, standard error {beside(errors)} arcsec"
-    if advice.unknown:
-        title += f"\nnot known: {names(advice.unknown)}"
-    for M_g, (low, high) in zip(advice.curve.torques, _spread(sampled), strict=True):
-        title += f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
-    title += f"\nthe advised one lies up to {_most_lost(sampled):.0%} above the best (95 %)"
-    return losses_table(sampled, advice.curve.holes, advice.curve.torques, style, title, SHOWN)
-
-
-def _spread(sampled: Losses) -> list[list[float]]:
-    """Worst over best position at each torque: what 5 and 95 % of the samples have less than."""
-    found: list[list[float]] = np.quantile(sampled.ratios, (0.05, 0.95), axis=1).T.tolist()
-    return found
-
-
-def _most_lost(sampled: Losses) -> float:
-    """What the choice loses less than in 95 % of the samples."""
-    return float(np.quantile(sampled.losses[:, sampled.best], 0.95))
-
-
-def _slopes(advice: Advice, style: Style) -> Table:
-    heads = ("torque, N·m", *MICROMETRES.values())
-    rows = grid(style, "what a micrometre more does to F'_ior, arcsec", "position", *heads)
-    for words, values in (("now", advice.now), ("best", advice.best)):
-        for M_g, slope in zip(advice.curve.torques, values, strict=True):
-            rows.add_row(words, f"{M_g:g}", f"{slope.j_n:+.2f}", f"{slope.W_0:+.2f}", f"{slope.g_b:+.2f}")
-    return rows
-
-
 def to_json(advice: Advice, seed: int) -> Json:
     """The curves and positions as a JSON object."""
     result, choice = advice.curve, advice.choice
-    second = choice.second
+    second, gain = choice.second, advice.gain_probability
     return {
         **envelope("mount", advice.drive, exit_code(advice), warnings(advice)),
         "complete": not result.interrupted,
@@ -273,7 +280,10 @@ def to_json(advice: Advice, seed: int) -> Json:
         "instruction": what_to_do(advice),
         "order": advice.order,
         "turn": advice.worth_turning,
-        "measure": [asdict(p) for p in advice.to_measure] if advice.order == "none" else [],
+        "measure": [asdict(p) for p in advice.to_try] if advice.order == "none" else [],
+        "to_measure": measure_objects(advice.to_measure),
+        "influence": influence_objects(advice.influences),
+        "samples": samples_object(advice.samples),
         "curves": [
             {
                 "M_g_Nm": M_g,
@@ -284,39 +294,37 @@ def to_json(advice: Advice, seed: int) -> Json:
             for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
         ],
         "rotation_deg": result.rotation_deg.tolist(),
-        "current": None if advice.any_hole else _position(choice.current, advice.now),
-        "recommended": _position(choice.chosen, advice.best) if advice.order != "none" else None,
-        "best_bet": _position(choice.chosen) if not advice.any_hole else None,
-        "second": None if second is None or advice.any_hole else _position(second),
-        "worst": None if advice.any_hole else _position(choice.ranked[-1]),
+        "current": None if advice.any_hole else asdict(choice.current),
+        "recommended": asdict(choice.chosen) if advice.order != "none" else None,
+        "best_bet": asdict(choice.chosen) if not advice.any_hole else None,
+        "second": None if second is None or advice.any_hole else asdict(second),
+        "worst": None if advice.any_hole else asdict(choice.ranked[-1]),
         "weights": None if result.weights is None else list(result.weights),
-        "uncertainty": _robust(advice, advice.robust) if advice.robust else None,
-        "alternatives": [{"values": o.values, **_position(o.recommended)} for o in advice.others],
+        "belief": _belief(advice),
         "unknown": unknown_objects(advice.unknown),
-        "rests_on": stays_objects(advice.drive, advice.rests_on),
         "gain": None if advice.any_hole else advice.gain,
+        "gain_range": None if advice.any_hole else _percentiles(advice.gain_range),
+        "best_gain_range": _percentiles(advice.best_gain_range),
+        "probability_gain": None if gain is None or advice.any_hole else asdict(gain),
         "probability_needed": advice.needed,
-        "certificate": certificate_object(result.certificate, result.cross_checks),
+        "certificate": certificate_object(_certificate(advice), result.cross_checks),
         "seed": seed,
     }
 
 
-def _position(position: Position, slopes: Sequence[Sensitivity] = ()) -> Json:
-    if not slopes:
-        return asdict(position)
-    fields = ("j_n", "W_0", "g_b")
-    told = {f"F_ior_{field}_arcsec_per_um": [getattr(slope, field) for slope in slopes] for field in fields}
-    return {**asdict(position), "sensitivity": told}
+def _percentiles(found: tuple[float, float, float]) -> Json:
+    return dict(zip(("p5", "p50", "p95"), found, strict=True))
 
 
-def _robust(advice: Advice, sampled: Losses) -> Json:
+def _belief(advice: Advice) -> Json | None:
+    """F'_ior over the samples: now at each torque, and in every position; None where nothing was drawn."""
+    if not (found := advice.positions):
+        return None
+    now = [_percentiles(found.range_of(each)) for each in found.now_arcsec]
+    direction = advice.drive.number(standing_offset(advice.drive)[1])
     return {
-        "samples": len(sampled.merits),
-        "fields": dict(advice.drive.uncertainty),
-        "worst_over_best": _spread(sampled),
-        "loss_95_percent": _most_lost(sampled),
-        "certificate": certificate_object(sampled.certificate),
-        **losses_object(sampled, advice.drive, advice.drive.number(standing_offset(advice.drive)[1])),
+        "now": [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.curve.torques, now, strict=True)],
+        **losses_object(found, advice.drive, direction),
     }
 
 
@@ -346,8 +354,9 @@ def card_facts(advice: Advice, say: Texts) -> CardFacts:
         choice=advice.choice,
         cam_deg=drive.number(cam) if drive.number(offset) else None,
         measured=advice.measured,
-        chances=advice.robust.chances if advice.robust else None,
+        gain_range=advice.gain_range if advice.positions else None,
+        gain_probability=advice.gain_probability,
+        open_=len(advice.open_) if advice.positions else 0,
         weights=advice.curve.weights,
         warnings=warnings(advice, say),
-        rests_on=advice.rests_on if advice.choice.target.rotation_deg == advice.chosen.rotation_deg else (),
     )

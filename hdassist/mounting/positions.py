@@ -74,20 +74,6 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Chances:
-    """How sure a choice is, over samples of what is uncertain, as shares of them.
-
-    chosen and current: those in which the chosen and the current position are the best one (None: the current one may
-    not be used); gain: those in which the chosen one is better than the current one.
-    """
-
-    samples: int
-    chosen: float
-    current: float | None
-    gain: float
-
-
-@dataclass(frozen=True)
 class MountingCurve:
     """F'_ior over rotations of the fixed wheel.
 

@@ -11,11 +11,10 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from hdassist.comparing.presets_page import sheet_warnings
-from hdassist.comparing.sheet import SAMPLES, DriveSheet
+from hdassist.comparing.sheet import DriveSheet
 from hdassist.design import check_page
 from hdassist.design.check import OperatingPoint
-from hdassist.design.check_page import BELIEF, MONTE_CARLO, POINT, SLOPES, reason, samples_words
-from hdassist.design.influence_words import influence_words, measure_words, named
+from hdassist.design.check_page import BELIEF, MONTE_CARLO, POINT, SLOPES, reason
 from hdassist.design.stiffness_page import ARCMIN
 from hdassist.design.stiffness_page import render as stiffness_render
 from hdassist.design.stiffness_page import to_json as stiffness_json
@@ -34,6 +33,7 @@ from hdassist.reporting.charts import Dot, chart
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style
+from hdassist.terminal.influence_words import influence_words, measure_words, named, samples_words
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity
 from hdassist.terminal.texts import texts
@@ -205,8 +205,8 @@ def _curves(sheet: DriveSheet, style: Style) -> Iterator[Figure]:
     order = np.argsort(turned)
     for k, point in enumerate(sheet.check.points):
         caption, limit = f"F'_ior over the {over} of the wheel at {point.M_g:g} N·m", point.limit_arcsec
-        if advice.robust:
-            caption += "; bars: 5 to 95 % of what is uncertain or not known"
+        if advice.positions:
+            caption += "; bars: 5 to 95 % over all that is not known exactly"
         if advice.unknown and not advice.any_hole:
             caption += f"; line: {ZERO}"
         if limit is not None:
@@ -222,11 +222,11 @@ def _curves(sheet: DriveSheet, style: Style) -> Iterator[Figure]:
 
 def _whiskers(sheet: DriveSheet, torque: int, per: float) -> list[tuple[float, float, float]]:
     """For each position that was sampled, where it lies and F'_ior of 5 and 95 % of the samples."""
-    sampled, curve_ = sheet.advice.robust, sheet.advice.curve
-    if sampled is None:
+    found = sheet.advice.positions
+    if found is None:
         return []
-    low, high = np.quantile(sampled.F_ior_arcsec[torque], (0.05, 0.95), axis=0).tolist()
-    return list(zip((curve_.rotation_deg[curve_.usable] / per).tolist(), low, high, strict=True))
+    ends = [[found.quantile(share, k)[torque] for share in (0.05, 0.95)] for k in range(len(found.rotations_deg))]
+    return [(rotation / per, low, high) for rotation, (low, high) in zip(found.rotations_deg, ends, strict=True)]
 
 
 def _dots(sheet: DriveSheet, torque: int, per: float) -> Iterator[Dot]:
@@ -296,10 +296,7 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Table:
         ("set on top", "; ".join(origin.overrides) or "nothing"),
         ("description", " ".join(drive.description.split()) or "none"),
         ("hdassist", __version__),
-        (
-            "seed",
-            f"{seed}; {draws} effective samples of what is not known at least, {SAMPLES} samples for the position",
-        ),
+        ("seed", f"{seed}; {draws} effective samples of what is not known at least"),
     )
     return Table("", (), rows, (False, False))
 

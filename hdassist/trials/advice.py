@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
 from scipy.stats import chi2, circmean, circstd
 
-from hdassist.error.rests_on import LEAST, weighed
 from hdassist.error.table import Mesh
 from hdassist.errors import UntrustedError
-from hdassist.mounting.cloud import MESH
-from hdassist.mounting.losses import Criterion, Losses
+from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
-from hdassist.mounting.stays import Stays, Told, over_ranges
 from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
+from hdassist.trials.cloud import MESH
 from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, prediction, require_reachable
 from hdassist.trials.prior import SAMPLES, Prior, Rig, prior_of
 
@@ -32,9 +29,6 @@ FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
 SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
 QUICK, FEWER = Mesh((9, 5, 9, 9), compared=0, turns=16), 1536  # samples: what can be reached at all, in a second
-COARSE = Mesh((9, 5, 9, 9), compared=0, turns=12)  # of tables that tell what an end of a range changes
-
-Teach = Callable[[Prior], tuple[Draws, Losses]]
 
 
 @dataclass(frozen=True)
@@ -43,20 +37,18 @@ class TrialAdvice:
 
     next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
     prediction is of the outcome of an advice, and the wheel stands there; explained: whether anything explains that,
-    which then is the last trial too; needed: probability from which on it is settled; rests_on: assumptions that it
-    hinges on most.
+    which then is the last trial too; needed: probability from which on it is settled.
     """
 
     prior: Prior
     trials: tuple[Trial, ...]
     draws: Draws
-    losses: Losses
+    losses: PositionStatistics
     next: tuple[float, float]
     predictions: tuple[Prediction, ...]
     verifies: bool = False
     explained: bool = True
     needed: float = NEEDED
-    rests_on: tuple[Stays, ...] = ()
 
     @property
     def drive(self) -> Drive:
@@ -190,38 +182,5 @@ def advise_from_trials(
         if not outcome:
             raise
         explained, (draws, losses) = False, here(every := tuple(trials))
-    held = stays_good(prior, losses.best, samples, partial(teach, trials=every), executor)
     best = next_trial(draws, losses, seed)
-    return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, held)
-
-
-def stays_good(
-    prior: Prior, best: int, samples: int, teach: Teach, executor: Executor | None = None
-) -> tuple[Stays, ...]:
-    """What becomes of a choice, by its place, over the ranges of the assumptions that move F'_ior most.
-
-    The greatest change comes first. At both ends of each the same samples are drawn, coarser tables tell by how much
-    their F'_ior changes, and the trials teach of that: at their own torque alone. Raises UntrustedError where an answer
-    cannot be trusted.
-    """
-    if not (known := weighed(prior.drive, (prior.M_g,), executor=executor)):
-        return ()
-    coarse = partial(prior_of, torques=(), rig=prior.rig, seed=prior.seed, samples=samples, mesh=COARSE)
-    look = partial(_told, prior, coarse(prior.drive, executor=executor), best, coarse, teach)
-    now = float(teach(prior)[1].probability_good[best])
-    assumed = [known.assumed[k] for k in known.heaviest()]
-    return over_ranges(prior.drive, assumed, look, lambda end: abs((end.good or 0.0) - now), executor=executor)
-
-
-def _told(prior: Prior, here: Prior, best: int, make: Callable[[Drive], Prior], teach: Teach, drive: Drive) -> Told:
-    """What becomes of a choice in another drive; here: prior by coarse tables."""
-    there = make(drive)
-    alike = there.values.keys() == here.values.keys() and np.array_equal(there.weight, here.weight)
-    if alike:  # else other fields are open, or other directions, and they are other samples
-        change = there.F_ior_arcsec / np.maximum(here.F_ior_arcsec, LEAST)
-        there = replace(there, tables=prior.tables, F_ior_arcsec=prior.F_ior_arcsec * change)
-    with suppress(UntrustedError):
-        _, losses = teach(there)
-        good = float(losses.probability_good[best])
-        return losses.rotations_deg[losses.best], float(losses.expected_loss[best]), good
-    return None, None, None
+    return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed)

@@ -53,12 +53,12 @@ def command(
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
-    from hdassist.mounting.cloud import MESH
     from hdassist.mounting.trial import read_trial
     from hdassist.run.processes import workers
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
     from hdassist.trials.advice import advise_from_trials
+    from hdassist.trials.cloud import MESH
     from hdassist.trials.page import answer, card_facts
     from hdassist.trials.prior import Rig
 

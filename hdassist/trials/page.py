@@ -12,10 +12,9 @@ from rich.text import Text
 from hdassist.model.unknown import names, unknowns
 from hdassist.mounting.card import CardFacts, after_trials, warnings_of
 from hdassist.mounting.losses import GOOD
-from hdassist.mounting.losses_page import SHARES, beside, kept_line, losses_object, losses_table
+from hdassist.mounting.losses_page import SHARES, kept_line, losses_object, losses_table
 from hdassist.mounting.positions import bare, hole_of
 from hdassist.mounting.seat_page import TRADE, wheel
-from hdassist.mounting.stays_page import stays_line, stays_objects, stays_table
 from hdassist.mounting.trial import Tried
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.basis import unknown_objects
@@ -41,7 +40,6 @@ LEARNT: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("scale_sd", "standard deviation (0.10 assumed before)", "", ".2f", lambda a: float(a.draws.scale.std())),
     Quantity("misfit", "misfit (0 to 12 % assumed)", "", ".0%", lambda a: float(a.draws.misfit.mean())),
     Quantity("effective_samples", "effective samples", "", ".0f", lambda a: a.draws.effective),
-    Quantity("standard_error_arcsec", "standard error", "arcsec", beside, lambda a: a.losses.standard_error_arcsec),
 )
 
 
@@ -130,7 +128,6 @@ def render(advice: TrialAdvice, style: Style, *, details: bool = False, carded: 
         Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
         Text(style.text(instruction(advice))),
         losses_table(advice.losses, holes, torques, style, f"positions, least loss first, {turns}", SHOWN[details]),
-        *([stays_table(advice.drive, advice.rests_on, style, trials=True)] if details and advice.rests_on else []),
         facts(style, _lines(advice, details=details, carded=carded)),
     ]
     return Group(*(line for part in parts for line in (part, Text(""))))
@@ -144,8 +141,6 @@ def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tupl
             yield "trial", _outcome(advice, one)
         yield "noise", f"told {rig.noise_arcsec:g}, found {advice.noise_arcsec:.2f} arcsec; seat {rig.reseat_um:g} um"
         yield "learnt", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in LEARNT)
-    else:
-        yield "rests on", stays_line(advice.drive, advice.rests_on)
     yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, advice.drive.operation.M_g)
     yield "unknown", names(unknowns(advice.drive))
     if len(advice.trials) >= MANY and not advice.repeats and not advice.outcome:
@@ -176,7 +171,6 @@ def to_json(advice: TrialAdvice) -> Json:
         **found,
         "recommended": found["best_bet"] if advice.settled else None,
         "unknown": unknown_objects(unknowns(drive)),
-        "rests_on": stays_objects(drive, advice.rests_on, trials=True),
         "settled": advice.settled,
         "probability_needed": advice.needed,
         "next": _place(advice, rotation_deg=then, probability_after=after),
@@ -215,7 +209,7 @@ def figures(advice: TrialAdvice) -> Figures:
     """Header and rows of a table, one row per torque and position."""
     losses = advice.losses
     rows = [
-        [M_g, rotation, float(losses.at(place).mean(axis=1)[k]), *(float(getattr(losses, n)[place]) for n in SHARES)]
+        [M_g, rotation, losses.quantile(0.5, place)[k], *(float(getattr(losses, n)[place]) for n in SHARES)]
         for k, M_g in enumerate(advice.drive.operation.M_g)
         for place, rotation in enumerate(losses.rotations_deg)
     ]
@@ -234,9 +228,8 @@ def card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
     return CardFacts(
         advice.choice,
         cam_deg=advice.facing[0],
-        chances=advice.losses.chances,
+        good=advice.losses.chosen[1],
         weights=advice.losses.weights,
         warnings=tuple(warnings(advice, say)),
-        rests_on=advice.rests_on,
         tried=Tried(advice.prior.M_g, advice.trials),
     )

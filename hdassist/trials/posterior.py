@@ -21,10 +21,10 @@ from scipy.stats import chi2, norm
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.mounting.cloud import Places
-from hdassist.mounting.losses import GOOD, Criterion, Losses
+from hdassist.mounting.losses import GOOD, Criterion, PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
+from hdassist.trials.cloud import Places
 from hdassist.trials.prior import Prior
 
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
@@ -84,7 +84,7 @@ def learnt(
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
     executor: Executor | None = None,
-) -> tuple[Draws, Losses]:
+) -> tuple[Draws, PositionStatistics]:
     """What trials teach of the positions that may be chosen [deg].
 
     Arguments: torques [N*m] that decide, that of the trials without them, and their weights; criterion over the losses.
@@ -108,12 +108,12 @@ def learnt(
         return np.asarray(np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f))
 
     decide, shares = torques or [prior.M_g], None if weights is None else tuple(weights)
-    every, errors = np.array([at(M_g) for M_g in decide]), tuple(prior.tables[M_g].standard_error for M_g in decide)
+    every, weights_of_draws = np.array([at(M_g) for M_g in decide]), np.ones(len(draws.places))
     rotations, how = tuple(rotations_deg), Criterion.of(criterion)
-    return draws, Losses(rotations, every[..., :-1], every[..., -1], how, shares, standard_error_arcsec=errors)
+    return draws, PositionStatistics(rotations, every[..., :-1], every[..., -1], weights_of_draws, how, shares)
 
 
-def next_trial(draws: Draws, losses: Losses, seed: int = 0) -> tuple[float, float]:
+def next_trial(draws: Draws, losses: PositionStatistics, seed: int = 0) -> tuple[float, float]:
     """The position [deg] whose value would raise the probability most that the choice is good, and that expected."""
     rng, noise = np.random.default_rng(seed), draws.noise_arcsec
     truth = rng.permutation(len(noise))[:OUTCOMES]

@@ -16,9 +16,9 @@ from hdassist.error.table import DEVIATIONS, Mesh
 from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.mounting.cloud import MESH, Cloud, Places, any_direction, cloud_of, directions_of, open_fields
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
+from hdassist.trials.cloud import MESH, Cloud, Places, any_direction, cloud_of, directions_of, open_fields
 
 SAMPLES = 12_288  # times directions that are alike likely, about
 WIDEST = 2.0  # a size without an uncertainty may be so many times the preset's

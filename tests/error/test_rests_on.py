@@ -11,9 +11,6 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.rests_on import rests_on, weighed
 from hdassist.loading.load import load_text
 from hdassist.model.assumed import assumptions
-from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.mounting.stays import stays_best
 from tests.process import SMALL
 
 W_0 = "source.cam.W_0={kind: assumed, range: [0.55, 0.6], ref: judged}"
@@ -66,21 +63,6 @@ def test_an_end_that_cannot_be_computed_is_approached(drive):
     assert found.assumption.low == 0.02
     assert 0.02 < found.ends[0] <= 0.58
     assert np.isfinite(found.F_ior_arcsec).all()
-
-
-def test_an_advice_tells_where_it_would_change(drive):
-    curve = mounting_curve(drive, (4.0,), seat_positions(drive), cross_check=None)
-    first = stays_best(drive, curve, curve.recommended, most=5)[0]
-    assert max(end.loss for end in first.ends) > 0.02
-    for end in first.ends:
-        there = drive.with_values({first.assumption.path: end.value})
-        values = {
-            rotation: kinematic_error(rotated(there, rotation), 4.0, cross_check=None).F_ior_arcsec
-            for rotation in (end.best_deg, curve.recommended.rotation_deg)
-        }
-        lost = values[curve.recommended.rotation_deg] / values[end.best_deg] - 1
-        assert end.loss >= 0
-        assert lost == pytest.approx(end.loss, abs=0.05)  # a few states tell holes apart, not their last per cent
 
 
 def test_the_spread_is_that_of_drives_drawn_from_the_ranges():

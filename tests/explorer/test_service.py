@@ -86,7 +86,7 @@ def vanished(before: set[int]) -> bool:
     return not processes() - before
 
 
-LONG = Effort(turns=4, samples=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
+LONG = Effort(turns=4, draws=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
 
 
 def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awaitable[None]]) -> set[int]:

@@ -80,7 +80,7 @@ CASES = {
               "t.jsonl"),
         _case("sweep", "sweep tiny.yaml --vary gears.j_n=10:20:81 -o s.jsonl --jobs 2", grows="s.jsonl"),
         _case("check", "check tiny.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
-        _case("mount", "mount tiny.yaml --set mounting.holes=3 --samples 0 --card card.html --csv a.csv -o a.json "
+        _case("mount", "mount tiny.yaml --set mounting.holes=3 --draws 0 --card card.html --csv a.csv -o a.json "
               "--json --force --jobs 2", "card.html a.csv a.json"),
         _case("trials", "trials tiny.yaml h0:130 h1:125 h2:127 --set mounting.holes=3 --noise 30 --sure 0.01 "
               "--card card.html --csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),

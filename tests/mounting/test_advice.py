@@ -8,13 +8,11 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UsageError
-from hdassist.model.unknown import draw
-from hdassist.mounting.advice import Advice, advise
+from hdassist.mounting.advice import Advice
 from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.losses import Criterion, Losses
-from hdassist.mounting.page import summary_line, to_json
+from hdassist.mounting.losses import Criterion, PositionStatistics
+from hdassist.mounting.page import summary_line
 from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
-from hdassist.mounting.robust import robust
 from hdassist.mounting.seat_page import instruction, seat_text, turn
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.console import Style
@@ -31,8 +29,8 @@ def curve_of(*values: list[float], holes: int = 12, **options) -> MountingCurve:
     return MountingCurve(torques, rotations, rotations, np.array(values), EMPTY, (), every, holes=holes, **options)
 
 
-def advice_of(curve: MountingCurve, sampled: Losses | None = None) -> Advice:
-    return Advice(load_preset(SMALL), curve, sampled, (), (), ())
+def advice_of(curve: MountingCurve) -> Advice:
+    return Advice(load_preset(SMALL), curve)
 
 
 def test_only_allowed_holes_are_recommended():
@@ -111,7 +109,7 @@ def test_the_seat_shows_where_holes_lie():
         there = drive.model_copy(
             update={"mounting": drive.mounting.model_copy(update={"first_hole": first_hole, "holes": 4})}
         )
-        rows = seat_text(Advice(there, curve, None, (), (), ()).choice, LOOK).split("\n\nseat")[0].split("\n")
+        rows = seat_text(Advice(there, curve).choice, LOOK).split("\n\nseat")[0].split("\n")
         ((row, column),) = [(r, line.index(letter)) for r, line in enumerate(rows) if letter in line]
         return column - 20, 7 - row
 
@@ -126,80 +124,72 @@ def test_the_seat_shows_where_holes_lie():
     assert (x, y > 4) == (0, True)
 
 
-UNSURE = ["uncertainty.phases.xi_b=60", "uncertainty.tolerances.e_hb=20", "mounting.holes=6"]
+def statistics(*rows: list[float], now: float = 10.0, weights: list[float] | None = None) -> PositionStatistics:
+    """Statistics of samples at one torque, a row each, hole 0 having what now says."""
+    F_ior = np.array([[now, *row] for row in rows])[None]
+    rotations = tuple(360.0 * k / F_ior.shape[2] for k in range(F_ior.shape[2]))
+    return PositionStatistics(
+        rotations, F_ior, F_ior[..., 0], np.array(weights or [1.0] * len(rows)), Criterion.of("expected"),
+        against_now=True,
+    )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def sampled() -> tuple[MountingCurve, Losses]:
-    drive = load_preset(SMALL, UNSURE)
-    curve = mounting_curve(drive, [4.0], seat_positions(drive), cross_check=None)
-    return curve, robust(drive, curve, samples=64, seed=1)
-
-
-def test_samples_are_drawn_as_the_preset_says():
-    drive = load_preset(SMALL, UNSURE)
-    drawn = draw(drive, 4000, seed=3)
-    xi_b = np.array([d.phases.xi_b for d in drawn])
-    e_hb = np.array([d.tolerances.e_hb for d in drawn])
-    # expanded uncertainty: two standard deviations
-    assert xi_b.mean() == pytest.approx(90, abs=2)
-    assert xi_b.std() == pytest.approx(30, rel=0.05)
-    assert e_hb.std() == pytest.approx(10, rel=0.05)
-    assert abs(np.corrcoef(xi_b, e_hb)[0, 1]) < 0.05
-    assert drawn[7] == draw(drive, 10, seed=3)[7]
-    assert drawn[7] != draw(drive, 10, seed=4)[7]
-    wide = draw(load_preset(SMALL, ["uncertainty.tolerances.e_hb=200"]), 50, seed=0)
-    assert min(d.tolerances.e_hb for d in wide) == 0
-
-
-def test_probabilities_and_criteria_are_those_of_the_samples(sampled):
-    _, found = sampled
-    F_ior = found.F_ior_arcsec[0]
-    assert F_ior.shape == (64, 6)
+def test_probabilities_and_criteria_are_those_of_the_weighted_samples():
+    rng = np.random.default_rng(0)
+    rows, weights = rng.uniform(5, 15, (40, 3)), rng.uniform(0.1, 1, 40)
+    found = statistics(*rows.tolist(), weights=weights.tolist())
+    share, F_ior = weights / weights.sum(), found.F_ior_arcsec[0]
     lost = F_ior / F_ior.min(axis=1, keepdims=True) - 1
     best = np.argmin(lost, axis=1)
-    assert found.probability_best == pytest.approx(np.bincount(best, minlength=6) / 64, abs=0.03)
+    assert found.probability_best == pytest.approx(np.bincount(best, share, minlength=4), abs=0.03)
     assert found.probability_best.sum() == pytest.approx(1)
-    assert found.best == np.argmin(lost.mean(axis=0))
-    assert found.gain == pytest.approx(1 - F_ior[:, found.best].mean() / found.now_arcsec.mean())
-    assert found.probability_gain == np.mean(F_ior[:, found.best] < found.now_arcsec[0])
+    assert found.best == np.argmin(share @ lost)
+    assert found.gains(2) == pytest.approx(1 - F_ior[:, 2] / 10)
+    assert found.best_gains == pytest.approx(1 - F_ior.min(axis=1) / 10)
+    assert found.probability_gain(2).value == pytest.approx(share @ (F_ior[:, 2] < 9.9))
+    assert found.probability_close(0).value == pytest.approx(share @ (lost[:, 0] < 0.05))
     assert replace(found, criterion=Criterion.of("worst")).best == np.argmin(lost.max(axis=0))
-    assert Criterion.of("quantile:0.9").over(lost) == pytest.approx(np.quantile(lost, 0.9, axis=0))
+    equal = replace(found, sample_weights=np.ones(40))
+    middle = np.quantile(F_ior[:, 1], 0.5, method="hazen")
+    assert equal.quantile(0.5, 1) == pytest.approx((middle,))
+    quantiles = Criterion.of("quantile:0.9").over(lost, np.ones(40))
+    assert quantiles == pytest.approx(np.quantile(lost, 0.9, axis=0, method="hazen"))
 
 
-def test_without_spread_the_choice_is_the_curves():
-    drive = load_preset(SMALL, ["uncertainty.phases.xi_b=0.001", "mounting.holes=6"])
-    advice = advise(drive, [4.0], seat_positions(drive), samples=4, cross_check=None)
-    assert advice.robust is not None
-    assert advice.chosen == advice.curve.recommended
-    assert advice.robust.probability_best.max() == 1
-    assert advice.robust.probability_gain == 1
-    assert advice.worth_turning
-    told = to_json(advice, 0)
-    best = told["uncertainty"]["best_bet"]
-    assert (best["rotation_deg"], best["probability_best"]) == (advice.chosen.rotation_deg, 1)
-    assert told["uncertainty"]["fields"] == {"phases.xi_b": 0.001}
+def test_the_torque_served_worst_decides_over_samples_too():
+    light, heavy = np.array([[20.0, 10.0, 18.0]]), np.array([[10.0, 12.0, 5.0]])
+    F_ior = np.stack([light, heavy])
+    found = PositionStatistics(
+        (0.0, 120.0, 240.0), F_ior, F_ior[..., 0], np.ones(1), Criterion.of("expected"), against_now=True
+    )
+    assert found.rotations_deg[found.best] == 240
+    assert replace(found, weights=(20.0, 10.0)).rotations_deg[replace(found, weights=(20.0, 10.0)).best] == 120
+    assert found.gains(1) == pytest.approx([-0.2])
 
 
-def test_a_gain_below_the_uncertainty_is_left_alone(sampled):
-    curve, found = sampled
-    certain = advice_of(curve, found)
-    assert certain.worth_turning == (found.probability_gain >= 0.95)
-    # half the samples say the other way
-    unsure = replace(found, now_arcsec=np.full((1, 64), np.median(found.at(found.best))))
-    assert not advice_of(curve, unsure).worth_turning
+@pytest.mark.parametrize(
+    ("rows", "order"),
+    [
+        ([[5.0]] * 80, "turn"),  # a gain in all samples
+        ([[5.0]] * 70 + [[12.0]] * 10, "none"),  # in 88 %
+        ([[12.0]] * 70 + [[9.0]] * 10, "none"),  # the wheel stands well, but in 12 % another hole is better
+        ([[12.0]] * 80, "leave"),
+        ([[9.8]] * 40 + [[10.2]] * 40, "leave"),  # which is better is not known, and hardly matters
+        ([[9.95]] * 80, "leave"),  # less than a hundredth
+    ],
+)
+def test_an_order_takes_the_probability_that_the_verdicts_take(rows, order):
+    found = statistics(*rows)
+    curve = curve_of([10.0, 9.0], holes=2)
+    advice = Advice(
+        load_preset(SMALL), curve, positions=found, gain_probability=found.probability_gain(found.challenger),
+        stay_probability=found.probability_close(0),
+    )  # fmt: skip
+    assert advice.order == order
+    assert advice.choice.turn == (order == "turn")
 
 
 @pytest.mark.parametrize("text", ["", "best", "quantile:2", "quantile:", "quantile:x"])
 def test_unknown_criteria(text):
-    with pytest.raises(UsageError, match="no criterion"):
+    with pytest.raises(UsageError, match="invalid criterion"):
         Criterion.of(text)
-
-
-def test_what_cannot_be_sampled_is_said():
-    drive = load_preset(SMALL)
-    with pytest.raises(UsageError, match="gives no uncertainty"):
-        robust(drive, curve_of([1.0, 2.0], holes=2))
-    rolling = load_preset(SMALL, [*UNSURE, "bearing.ball_motion=rolling", "bearing.d_ball=3"])
-    with pytest.raises(UsageError, match="locked"):
-        robust(rolling, curve_of([1.0, 2.0], holes=2))

@@ -31,9 +31,6 @@ def test_json_has_what_others_build_on(answer):
         assert len(curve["F_ior_arcsec"]) == 6
     for name in ("current", "recommended", "worst"):
         assert {"rotation_deg", "phase_deg", "hole", "F_ior_arcsec"} <= set(told[name])
-    for name in ("current", "recommended"):
-        assert all(len(slopes) == 2 for slopes in told[name]["sensitivity"].values())
-        assert "F_ior_j_n_arcsec_per_um" in told[name]["sensitivity"]
     assert (told["current"]["rotation_deg"], told["current"]["hole"]) == (0, 0)
     best = told["recommended"]
     assert best["hole"] == best["rotation_deg"] / 60
@@ -60,7 +57,7 @@ def test_people_see_curve_and_tables(answer):
     page = run(*QUICK)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("seat from the cam side", "positions", "counter-clockwise", "a micrometre more", "proof"):
+    for words in ("seat from the cam side", "positions", "counter-clockwise", "proof"):
         assert words in page.stdout
     assert len(page.stdout.splitlines()) <= 24 + HIGH + 3  # the seat and its legend
     told = json.loads(answer.stdout)
@@ -70,7 +67,7 @@ def test_people_see_curve_and_tables(answer):
 
 def test_curves_and_the_other_tables_stand_in_the_details():
     page = run(*QUICK, "--details")
-    for words in ("F'_ior at 1 N·m", "phase xi_b - phi_hb", "each torque alone", "what a micrometre", "certificate"):
+    for words in ("F'_ior at 1 N·m", "phase xi_b - phi_hb", "each torque alone", "certificate"):
         assert words in page.stdout
 
 

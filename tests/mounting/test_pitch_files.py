@@ -68,7 +68,7 @@ def test_json_says_what_was_measured(answer, files):
 
 def test_json_has_the_curve_and_nothing_that_needs_a_search(answer):
     told = json.loads(answer.stdout)
-    assert (told["complete"], told["alternatives"], told["uncertainty"]) == (True, [], None)
+    assert (told["complete"], told["belief"], told["samples"]) == (True, None, None)
     assert "sensitivity" not in told["current"]
     (curve,) = told["curves"]
     assert curve["phase_deg"] == [120, 300]
@@ -147,14 +147,13 @@ def test_the_card_has_the_tooth(files):
 def test_what_was_left_out_is_said(files):
     free = pitch(
         "mount", SMALL, "--torque", "4", "--step", "120", "--set", "mounting.holes=0", "--pitch-b", "wheel.csv",
-        "--set", "alternatives=[{gears.j_n: 5}]", "-q", files=files,
+        "-q", files=files,
     )  # fmt: skip
     assert free.returncode == 0
     assert float(free.stdout) in (0, 120, 240)
     warned = [line for line in free.stderr.splitlines() if line.startswith("warning:")]
-    assert len(warned) == 2
-    assert "alternatives were left out" in warned[0]
-    assert "free angle" in warned[1]
+    assert len(warned) == 1
+    assert "free angle" in warned[0]
 
 
 FAULTS = {
@@ -209,7 +208,6 @@ def test_faults_of_both_files_come_at_once(tmp_path):
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "must be an angle"),
         (["trace", SMALL, "--pitch-sense", "cw"], "say how to read"),
-        (["mount", SMALL, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9"], "--samples 0"),
     ],
 )
 def test_what_cannot_be_meant(args, words, files):
@@ -223,10 +221,11 @@ def test_an_unknown_choice_is_refused(files):
     assert pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--pitch-sense", "up", files=files).returncode == 2
 
 
-def test_uncertainties_may_stand_in_the_preset_without_samples(files):
-    told = pitch(
-        "mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9",
-        "--samples", "0", "-q", files=files,
-    )  # fmt: skip
-    assert told.returncode == 0
-    assert told.stdout in ("0\n", "1\n")
+def test_beside_measured_teeth_nothing_is_drawn_and_an_order_by_the_values_as_given_is_asked_for(files):
+    asked = ("mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9", "-q")
+    refused = pitch(*asked, files=files)
+    assert (refused.returncode, refused.stdout) == (6, "unknown\n")
+    assert "were not drawn: 1; --draws 0 orders by the values as given" in refused.stderr
+    given = pitch(*asked, "--draws", "0", files=files)
+    assert given.returncode == 0
+    assert given.stdout in ("0\n", "1\n")

@@ -25,7 +25,7 @@ def advice_on(*overrides: str, **options):
 
 @pytest.fixture(scope="module")
 def oval():
-    return advice_on(*OVAL, samples=60)
+    return advice_on(*OVAL, draws=16)
 
 
 def test_without_a_direction_that_decides_any_hole_may_be_the_best():
@@ -55,10 +55,10 @@ TRUE = "the rigid wheel has no deviation that could be turned."
     ],
 )
 def test_where_no_hole_can_be_better_the_first_line_says_why_and_nothing_is_to_be_measured(overrides, why):
-    advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, samples=8)
+    advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, draws=8)
     # holes are no whole number of teeth apart
     assert advice.curve.F_ior_arcsec.max() < 1.01 * advice.curve.F_ior_arcsec.min()
-    assert (advice.order, advice.any_hole, advice.to_measure and summary_line(advice)) == ("leave", False, "0")
+    assert (advice.order, advice.any_hole, advice.to_try and summary_line(advice)) == ("leave", False, "0")
     assert what_to_do(advice) == f"No hole is better than another: {why} Leave the rigid wheel as it is."
     assert (to_json(advice, 0)["exit_code"], to_json(advice, 0)["measure"]) == (0, [])
 
@@ -67,45 +67,39 @@ def test_where_no_hole_can_be_better_the_first_line_says_why_and_nothing_is_to_b
     "overrides", [("cam.coupling=oldham", "harmonics.a_s2=1"), ("harmonics.a_s2=unknown", "tolerances.e_hb=0")]
 )
 def test_an_oval_seat_makes_one_hole_better_on_any_cam(overrides):
-    advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, samples=0)
+    advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, draws=0)
     assert advice.no_hole_better == ""
 
 
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
-    shares = oval.robust.probability_best
+    shares = oval.positions.probability_best
     assert shares.max() < 0.95  # such an ovality decides as much as all the rest
 
 
-def test_every_number_of_a_hole_is_the_one_expected_over_the_samples(oval):
+def test_every_number_of_a_hole_is_the_median_over_the_samples(oval):
     told, card = to_json(oval, 0), card_facts(oval, texts())
-    sampled = told["uncertainty"]
+    sampled = told["belief"]
     for name in ("current", "best_bet", "second", "worst"):
         assert told[name]["F_ior_arcsec"] == pytest.approx(sampled[name]["F_ior_arcsec"]["expected"])
         assert told[name]["rotation_deg"] == sampled[name]["rotation_deg"]
-    expected = {place["rotation_deg"]: place["F_ior_arcsec"]["expected"] for place in sampled["positions"]}
+    medians = {place["rotation_deg"]: place["F_ior_arcsec"]["expected"] for place in sampled["positions"]}
     unsure = to_json(replace(oval, needed=1.1), 0)
     assert [place["hole"] for place in unsure["measure"]] == [0, 2, 4]
     for place in (*unsure["measure"], unsure["current"]):
-        assert place["F_ior_arcsec"] == pytest.approx(expected[place["rotation_deg"]])
-    now, best = sampled["current"]["F_ior_arcsec"], sampled["best_bet"]["F_ior_arcsec"]
+        assert place["F_ior_arcsec"] == pytest.approx(medians[place["rotation_deg"]])
+    now = sampled["current"]["F_ior_arcsec"]
     assert now["low"][0] < now["expected"][0] < now["high"][0]
-    assert told["gain"] == pytest.approx(1 - best["expected"][0] / now["expected"][0])
-    assert card.choice.chosen.F_ior_arcsec == tuple(best["expected"])
+    assert told["gain_range"]["p5"] <= told["gain"] <= told["gain_range"]["p95"]
+    assert card.choice.chosen.F_ior_arcsec == tuple(sampled["best_bet"]["F_ior_arcsec"]["expected"])
 
 
-def test_an_order_takes_the_probability_that_was_asked_for(oval):
-    sure = oval.robust.probability_gain
-    assert oval.chosen != oval.curve.current
-    for needed, order in ((sure - 0.01, "turn"), (sure + 0.01, "none")):
-        advice = replace(oval, needed=needed)
-        assert advice.order == order
-    assert f"gains with {round(100 * sure)} %, and {round(100 * needed)} % are wanted" in what_to_do(advice)
-    assert replace(oval, robust=None).order == "none"  # nobody looked
+def test_nobody_looked_and_nothing_is_ordered(oval):
+    assert replace(oval, positions=None, gain_probability=None).order == "none"
 
 
 def test_what_is_known_is_ordered_as_ever():
     advice = advice_on("operation.M_g=4")
-    assert (advice.order, advice.unknown, advice.robust) == ("turn", (), None)
+    assert (advice.order, advice.unknown, advice.positions) == ("turn", (), None)
 
 
 def test_a_word_for_it_makes_an_order_that_says_so(tmp_path):
@@ -118,8 +112,7 @@ def test_a_word_for_it_makes_an_order_that_says_so(tmp_path):
     assert given.returncode == 0
     told = json.loads(given.stdout)
     assert told["recommended"]["hole"] is not None
-    card = " ".join((tmp_path / "card.txt").read_text(encoding="utf-8").split())
-    assert "assumed to be 0, not known: phases.phi_hb" in card
+    assert "assumed to be 0, not known: phases.phi_hb" in (tmp_path / "card.txt").read_text(encoding="utf-8")
 
 
 def test_a_seats_ovality_stands_still_while_the_wheel_turns(reference):
@@ -128,16 +121,3 @@ def test_a_seats_ovality_stands_still_while_the_wheel_turns(reference):
         drive = changed(reference, **{f"harmonics__a_{name}2": 3.0, f"harmonics__xi_{name}2": 20.0})
         here, there = (deviation_scalars(each, alpha, -alpha)[:, 6:8] for each in (drive, rotated(drive, 30.0)))
         assert np.allclose(here, there) != moves
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("amplitude", "ratio", "loss"), [(3.0, (1.3, 1.7), 0.07), (6.0, None, 0.12)])
-def test_a_few_micrometres_take_most_of_what_turning_brings(reference, amplitude, ratio, loss):
-    """Of 2.1 between worst and best hole, and what the advice for a round wheel loses: computed apart from the tool."""
-    drive = changed(reference, harmonics__a_b2=amplitude, harmonics__xi_b2=None)
-    plain = advise(changed(reference, harmonics__a_b2=0.0), (80.0,), seat_positions(reference), cross_check=None)
-    sampled = advise(drive, (80.0,), seat_positions(drive), cross_check=None).robust
-    ratios = sampled.ratios[0]
-    assert ratio is None or np.quantile(ratios, (0.02, 0.98)) == pytest.approx(ratio, abs=0.08)
-    lost = sampled.losses[:, sampled.rotations_deg.index(plain.chosen.rotation_deg)]
-    assert lost.max() == pytest.approx(loss, abs=0.02)

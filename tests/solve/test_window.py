@@ -98,7 +98,7 @@ def trace(tmp_path_factory):
     [
         ["check"],
         ["trace"],
-        ["mount", "--samples", "0", "--set", "mounting.holes=3"],
+        ["mount", "--draws", "0", "--set", "mounting.holes=3"],
         ["stiffness"],
         ["self-error"],
         ["accept", "--limit", "F_ior=50"],

@@ -41,7 +41,6 @@ def test_json_tells_positions_and_what_the_trials_teach(answer):
     now = told["current"]["F_ior_arcsec"]
     assert now["low"] == pytest.approx(told["positions"][0]["F_ior_arcsec"]["low"])
     assert now["expected"] == pytest.approx(told["positions"][0]["F_ior_arcsec"]["expected"])
-    assert told["gain"] == pytest.approx(1 - told["best_bet"]["F_ior_arcsec"]["expected"][0] / now["expected"][0])
     assert [m["hole"] for m in told["trials"]["measured"]] == [0, 4, 8, 4, 3]
     assert [p["hole"] for p in told["prediction_errors"]] == [4, 8, 4, 3]
     assert told["prediction_errors"][2]["as_predicted"]
@@ -56,11 +55,6 @@ def test_json_tells_positions_and_what_the_trials_teach(answer):
     assert told["exit_code"] == (0 if told["settled"] else 6)
     assert set(told["next"]) == {*PLACE, "probability_after"}
     assert 0 < told["gain"] < 1
-    (rests,) = told["rests_on"]
-    assert (rests["field"], rests["assumed_range"]) == ("bearing.g_b", [0, 3.75])
-    assert rests["computed_range"] == [end["value"] for end in rests["effect"]] == [0, 3.75]
-    for end in rests["effect"]:
-        assert set(end) == {"value", "best_hole", "best_rotation_deg", "loss", "probability_good"}
     assert told["certificate"]["max_residual"] < 1e-9
 
 
@@ -117,7 +111,6 @@ def test_people_see_the_instruction_the_best_positions_and_where_to_go_on(answer
         "90% are wanted",
         "Five or six trials are normal",
         "counter-clockwise seen from the cam side",
-        "rests on assumed bearing.g_b (at 3.75 hardly anything explains the trials)",
         f"next the same command with the value of hole {answer[0]['next']['hole']} (",
         "more --details",
     ):
@@ -130,7 +123,6 @@ def test_details_are_the_trials_more_positions_and_what_was_learnt(answer):
     for words in (
         "trial 18.7 arcsec at hole 4 (120 deg), predicted ",
         f"noise told 1, found {answer[0]['trials']['noise_found_arcsec']:.2f} arcsec; seat 0 um",
-        "rests on what is assumed: does the position stay the best?",
         f"misfit (0 to 12 % assumed) {answer[0]['misfit']:.0%}",
     ):
         assert words in page
@@ -167,7 +159,7 @@ def test_an_outcome_says_keep_or_go_back():
         (("4:17",), "was hole 4 meant? h4:17"),
         ((*TRIALS, "--verify", "h4:17", "--card", "card.txt"), "for the mounting that --verify comes after"),
         ((*TRIALS, "--weights", "1,2"), "weights must be 1 positive"),
-        ((*TRIALS, "--criterion", "best"), "no criterion"),
+        ((*TRIALS, "--criterion", "best"), "invalid criterion"),
         ((*TRIALS, "--set", "tolerances.e_hb=0"), "nothing is known of the size"),
         ((*TRIALS, "--set", "uncertainty.gears.j_n=1"), "cannot take in"),
     ],
@@ -209,7 +201,6 @@ def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     text = " ".join(card.read_text(encoding="utf-8").split())
     assert "hole 0: 73 arcsec; hole 4: 18.7 arcsec; hole 8: 25 arcsec" in text
     assert "not from the last trial" in text
-    assert "bearing.g_b, 0 to 3.75: with 3.75 hardly anything explains the trials" in text
     now, best = (f"{answer[0][name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "best_bet"))
     assert f"F'_ior {now} -> {best} arcsec at 4" in text
 

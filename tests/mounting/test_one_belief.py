@@ -1,0 +1,105 @@
+"""One number of one thing: check and mount stand on the same samples."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.belief.evidence import stiffness_figures
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.comparing.sheet import sheet_of
+from hdassist.design.check import check
+from hdassist.error.error_map import ErrorMap
+from hdassist.mounting.advice import advise
+from hdassist.mounting.positions import rotated, seat_positions
+from tests.process import TINY, run
+
+OPEN = (
+    "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}",
+    "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}",
+    "phases.xi_b=90±20",
+    "mounting.holes=6",
+)
+
+
+def drive_of(*overrides: str):
+    return load_preset(TINY, [*OPEN, *overrides])
+
+
+@pytest.mark.parametrize("limit", [None, 28, 40])
+def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(limit):
+    drive = drive_of(*([f"acceptance.F_ior={limit}"] if limit else []))
+    points = check(drive, draws=8, seed=3).points
+    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=8, seed=3)
+    sheet = sheet_of(drive, draws=8, seed=3)
+    for k, point in enumerate(points):
+        belief = point.belief
+        told = (belief.p5, belief.p50, belief.p95)
+        assert advice.positions.range_of(advice.positions.now_arcsec[k]) == told
+        assert advice.positions.range_of(advice.positions.at(0)[k]) == told  # hole 0 is where the wheel stands
+        assert advice.choice.current.F_ior_arcsec[k] == belief.p50
+        assert (sheet.check.points[k].belief.p5, sheet.check.points[k].belief.p95) == (belief.p5, belief.p95)
+        assert sheet.check.points[k].verdict == point.verdict
+    assert sheet.advice.order == advice.order
+
+
+def test_the_commands_say_the_same_numbers():
+    options = [word for override in OPEN for word in ("--set", override)] + ["--draws", "8", "--json"]
+    checked, mounted = (json.loads(run(name, TINY, *options).stdout) for name in ("check", "mount"))
+    now = [point["belief"] for point in checked["operating_points"]]
+    assert [each["p50"] for each in mounted["belief"]["now"]] == [each["p50_arcsec"] for each in now]
+    assert [each["p5"] for each in mounted["belief"]["now"]] == [each["p5_arcsec"] for each in now]
+    assert mounted["current"]["F_ior_arcsec"] == [each["p50_arcsec"] for each in now]
+    assert mounted["samples"] == checked["samples"]
+    # one number of a hole everywhere
+    positions = {each["hole"]: each["F_ior_arcsec"]["expected"] for each in mounted["belief"]["positions"]}
+    for place in (*mounted["measure"], mounted["current"], mounted["best_bet"], mounted["worst"]):
+        assert place["F_ior_arcsec"] == positions[place["hole"]]
+
+
+@pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
+def test_samples_with_the_wheel_turned_are_searches_of_their_drives(fixed):
+    drive = drive_of(f"mounting.fixed={fixed}", "tolerances.e_hg=20", "harmonics.a_b2=3", "harmonics.xi_b2=20")
+    prior = prior_of(drive)
+    turns = (0.0, 60.0, 200.0)
+    samples = draw_samples(prior, (4.0,), rotations_deg=turns, effort=SamplingEffort(4, 4, 8, 4), seed=1)
+    values = prior.values(prior.shares(8, 1))
+    for row, number in enumerate(samples.numbers[:3]):
+        sample = drive.with_values(values[number])
+        exact = [ErrorMap(sample, 4.0).extremes(rotated(sample, turn)).first for turn in turns]
+        assert samples.turned_arcsec[row, 0] == pytest.approx(exact, abs=1e-6)
+        assert samples.F_ior_arcsec[row, 0] == pytest.approx(exact[0], abs=1e-6)
+
+
+def test_of_more_samples_the_first_are_those_of_fewer():
+    prior = prior_of(drive_of())
+    many, few = (draw_samples(prior, (4.0,), effort=SamplingEffort(n, n, 64, 8), seed=1) for n in (24, 8))
+    assert np.array_equal(many.first(few.draws).F_ior_arcsec, few.F_ior_arcsec)
+    assert many.first(few.draws).effective == few.effective
+
+
+def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
+    """All deviations are known; how stiff the cam stands decides what turning brings."""
+    holes = [60.0 * k for k in range(6)]
+    stiff = "source.supports.C_3={kind: assumed, range: [200, 100000], ref: judged}"
+    known, loose = (advise(drive_of(each), (4.0,), holes, draws=16) for each in ("supports.C_3=2000", stiff))
+    low, _, high = (one - other for one, other in zip(loose.gain_range, known.gain_range, strict=True))
+    assert (low, -high) < (0, 0)
+    assert {each.group for each in loose.influences} <= {each.group for each in prior_of(drive_of(stiff)).fields}
+
+
+def test_a_catalogue_is_heard_by_mount():
+    drive = drive_of()
+    K_2 = stiffness_figures(drive)[0]["K_2"]
+    weights = advise(drive_of(f"catalogue.K_2={K_2}"), (4.0,), [0.0, 60.0], draws=4).samples.weights
+    assert np.ptp(weights) > 0
+
+
+def test_an_open_order_says_what_to_measure():
+    loose = [word for each in OPEN for word in ("--set", each)] + ["--set", "phases.xi_b=200±90", "--no-plot"]
+    page = run("mount", TINY, *loose, "--draws", "24")
+    assert page.returncode == 6
+    assert "MEASURE FIRST" in page.stdout.splitlines()[0]
+    assert "of a right order" in " ".join(page.stdout.split())
