@@ -27,6 +27,8 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.window import in_wide_enough_window
 
+Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
+
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 FEW = 40  # positions of each wheel at which the error of a sample is looked at first: 0.03 arcsec may be missed
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
@@ -167,6 +169,7 @@ def draw_samples(
     torques: Sequence[float],
     *,
     evidence: tuple[Evidence, ...] = (),
+    further: Figures | None = None,
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     seed: int = 0,
@@ -175,11 +178,12 @@ def draw_samples(
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
-    Arguments: prior of the drive; evidence on it; enough, whether samples suffice for what they are for; effort, limits
-    of sampling; seed; executor, to spread the work over (the numbers do not depend on it); progress, called with states
-    solved. Raises UntrustedError where too few samples agree with the evidence, or too few draws are drives.
+    Arguments: prior of the drive; evidence on it; further, figures that each sample has beside F'_ior; enough, whether
+    samples suffice for what they are for; effort, limits of sampling; seed; executor, to spread the work over (the
+    numbers do not depend on it); progress, called with states solved. Raises UntrustedError where too few samples agree
+    with the evidence, or too few draws are drives.
     """
-    solve = partial(_solved, prior.drive, tuple(torques), evidence)
+    solve = partial(_solved, prior.drive, tuple(torques), evidence, further)
     draws: list[_Draw] = []
     while True:
         now = slice(len(draws), min(len(draws) + effort.batch, effort.most_draws))
@@ -200,7 +204,12 @@ def draw_samples(
 
 
 def _solved(
-    drive: Drive, torques: tuple[float, ...], evidence: tuple[Evidence, ...], values: dict[str, float], chance: float
+    drive: Drive,
+    torques: tuple[float, ...],
+    evidence: tuple[Evidence, ...],
+    further: Figures | None,
+    values: dict[str, float],
+    chance: float,
 ) -> _Draw:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
     moved = drive.with_values(values)
@@ -217,14 +226,18 @@ def _solved(
             if chance >= probability:
                 return _Draw(figures=figures, certificate=proof)
         found: list[Extremes] = in_wide_enough_window(moved, lambda there: extremes_of(there, torques, grid=FEW))
+        more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
         return _Draw(refused=str(error.fault))
     F_ior = tuple(each.first for each in found)
-    # accuracy is measured without load, where the error is greatest: F'_ior under the least load keeps its limit too
-    lightest = F_ior[int(np.argmin(np.abs(torques)))]
-    figures = {**figures, ACCURACY: lightest}
+    figures = {**figures, **more}
+    if (
+        torques
+    ):  # accuracy is measured without load, where the error is greatest: F'_ior under the least keeps its limit
+        least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
+        figures[ACCURACY] = F_ior[least]
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
-    return _Draw("", figures, F_ior, weight, sum((each.certificate for each in found), proof))
+    return _Draw("", figures, F_ior, weight, sum((each.certificate for each in found), proof + more_proof))
 
 
 def _collected(
@@ -237,7 +250,7 @@ def _collected(
         prior,
         torques,
         shares[rows, : len(prior.fields)],
-        np.array([each.F_ior_arcsec for each in kept]).reshape(-1, len(torques)),
+        np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
         {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
         np.array([each.weight for each in kept]),
         len(draws),

@@ -13,7 +13,13 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import ErrorBelief, Samples
 from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
-from hdassist.design.influence_words import influence_objects, influence_words, measure_objects, measure_words
+from hdassist.design.influence_words import (
+    influence_objects,
+    influence_words,
+    measure_objects,
+    measure_words,
+    samples_object,
+)
 from hdassist.error.rests_on import LEAST
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
@@ -272,14 +278,6 @@ def to_json(check: DesignCheck, seed: int) -> Json:
         "seed": seed,
         "verdict": str(check.verdict),
     }
-
-
-def samples_object(samples: Samples | None) -> Json | None:
-    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
-    if samples is None:
-        return None
-    refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
-    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}
 
 
 def _at_zero(check: DesignCheck) -> list[str]:

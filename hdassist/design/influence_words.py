@@ -7,6 +7,7 @@ from typing import Any
 
 from hdassist.belief.influence import Influence
 from hdassist.belief.measure import MeasurementGain
+from hdassist.belief.samples import Samples
 from hdassist.preset.fields import field_table
 
 REPORTED = 3  # influences and measurements on a short page
@@ -57,3 +58,11 @@ def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
 def measure_objects(found: Sequence[MeasurementGain]) -> list[dict[str, Any]]:
     """Measurements for JSON, the largest gain first."""
     return [{"what": each.measured, "gain": each.gain} for each in found]
+
+
+def samples_object(samples: Samples | None) -> dict[str, Any] | None:
+    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
+    if samples is None:
+        return None
+    refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
+    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}
