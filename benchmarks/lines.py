@@ -111,7 +111,8 @@ def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
     """What the tool says of a rig: truths, value, interval, verdicts at both truths; None where it refuses."""
     from hdassist.acceptance.accept import value_of
     from hdassist.acceptance.checks import F_IOR
-    from hdassist.acceptance.decision import Limit, decide
+    from hdassist.acceptance.decision import decide
+    from hdassist.acceptance.limits import Limit
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
     from hdassist.measuring.uncertainty import STATED

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from hdassist.acceptance.checks import (
     BUDGET,
@@ -14,13 +15,16 @@ from hdassist.acceptance.checks import (
     NOT_TESTED,
     RATED,
     RECORD,
-    UNCERTAIN,
     UNCERTAINTY,
     UNKNOWN,
 )
-from hdassist.acceptance.decision import Decision, Limit, Value, decide, limits_of, margin_of, needed_for
-from hdassist.acceptance.predictions import Predictions, order_place, predict
-from hdassist.error.unknown_range import uncertain_deviations
+from hdassist.acceptance.decision import Decision, Value, decide
+from hdassist.acceptance.limits import Limit, limits_of
+from hdassist.acceptance.predictions import DRAWS, Predictions, order_place, predict
+from hdassist.belief.evidence import STIFFNESS_FIGURES
+from hdassist.belief.influence import Influence, influences
+from hdassist.belief.measure import MeasurementGain, measurements
+from hdassist.belief.samples import Samples
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
@@ -31,7 +35,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER
-from hdassist.verdict import SEVERITY, Verdict, worst
+from hdassist.verdict import SEVERITY, SURE, Verdict, worst
 
 QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 
@@ -49,7 +53,8 @@ class AcceptanceResult:
     """Decisions on the limits of a drive, in the order of the checklist.
 
     left_out: limits that were not decided on; measurements: traces by torque [N*m]; predictions: None where all was
-    measured; wheels: with measured teeth, which predictions are of.
+    measured; wheels: with measured teeth, which predictions are of; sure: probability of keeping a limit that PASS of a
+    prediction needs.
     """
 
     drive: Drive
@@ -58,6 +63,36 @@ class AcceptanceResult:
     measurements: Mapping[float, Measurement]
     predictions: Predictions | None
     wheels: MeasuredTeeth | None = None
+    sure: float = SURE
+
+    @property
+    def least_sure(self) -> Decision | None:
+        """The prediction of F'_ior whose verdict is least sure; None where none was drawn."""
+        doubts = [(min(d.belief.probability, 1 - d.belief.probability), d) for d in self.decisions if d.belief]
+        return max(
+            (each for each in doubts if each[1].code == F_IOR.code), key=lambda each: each[0], default=(0, None)
+        )[1]
+
+    @cached_property
+    def influences(self) -> tuple[Influence, ...]:
+        """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
+        return influences(*found[:2]) if (found := self._least_sure_samples) else ()
+
+    @cached_property
+    def to_measure(self) -> tuple[MeasurementGain, ...]:
+        """What to measure next, for the torque that is least sure, the largest gain first."""
+        return measurements(*found) if (found := self._least_sure_samples) and found[2] > 0 else ()
+
+    @property
+    def _least_sure_samples(self) -> tuple[Samples, int, float] | None:
+        """Samples, place of the torque that is least sure among theirs, and limit [arcsec] less self error there."""
+        found, decision = self.predictions, self.least_sure
+        if decision is None or found is None or found.error_samples is None:
+            return None
+        samples, M_g = found.error_samples, decision.M_g_Nm or 0.0
+        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
+        left = decision.limit - found.quantities.self_errors[M_g].range_arcsec
+        return replace(samples, figures=figures), samples.torques.index(M_g), left
 
     @property
     def verdict(self) -> Verdict:
@@ -79,6 +114,8 @@ def accept(
     measured_only: bool = False,
     predictions: Predictions | None = None,
     cross_check: str = CROSS_SOLVER,
+    draws: int = DRAWS,
+    sure: float = SURE,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -88,10 +125,10 @@ def accept(
     Arguments: measurements, traces by their torque [N*m]; wheels, with measured teeth, in place of first harmonics;
     stated, values measured otherwise, by their limit;
     measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions, of
-    the same drive and limits where they are known already; for predictions made here: cross_check, solver of some
-    states again, and seed of their choice, executor, to spread the work over, progress, told how many states were
-    solved. Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does
-    not have; UsageError: such an order on the command line; UntrustedError where a prediction cannot be trusted.
+    the same drive and limits where they are known already; sure, probability of keeping a limit that PASS of a
+    prediction needs; cross_check, draws, seed, executor and progress as those of predict. Raises DataError: no limit,
+    something measured that no limit is for, or an order that the full cycle does not have; UsageError: such an order on
+    the command line; UntrustedError where a prediction cannot be trusted.
     """
     limits, measured, known = limits_of(drive), measurements or {}, stated or {}
     left = without_values(drive, measured, known)
@@ -103,10 +140,10 @@ def accept(
     if not left or measured_only:
         predictions = None
     elif predictions is None:
-        needed = needed_for(left)
         predictions = predict(
-            drive, needed, wheels=wheels, cross_check=cross_check, seed=seed, executor=executor, progress=progress
-        )
+            drive, left, wheels=wheels, cross_check=cross_check, draws=draws, sure=sure, seed=seed, executor=executor,
+            progress=progress,
+        )  # fmt: skip
     decisions = []
     for limit in limits:
         values: Sequence[Value | None]
@@ -117,13 +154,10 @@ def accept(
         elif predictions is None:
             continue
         else:
-            values = limit.predicted(predictions)
-        margin = margin_of(drive, predictions).percent / 100
-        found = [decide(limit, value, drive.acceptance.rule, margin) for value in values]
-        decisions.append(_open(found) if found[-1].value and found[-1].value.extent == "open" else _decisive(found))
-    return AcceptanceResult(
-        drive, tuple(decisions), tuple(left) if measured_only else (), measured, predictions, wheels
-    )
+            values = [Value.predicted(limit, predictions)]
+        decisions.append(_decisive([decide(limit, value, drive.acceptance.rule, sure) for value in values]))
+    left_out = tuple(left) if measured_only else ()
+    return AcceptanceResult(drive, tuple(decisions), left_out, measured, predictions, wheels, sure)
 
 
 def without_values(drive: Drive, torques: Collection[float], stated: Collection[Limit]) -> list[Limit]:
@@ -175,20 +209,14 @@ def value_of(limit: Limit, found: SweepResult) -> Value | None:
     return Value(number, uncertainty, "measured", extent, rise, unstated)
 
 
-def _open(found: Sequence[Decision]) -> Decision:
-    """Of the least and the greatest that a value may be: the least one decides where it fails."""
-    least, greatest = found
-    return least if least.verdict is Verdict.FAIL else greatest
-
-
 def _decisive(found: Sequence[Decision]) -> Decision:
     """The worst decision, the first of those alike.
 
     Beside a direction that visited the whole cycle, one of a part counts only where it is not clear of the limit.
     """
-    known = [(decision, decision.value) for decision in found if decision.value]
-    if any(value.extent == "whole" for _, value in known):
-        found = [d for d, v in known if v.extent == "whole" or (v.extent == "at least" and (d.margin or 0.0) < d.guard)]
+    if any(d.extent == "whole" for d in found):
+        found = [d for d in found if d.extent in ("whole", "at least")]
+        found = [d for d in found if d.extent == "whole" or (d.margin or 0.0) < d.guard]
     return min(found, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
@@ -196,7 +224,7 @@ def _of_traces(result: AcceptanceResult) -> Iterator[Note]:
     for M_g, measurement in result.measurements.items():
         where = f"{measurement.trace.file}, {M_g:g} N*m"
         parts = [d for d in measurement.directions if d.is_bound]
-        if any(d.limit.M_g == M_g and d.value and d.value.extent != "whole" for d in result.decisions):
+        if any(d.M_g_Nm == M_g and d.extent not in (None, "whole") for d in result.decisions):
             visited = [f"{100 * d.coverage.share:.3g} % of the full cycle visited" for d in parts if d.coverage]
             yield Note(COVERAGE.code, f"{where}: {' and '.join(visited) or 'unknown cycle'}")
         missing = [source.name for source in measurement.directions[0].sources if source.arcsec is None]
@@ -212,34 +240,15 @@ def _of_traces(result: AcceptanceResult) -> Iterator[Note]:
 
 def _of_decisions(result: AcceptanceResult) -> Iterator[Note]:
     for decision in result.decisions:
-        expanded, limit = decision.expanded, decision.limit
-        if expanded is not None and expanded > QUARTER * limit.bound:
-            text = f"U = {expanded:.3g} beside a limit of {limit.bound:g}, k = {COVERAGE_FACTOR:g}"
-            yield Note(UNCERTAINTY.code, f"{limit.label}: {text}")
+        expanded = decision.expanded_uncertainty
+        if expanded is not None and expanded > QUARTER * decision.limit:
+            text = f"U = {expanded:.3g} beside a limit of {decision.limit:g}, k = {COVERAGE_FACTOR:g}"
+            yield Note(UNCERTAINTY.code, f"{decision.held_against.label}: {text}")
     rated = result.drive.operation.rated
-    torques = {d.limit.M_g for d in result.decisions if d.limit.M_g}
+    torques = {d.M_g_Nm for d in result.decisions if d.M_g_Nm}
     for M_g in sorted(M_g for M_g in torques if M_g and rated and abs(M_g) > rated):
         yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if result.predictions and result.predictions.unknown:
         yield Note(UNKNOWN.code, f"not known: {names(result.predictions.unknown)}")
-    if words := _of_uncertainty(result):
-        yield Note(UNCERTAIN.code, words)
     if result.left_out:
         yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in result.left_out))
-
-
-def _of_uncertainty(result: AcceptanceResult) -> str:
-    """Which of the preset's uncertainties predicted values take in, and which they do not; empty without either."""
-    if result.predictions is None:
-        return ""
-    drive, over = result.drive, result.predictions.over
-    checks = {d.limit.check for d in result.decisions if d.value and d.value.basis == "predicted"}
-    heeded = list(uncertain_deviations(drive)) if over and F_IOR in checks else []
-    left = [path for path, spread in drive.uncertainty.items() if spread and path not in heeded]
-    words = []
-    if heeded:
-        more = ", other values take them as they are given" if any("cycle" in c.needs for c in checks - {F_IOR}) else ""
-        words.append(f"F'_ior is what 95 % of drives within ± of {', '.join(heeded)} stay below{more}")
-    if left:
-        words.append(f"± of {', '.join(left)} is in no predicted value")
-    return "; ".join(words)

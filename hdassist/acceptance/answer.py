@@ -6,30 +6,24 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Any, Literal
 
-from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
+from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from hdassist.acceptance.accept import AcceptanceResult, Note
-from hdassist.acceptance.checks import Extent, check_of
-from hdassist.acceptance.decision import GUARD, Basis, Decision, Limit, MarginOrigin, Rule, Value, decide, margin_of
+from hdassist.acceptance.decision import GUARD, Decision, Rule, decide
 from hdassist.acceptance.request import FailOn, Request, Seed
-from hdassist.acceptance.rests import (
-    CertificateRecord,
-    RestsOnRecord,
-    UnknownRecord,
-    WheelRecord,
-    certificate_of,
-    rests_on_of,
-    unknown_of,
-    wheels_of,
-)
 from hdassist.errors import DataError, Fault, HdassistError
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.measuring.measure import Measurement
 from hdassist.preset.kinds import Line
 from hdassist.preset.yamltext import shown
 from hdassist.run.kept import ClosedRecord, RecordKind, read_kept
 from hdassist.solve.certificate import TOLERANCE
+from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.terminal.answers import certificate_object
+from hdassist.terminal.basis import unknown_objects
+from hdassist.terminal.influence_words import influence_objects, measure_objects, samples_object
+from hdassist.terminal.wheels_page import pitch_object
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
@@ -38,56 +32,8 @@ from hdassist.visible import printable
 MAX_BYTES = 1_000_000_000
 SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
 PROVENANCE = ("version", "preset_sha256", "measured_sha256", "pitch_sha256", "seed", "solver", "max_residual", "time")
-
-
-@dataclass(frozen=True)
-class CheckRecord(ClosedRecord):
-    """A decision on a limit.
-
-    limit_is: "greatest" or "least" value allowed; reason: None where the verdict is plain; rise: by how much the value
-    may be greater in another cycle; unstated: sources of its uncertainty that nobody has stated.
-    """
-
-    code: str
-    M_g_Nm: float | None
-    per_cam_rev: float | None
-    basis: Basis | None
-    extent: Extent | None
-    value: float | None
-    expanded_uncertainty: float | None
-    guard: float
-    limit: float
-    limit_is: Literal["greatest", "least"]
-    margin: float | None
-    unit: str
-    verdict: Verdict
-    reason: str | None
-    rise: float = 0.0
-    unstated: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, decision: Decision) -> CheckRecord:
-        """A decision as a record."""
-        limit, value = decision.limit, decision.value
-        basis, extent, number = (value.basis, value.extent, value.number) if value else (None, None, None)
-        return cls(
-            limit.check.code, limit.M_g, limit.order, basis, extent, number, decision.expanded, decision.guard,
-            limit.bound, "greatest" if limit.check.upper else "least", decision.margin, limit.check.unit,
-            decision.verdict, decision.reason or None, *((value.rise, value.unstated) if value else ()),
-        )  # fmt: skip
-
-    @property
-    def held_against(self) -> Limit:
-        """The limit of the decision. Raises DataError: no check has the code."""
-        return Limit(check_of(self.code), self.limit, self.M_g_Nm, self.per_cam_rev)
-
-    def decided_again(self, rule: Rule, margin: float) -> CheckRecord:
-        """The check that follows from its own value, uncertainty and limit, by a rule and a margin [%]."""
-        value = None
-        if self.value is not None and self.basis is not None and self.extent is not None:
-            uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
-            value = Value(self.value, uncertainty, self.basis, self.extent, self.rise, self.unstated)
-        return CheckRecord.of(decide(self.held_against, value, rule, margin))
+BROKEN = "BROKEN"  # in place of a verdict, of a drive without an answer
+Share = dict[str, str | FiniteFloat]
 
 
 @dataclass(frozen=True)
@@ -104,30 +50,53 @@ class TraceRecord(ClosedRecord):
 
 
 @dataclass(frozen=True)
-class RuleRecord(ClosedRecord):
-    """By what was decided: rule of measured values with its guard band, margin of predicted ones and its origin."""
+class WheelRecord(ClosedRecord):
+    """A measured wheel (b rigid, g flexspline): its pitch file, where its mark stands, and what was assumed of it."""
 
-    measured: Rule
-    guard_standard_uncertainties: float
-    prediction_margin_percent: float
-    prediction_margin_origin: MarginOrigin = "given"
+    wheel: Literal["b", "g"]
+    file: Line
+    sha256: str
+    mark_tooth: int
+    mark_deg: float
+    flank: Literal["left", "right"] | None
+    range_um: float
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class DriveRecord(ClosedRecord):
-    """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top."""
+class RuleRecord(ClosedRecord):
+    """By what was decided: rule of measured values with its guard band, probability that PASS of a prediction needs."""
 
-    name: Line
-    sha256: str
-    overrides: tuple[str, ...]
+    measured: Rule
+    guard_standard_uncertainties: float
+    sure: float
 
 
 @dataclass(frozen=True)
 class PresetRecord(ClosedRecord):
-    """The preset of a drive that has no answer: as it was asked for."""
+    """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top; as asked for without one."""
 
     name: Line
-    sha256: None = None
+    sha256: str | None = None
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CertificateRecord(ClosedRecord):
+    """The proof of what was predicted."""
+
+    states: int
+    max_residual: float
+    residuals: dict[Literal["negative_force", "negative_gap", "complementarity", "equilibrium"], float]
+    fallbacks: int
+    cross_check: CrossCheck | None
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether it proves anything: states, and residuals within their tolerance."""
+        found = self.residuals.values()
+        sound = len(found) == 4 and self.states > 0 and self.fallbacks >= 0
+        return sound and min(found) >= 0 and self.max_residual == max(found) <= TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -140,64 +109,67 @@ class ErrorRecord(ClosedRecord):
 
 
 @dataclass(frozen=True)
-class Envelope(ClosedRecord):
-    """What every answer begins with."""
+class Answer(ClosedRecord):
+    """The answer about a drive: verdict, decisions, and all that it takes to do it again; or its error.
+
+    request: None for a row of a lot that is wrong in itself; place: of the row, None without one; unknown, influence,
+    to_measure, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has them.
+    """
 
     schema: Literal["hdassist.accept/1"]
     version: Line
-    preset: DriveRecord | PresetRecord
+    preset: PresetRecord
     exit_code: int
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Accepted(Envelope):
-    """The answer about a drive: verdict, decisions, and all that it takes to do it again.
-
-    place: of the row of a lot, None without one; rests_on, unknown and pitch, wheels with measured teeth: of its
-    predictions.
-    """
-
-    preset: DriveRecord
     serial: Line
-    verdict: Verdict
-    checks: tuple[CheckRecord, ...]
-    left_out: tuple[str, ...]
-    remarks: tuple[Note, ...]
-    measured: tuple[TraceRecord, ...]
-    rule: RuleRecord
-    certificate: CertificateRecord | None
-    solver: str | None
     seed: Seed
-    fail_on: FailOn
-    request: Request
+    request: Request | None
     time: Line
-    place: Line | None = None
-    rests_on: tuple[RestsOnRecord, ...] = ()
-    unknown: tuple[UnknownRecord, ...] = ()
+    fail_on: FailOn = "fail"
+    verdict: Verdict | None = None
+    checks: tuple[Decision, ...] = ()
+    left_out: tuple[str, ...] = ()
+    remarks: tuple[Note, ...] = ()
+    measured: tuple[TraceRecord, ...] = ()
+    rule: RuleRecord | None = None
+    certificate: CertificateRecord | None = None
+    solver: str | None = None
+    unknown: tuple[dict[str, str | list[FiniteFloat]], ...] = ()
     pitch: tuple[WheelRecord, ...] = ()
+    influence: tuple[Share, ...] = ()
+    to_measure: tuple[Share, ...] = ()
+    samples: dict[str, int | FiniteFloat | list[dict[str, str | int]]] | None = None
+    place: Line | None = None
+    error: ErrorRecord | None = None
 
     @property
     def status(self) -> str:
-        """The verdict."""
-        return str(self.verdict)
+        """The verdict, or what stands where one would."""
+        return BROKEN if self.error else str(self.verdict)
+
+    @property
+    def missing(self) -> str:
+        """What an answer without an error has to have and this one has not; empty where nothing is missing."""
+        needed = {"preset.sha256": self.preset.sha256, "request": self.request, "rule": self.rule}
+        return "" if self.error else next((name for name, value in needed.items() if value is None), "")
 
     @property
     def contradiction(self) -> str:
         """What of the answer does not follow from its own figures; empty where all of it does."""
+        if self.error:
+            return ""
+        if self.rule is None or self.missing:
+            return f"{self.missing}: missing"
         for check in self.checks:
             try:
-                again = check.decided_again(self.rule.measured, self.rule.prediction_margin_percent / 100)
+                again = decide(check.held_against, check.held, self.rule.measured, self.rule.sure)
             except DataError as error:
                 return error.message
             if again != check:
                 return f"{check.held_against.label}: {check.verdict} does not follow from its figures"
         verdict = worst(check.verdict for check in self.checks)
-        if (
-            not self.checks
-            or self.verdict != verdict
-            or self.exit_code != exit_code(verdict, bool(self.remarks), self.fail_on)
-        ):
+        code = exit_code(verdict, bool(self.remarks), self.fail_on)
+        if not self.checks or (self.verdict, self.exit_code) != (verdict, code):
             return f"{self.verdict}, exit code {self.exit_code}, does not follow from its checks"
         if any(check.basis == "predicted" for check in self.checks) != (self.certificate is not None):
             return "certificate: expected one where anything is predicted"
@@ -206,85 +178,56 @@ class Accepted(Envelope):
         return ""
 
 
-@dataclass(frozen=True)
-class Unanswered(Envelope):
-    """The answer about a drive that has none: its error; request: None for a row that is wrong in itself."""
-
-    preset: PresetRecord
-    error: ErrorRecord
-    serial: Line
-    seed: Seed
-    request: Request | None
-    time: Line
-    place: Line | None = None
-
-    @property
-    def status(self) -> str:
-        """What stands where a verdict would."""
-        return "BROKEN"
-
-    @property
-    def contradiction(self) -> str:
-        """Empty: it says nothing but its error."""
-        return ""
-
-
-def _branch(answer: Any) -> str:
-    """Which of the two an answer is, as an object or as its JSON has it."""
-    has_error = "error" in answer if isinstance(answer, dict) else isinstance(answer, Unanswered)
-    return "unanswered" if has_error else "accepted"
-
-
-Answer: TypeAlias = Accepted | Unanswered
-_ANSWER: TypeAdapter[Answer] = TypeAdapter(
-    Annotated[
-        Annotated[Accepted, Tag("accepted")] | Annotated[Unanswered, Tag("unanswered")], Discriminator(_branch)
-    ]
-)  # fmt: skip
+_ANSWER = TypeAdapter(Answer)
 ANSWERS = RecordKind(_ANSWER, lambda _, answer: answer.contradiction)
 
 
-def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Accepted:
+def answer_of(request: Request, result: AcceptanceResult, fail_on: FailOn, place: str | None = None) -> Answer:
     """The answer that an acceptance is."""
-    drive, acceptance, predictions = result.drive, result.drive.acceptance, result.predictions
-    guard, margin = GUARD if acceptance.rule == "guard" else 0.0, margin_of(drive, result.predictions)
-    return Accepted(
-        schema=SCHEMA,
-        version=__version__,
-        preset=DriveRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
-        exit_code=exit_code(result.verdict, bool(result.notes), fail_on),
-        warnings=drive.origin.warnings,
-        serial=request.serial,
-        verdict=result.verdict,
-        checks=tuple(map(CheckRecord.of, result.decisions)),
-        left_out=tuple(limit.label for limit in result.left_out),
-        remarks=result.notes,
-        measured=tuple(
-            TraceRecord(
-                M_g, m.trace.file, m.trace.sha256, len(m.trace.line), m.F_ior_arcsec, m.directions[0].is_bound,
-                m.directions[0].uncertainty_arcsec,
-            )
-            for M_g, m in result.measurements.items()
-        ),
-        rule=RuleRecord(acceptance.rule, guard, margin.percent, margin.origin),
-        certificate=certificate_of(predictions) if predictions else None,
-        solver="engine" if predictions else None,
-        seed=request.seed,
-        fail_on=fail_on,
-        request=request,
-        time=_now(),
-        place=place,
-        rests_on=rests_on_of(predictions) if predictions else (),
-        unknown=unknown_of(predictions) if predictions else (),
-        pitch=wheels_of(result.wheels),
+    drive, rule, found = result.drive, result.drive.acceptance.rule, result.predictions
+    fields = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
+        "exit_code": exit_code(result.verdict, bool(result.notes), fail_on),
+        "warnings": drive.origin.warnings,
+        "serial": request.serial,
+        "seed": request.seed,
+        "request": request,
+        "time": _now(),
+        "fail_on": fail_on,
+        "verdict": result.verdict,
+        "checks": result.decisions,
+        "left_out": [limit.label for limit in result.left_out],
+        "remarks": result.notes,
+        "measured": [_trace_record(M_g, measurement) for M_g, measurement in result.measurements.items()],
+        "rule": RuleRecord(rule, GUARD if rule == "guard" else 0.0, result.sure),
+        "pitch": [{"wheel": name, **wheel} for name, wheel in pitch_object(result.wheels).items() if wheel],
+        "influence": influence_objects(result.influences),
+        "to_measure": measure_objects(result.to_measure),
+        "place": place,
+    }
+    if found:
+        fields["certificate"] = certificate_object(found.certificate, found.quantities.cross_checks)
+        fields |= {"solver": "engine", "unknown": unknown_objects(found.unknown)}
+        fields["samples"] = samples_object(found.samples)
+    return _ANSWER.validate_python(fields)
+
+
+def _trace_record(M_g: float, measurement: Measurement) -> TraceRecord:
+    trace, first = measurement.trace, measurement.directions[0]
+    return TraceRecord(
+        M_g, trace.file, trace.sha256, len(trace.line), measurement.F_ior_arcsec, first.is_bound,
+        first.uncertainty_arcsec,
     )  # fmt: skip
 
 
-def failure_of(request: Request, error: HdassistError) -> Unanswered:
+def failure_of(request: Request, error: HdassistError) -> Answer:
     """The answer about a drive that has none."""
-    return Unanswered(
-        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (),
-        ErrorRecord(error.message, error.hint, error.fault), request.serial, request.seed, request, _now(),
+    record = ErrorRecord(error.message, error.hint, error.fault)
+    return Answer(
+        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (), request.serial, request.seed, request,
+        _now(), error=record,
     )  # fmt: skip
 
 
@@ -295,8 +238,10 @@ def exit_code(verdict: Verdict, remarked: bool, fail_on: FailOn) -> int:
     return 3 if fail_on == "warn" and remarked else verdict.exit_code
 
 
-def with_fail_on(answer: Accepted, fail_on: FailOn) -> Accepted:
+def with_fail_on(answer: Answer, fail_on: FailOn) -> Answer:
     """An answer with the exit code that its verdict has under another rule."""
+    if answer.verdict is None:
+        return answer
     return replace(answer, fail_on=fail_on, exit_code=exit_code(answer.verdict, bool(answer.remarks), fail_on))
 
 
@@ -306,15 +251,14 @@ def _now() -> str:
 
 def provenance(answer: Answer) -> dict[str, Any]:
     """What an answer rests on, flat: the keys of PROVENANCE."""
-    accepted = answer if isinstance(answer, Accepted) else None
     values = (
         answer.version,
         answer.preset.sha256,
-        " ".join(trace.sha256 for trace in accepted.measured) or None if accepted else None,
-        " ".join(wheel.sha256 for wheel in accepted.pitch) or None if accepted else None,
+        " ".join(trace.sha256 for trace in answer.measured) or None,
+        " ".join(wheel.sha256 for wheel in answer.pitch) or None,
         answer.seed,
-        accepted and accepted.solver,
-        accepted and accepted.certificate and accepted.certificate.max_residual,
+        answer.solver,
+        answer.certificate and answer.certificate.max_residual,
         answer.time,
     )
     return dict(zip(PROVENANCE, values, strict=True))
@@ -395,12 +339,13 @@ def _answer(told: Any, file: str, number: int) -> Answer:
             f"{file}:{number}: no answer of hdassist accept (schema {shown(str(schema))})", f"schema {SCHEMA}"
         )
     try:
-        return _ANSWER.validate_python(told)
+        found = _ANSWER.validate_python(told)
+        where, what = found.missing, "missing"
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        path = first["loc"][1:]  # behind the name of the branch
-        where, what = ".".join(map(str, path)), first["msg"].removeprefix("Value error, ")
-        words = "does not say what was asked" if path[:1] == ("request",) else "is not whole"
-        raise DataError(
-            f"{file}:{number}: an answer {words}: {where}: {what}", "it was changed, or another version wrote it"
-        ) from None
+        where, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
+    if where:
+        words = "does not say what was asked" if where.partition(".")[0] == "request" else "is not whole"
+        message = f"{file}:{number}: an answer {words}: {where}: {what}"
+        raise DataError(message, "it was changed, or another version wrote it")
+    return found

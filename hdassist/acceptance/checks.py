@@ -15,11 +15,11 @@ from hdassist.preset.fields import Acceptance
 from hdassist.preset.kinds import Kind, kind_of, unit_of
 
 if TYPE_CHECKING:  # heavy, and `hdassist explain` needs none of it
-    from hdassist.acceptance.predictions import Predictions
+    from hdassist.acceptance.predictions import Quantities
     from hdassist.measuring.measure import SweepResult
 
 Need = Literal["cycle", "self error", "stiffness"]
-Extent = Literal["whole", "at least", "part", "open", "not known"]
+Extent = Literal["whole", "at least", "part", "not known"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Check(Explained):
     """A value held against a limit of the preset.
 
     field: of the preset's section acceptance, which has the limit; its kind says what the limit is for. needs: what of
-    the drive has to be predicted for the value. predicted: the value by predictions, torque [N*m] and order per cam
+    the drive has to be predicted for the value. predicted: the value by quantities, torque [N*m] and order per cam
     turn (0 where the limit is for none). measured: the value, its standard uncertainty, and by how much lines off the
     orders may make it greater in another cycle, by one direction of a trace and the order, None where that does not
     tell it; no function where no trace tells it. of_part: what such a value says where the record visited a part of the
@@ -47,7 +47,7 @@ class Check(Explained):
 
     field: str
     needs: tuple[Need, ...]
-    predicted: Callable[[Predictions, float, float], float]
+    predicted: Callable[[Quantities, float, float], float]
     measured: Callable[[SweepResult, float], tuple[float, float, float] | None] | None = None
     of_part: Extent = "at least"
     upper: bool = True
@@ -62,6 +62,10 @@ class Check(Explained):
         """Unit of its value and limit, as JSON has it."""
         return unit_of(Acceptance.model_fields[self.field])
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """A check goes to another process by its code: its functions cannot."""
+        return check_of, (self.code,)
+
 
 @dataclass(frozen=True)
 class Remark(Explained):
@@ -74,7 +78,7 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
     return (best.amplitude_arcsec, best.uncertainty_arcsec, 0.0) if best else None
 
 
-def _weaker_side(segment: int, of: Predictions, *_: float) -> float:
+def _weaker_side(segment: int, of: Quantities, *_: float) -> float:
     """Stiffness of a segment on the side where it is less: the limit is the least."""
     return of.twist.weaker(segment)
 
@@ -201,16 +205,9 @@ UNKNOWN = Remark(
     "UNKNOWN",
     "deviations that are not known",
     "Whether the preset gives every deviation, phase and harmonic that a prediction depends on.",
-    "What is not given may be anything: a prediction passes where 95 % of that passes, and fails where 95 % fails.",
+    "What is not given may be anything up to what its part may have: it is drawn, and a prediction passes where it "
+    "keeps the limit with 95 % probability, and fails where with 5 % at most.",
     "Give it in the preset, 0 where it is known to be none; or measure the drive.",
-)
-UNCERTAIN = Remark(
-    "UNCERTAIN",
-    "values with an uncertainty",
-    "Whether the preset gives values with an uncertainty (±), and which predicted values take it in.",
-    "Phases, tolerances and harmonics are drawn within theirs, and F'_ior is decided by what 95 % of these drives stay "
-    "below or above; in no other value, and of no other field, is it taken in: the drive may be off by it.",
-    "Measure the drive; or look at both ends with --set FIELD=VALUE.",
 )
 NOT_TESTED = Remark(
     "NOT_TESTED",
@@ -219,7 +216,7 @@ NOT_TESTED = Remark(
     "The verdict says nothing of limits that were left out.",
     "Measure them too, or leave out --measured-only: then the model predicts them.",
 )
-REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, UNCERTAIN, NOT_TESTED)
+REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
 
 

@@ -114,10 +114,6 @@ def command(
     drives: o.DriveOptions,
     serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number in the report.")] = "",
     rule: Annotated[Literal["guard", "simple"] | None, typer.Option(help="Decision rule for measured values.")] = None,
-    margin: Annotated[
-        float | None,
-        typer.Option(metavar="PERCENT", min=0, max=100, help="Margin of predicted values; 10 calibrated, else 50 up."),
-    ] = None,
     measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False,
     fail_on: Annotated[
         Literal["warn", "fail", "never"], typer.Option(help="What makes the exit code other than 0.")
@@ -131,6 +127,8 @@ def command(
     trace: o.TraceOptions,
     pitch: o.PitchOptions,
     cross_check: o.CrossCheck = "highs",
+    draws: o.Draws = 64,
+    sure: o.VerdictProbability = 0.95,
     seed: o.Seed = 0,
     jobs: o.Jobs = 0,
     files: FileOptions,
@@ -152,8 +150,9 @@ def command(
       hdassist accept --replay result.json
 
     A limit is decided by what was measured, with its uncertainty and a decision rule, or else by the model's
-    prediction with a margin, wide where the drive is not calibrated. A trace passes only where --budget states encoder,
-    coupling, reseating and temperature, 0 allowed. hdassist explain CODE tells what a check means. A lot has a row for
+    prediction: PASS where it keeps the limit with a probability of --sure over all that is not known exactly, by the
+    samples of hdassist check. A trace passes only where --budget states encoder, coupling, reseating and temperature,
+    0 allowed. hdassist explain CODE tells what a check means. A lot has a row for
     each drive, with the columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g,
     NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides); or it is a folder of presets
     with traces and pitch files beside them (17-042.yaml, 17-042@80.csv, 17-042.pitch-b.csv). Exit codes: 0 PASS, 3 FAIL
@@ -184,11 +183,12 @@ def command(
         raise UsageError("--measured-only predicts nothing, and measured teeth are for predictions")
     if preset == "-":
         raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
-    rules = [f"acceptance.rule={rule}"] * bool(rule) + ([f"acceptance.margin={margin}"] if margin is not None else [])
+    rules = [f"acceptance.rule={rule}"] * bool(rule)
     reading = Reading(**asdict(trace.form()), orders=trace.orders, drift=trace.drift, budget=tuple(trace.budget))
     base = Request(
         preset, serial, (*drives.overrides, *rules), tuple(LimitText.parse(text, "--limit") for text in limit), traces,
         tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed, wheels,
+        draws, sure,
     )  # fmt: skip
     run = Run(base, files, options, options.open(), fail_on, jobs, details)
     run.require_sound()
@@ -207,8 +207,9 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     from functools import partial
 
     from hdassist.acceptance import page as report
-    from hdassist.acceptance.answer import Accepted, answer_of, failure_of, to_json, to_lines
-    from hdassist.acceptance.decision import limits_of, needed_for
+    from hdassist.acceptance.answer import answer_of, failure_of, to_json, to_lines
+    from hdassist.acceptance.limits import limits_of
+    from hdassist.acceptance.predictions import estimate_states
     from hdassist.acceptance.request import carry_out, read_measurements, read_wheels
     from hdassist.run.processes import workers
     from hdassist.terminal.files import write_text
@@ -223,7 +224,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
         drive = request.load()
         traces, teeth = read_measurements(request, drive), read_wheels(request, drive)
         say_notes(teeth)
-        states = 0 if request.measured_only else needed_for(limits_of(drive)).states(drive)
+        states = 0 if request.measured_only else estimate_states(drive, limits_of(drive), request.draws)
         with run.out.progress(drive.name, states) as progress, workers(run.jobs) as executor:
             result = carry_out(request, drive, traces, teeth, executor=executor, progress=progress)
         answer = answer_of(request, result, run.fail_on)
@@ -245,7 +246,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
     kept = run.options.json or run.files.asked
     told = run_each("accept", presets, one, run.options, failed=failed, keep_failures=kept)
     code = give("accept", told, run.options, run.out)
-    if run.out.csv is not None and any(isinstance(answer, Accepted) for answer in answers):
+    if run.out.csv is not None and not all(answer.error for answer in answers):
         run.out.figures(report.csv(answers))
     if run.files.jsonl is not None:
         write_text(run.files.jsonl, to_lines(answers), run.out.force)

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord, provenance
+from hdassist.acceptance.answer import Answer, provenance
+from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.page import how_to_decide, sentence
 from hdassist.visible import visible
 
@@ -59,8 +61,13 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     suite = SubElement(root, "testsuite", name=visible(name))
     place = SubElement(suite, "properties")
     known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
-    for check in answer.checks if isinstance(answer, Accepted) else ():
+    for check in answer.checks:
         known |= {f"{_key(check)}.{number}": getattr(check, number) for number in NUMBERS}
+        known |= (
+            {f"{_key(check)}.belief.{key}": value for key, value in asdict(check.belief).items()}
+            if check.belief
+            else {}
+        )
     for key, value in known.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))
@@ -68,8 +75,7 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     def case(words: str) -> Element:
         return SubElement(suite, "testcase", classname=visible(name), name=visible(words))
 
-    if not isinstance(answer, Accepted):
-        error = answer.error
+    if error := answer.error:
         message = f"{answer.status}: {error.message.splitlines()[0]}"
         body = [error.message, f"hint: {error.hint}"] if error.hint else [error.message]
         body += [f"what it means: hdassist explain {error.code}"] if error.code else []
@@ -93,7 +99,7 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
         SubElement(suite, "system-out").text = visible("\n".join(remarks))
 
 
-def _key(check: CheckRecord) -> str:
+def _key(check: Decision) -> str:
     """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
     order = "" if check.per_cam_rev is None else f"_{check.per_cam_rev:g}"
     return f"{check.code}{order}" + ("" if check.M_g_Nm is None else f"@{check.M_g_Nm:g}")

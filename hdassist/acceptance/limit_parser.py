@@ -8,7 +8,8 @@ from math import isnan
 from typing import Literal
 
 from hdassist.acceptance.checks import CHECKS, ORDER
-from hdassist.acceptance.decision import Limit, Value
+from hdassist.acceptance.decision import Value
+from hdassist.acceptance.limits import Limit
 from hdassist.errors import UsageError
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.numerals import number_of

@@ -17,7 +17,7 @@ from hdassist.acceptance.cells import NamedCell
 from hdassist.acceptance.limit_parser import LimitName, LimitText
 from hdassist.acceptance.request import Request, TraceFile
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
-from hdassist.preset.fields import field_table
+from hdassist.preset.fields import REMOVED, field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
@@ -146,7 +146,7 @@ def _column(name: str) -> tuple[Column | None, str]:
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return Column("override", name), ""
     known = [*PLAIN, *map("_".join, WHEELS), *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
-    return None, near(name, known)
+    return None, REMOVED.get(name) or near(name, known)
 
 
 def _row(

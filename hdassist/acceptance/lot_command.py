@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import replace
 
 from hdassist.acceptance import lot_page as report
-from hdassist.acceptance.answer import ANSWERS, Accepted, Answer, Unanswered, to_lines
+from hdassist.acceptance.answer import ANSWERS, Answer, to_lines
 from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot import Lot, read_lot
 from hdassist.acceptance.lot_runner import answer_rows
@@ -74,8 +74,7 @@ def _accept_lot(lot: Lot, run: Run, file: Kept[Answer] | None) -> int:
     with at_stop(state), closing(_all(lot, kept, run, file)) as answers:
         for answer in answers:
             done.append(answer)
-            if isinstance(answer, Unanswered):
-                error = answer.error
+            if error := answer.error:
                 complain(HdassistError(f"{report.title(answer)}: {error.message}", error.hint, error.code))
             if shown:
                 words = f"{report.title(answer)} {answer.status}" if options.quiet else report.line(answer, width)
@@ -112,13 +111,13 @@ def _require_sound(base: Request) -> None:
         parse(text, place)
 
 
-def _known(lot: Lot, file: Kept[Answer], run: Run) -> dict[str, Accepted]:
+def _known(lot: Lot, file: Kept[Answer], run: Run) -> dict[str, Answer]:
     """Answers by serial that are there from before and still stand.
 
     Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
     """
     name = run.files.lines_file
-    before = {answer.serial: answer for answer in file.records() if isinstance(answer, Accepted)}
+    before = {answer.serial: answer for answer in file.records() if not answer.error}
     there = len(before)
     known = {}
     for row in lot.rows:
@@ -134,7 +133,7 @@ def _known(lot: Lot, file: Kept[Answer], run: Run) -> dict[str, Accepted]:
     return known
 
 
-def _all(lot: Lot, kept: dict[str, Accepted], run: Run, file: Kept[Answer] | None) -> Generator[Answer, None, None]:
+def _all(lot: Lot, kept: dict[str, Answer], run: Run, file: Kept[Answer] | None) -> Generator[Answer, None, None]:
     """Answers in the order of the rows, known or worked out, added to the file of lines as they come."""
     known = [None if row.fault else kept.get(row.serial) for row in lot.rows]
     to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]

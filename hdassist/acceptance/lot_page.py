@@ -9,10 +9,11 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord
+from hdassist.acceptance.answer import Answer
 from hdassist.acceptance.answer import to_json as answer_json
 from hdassist.acceptance.checks import check_of
-from hdassist.acceptance.decision import Limit
+from hdassist.acceptance.decision import Decision
+from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.lot_summary import QUANTILES, VERDICTS, summary
 from hdassist.acceptance.page import bound, how_to_decide, number, sentence
@@ -29,7 +30,7 @@ WIDE = 80  # columns that the table of values needs
 def line(answer: Answer, width: int) -> str:
     """One drive: serial, verdict, and the check that decides; width: that of the longest serial."""
     start = f"{title(answer):<{width}}  {answer.status:<12}"
-    if isinstance(answer, Accepted):
+    if answer.error is None:
         return f"{start}  {sentence(_decisive(answer.checks))}"
     first, *more = answer.error.message.splitlines()
     return f"{start}  {first}" + (f" (and {len(more)} more)" if more else "")
@@ -41,7 +42,7 @@ def title(answer: Answer) -> str:
     return shown(name, len(name))
 
 
-def _decisive(checks: Sequence[CheckRecord]) -> CheckRecord:
+def _decisive(checks: Sequence[Decision]) -> Decision:
     """The check that decides: of the worst verdict, the one with the least room for its limit."""
     return min(checks, key=lambda check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit))
 
@@ -62,15 +63,14 @@ def render(lot: Lot, answers: Sequence[Answer], style: Style) -> RenderableType:
                            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"))
         )  # fmt: skip
         parts += [Text(""), _spread(told["checks"], style)]
-    accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     part = sum(row["of_part_only"] for row in told["checks"])
     lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
-    remarks = Counter(code for answer in accepted for code in {remark.code for remark in answer.remarks})
+    remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
     lines += [f"remark {code}: {_drives(remarks[code])}" for code in sorted(remarks)]
-    checks = [check for answer in accepted for check in answer.checks if check.verdict in VERDICTS[1:]]
+    checks = [check for answer in answers for check in answer.checks if check.verdict in VERDICTS[1:]]
     codes = {check.code for check in checks if not how_to_decide(check)}
     close = {f"{check.held_against.label}: measure it" for check in checks if how_to_decide(check)}
-    lines += [f"within the margin of its prediction, {words}" for words in sorted(close)]
+    lines += [f"not settled by its prediction, {words}" for words in sorted(close)]
     lines += [f"what to do: hdassist explain {' '.join(sorted(codes))}"] * bool(codes)
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
     lines.append(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import islice
 from typing import TypeAlias
 
-from hdassist.acceptance.answer import Answer, ErrorRecord, Unanswered, answer_of, failure_of
+from hdassist.acceptance.answer import Answer, ErrorRecord, answer_of, failure_of
 from hdassist.acceptance.cells import of_cells
 from hdassist.acceptance.limit_parser import LimitName
 from hdassist.acceptance.lot import LotRow
@@ -123,7 +123,7 @@ def _known(row: LotRow, fault: HdassistError) -> Future[Answer]:
     return found
 
 
-def failure(row: LotRow, error: HdassistError) -> Unanswered:
+def failure(row: LotRow, error: HdassistError) -> Answer:
     """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
     message = error.message if row.fault else of_cells(error.message, row.request, row.cells)
     place = "" if row.place in message else f"{row.place}: "

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.acceptance.answer import Accepted, Answer, CheckRecord
+from hdassist.acceptance.answer import Answer
+from hdassist.acceptance.decision import Decision
 
 Z = 1.959963984540054  # standard normal: 95 % within
 VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE")
@@ -38,9 +39,9 @@ def summary(answers: Sequence[Answer]) -> dict[str, Any]:
 
 def _spread(answers: Sequence[Answer]) -> list[dict[str, Any]]:
     """Values by preset, check and how they are known, in the order in which they come first."""
-    groups: dict[tuple[Any, ...], list[CheckRecord]] = {}
+    groups: dict[tuple[Any, ...], list[Decision]] = {}
     for answer in answers:
-        for check in answer.checks if isinstance(answer, Accepted) else ():
+        for check in answer.checks:
             what = (answer.preset.name, check.code, check.M_g_Nm, check.per_cam_rev, check.basis)
             groups.setdefault(what, []).append(check)
     rows = []

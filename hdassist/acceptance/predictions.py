@@ -1,95 +1,70 @@
-"""What the model says of a drive for an acceptance: errors and self errors at torques, and its stiffness."""
+"""What the model says of a drive for an acceptance: at the preset's own numbers, and over what is not known exactly.
+
+The samples are those of `hdassist check`: F'_ior has the same probability of keeping a limit on both pages.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from hdassist.acceptance.checks import F_IOR
+from hdassist.acceptance.limits import Limit, torques_of
+from hdassist.belief.evidence import evidence_of
+from hdassist.belief.prior import DrivePrior, prior_of
+from hdassist.belief.samples import (
+    Samples,
+    SamplingEffort,
+    draw_samples,
+    probability_of,
+    weighted_quantile,
+)
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.error_map import SEARCHED
-from hdassist.error.rests_on import Effect, rests_on, weighed
+from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.error.unknown_range import DRAWS, UnknownRange, drawn_range, unknown_ranges
+from hdassist.error.table import DEVIATIONS
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.preset.fields import IDENTIFIED_WITH, Drive
-from hdassist.preset.overrides import is_overridden
+from hdassist.preset.fields import Drive
+from hdassist.run.kept import ClosedRecord
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
+from hdassist.verdict import SURE, is_settled
 
-IDENTIFIED = (
-    "supports.C_1", "supports.C_2", "supports.C_3", "contact.c_t", "contact.k_face", "contact.c_ball",
-    "contact.c_bore", "gears.j_n", "bearing.g_b",
-)  # fmt: skip
-MODEL = tuple(f"numerics.{name}" for name in IDENTIFIED_WITH)
-
-
-def is_calibrated(drive: Drive) -> bool:
-    """Whether a stiffness or clearance of a drive was identified, on the model that it is used with."""
-    changed = any(is_overridden(path, drive.origin.overrides) for path in IDENTIFIED + MODEL)
-    return not changed and any(p in drive.source and drive.source[p].kind == "identified" for p in IDENTIFIED)
+DRAWS = 64  # effective samples, at least, as check has them
 
 
 @dataclass(frozen=True)
-class Needed:
-    """What has to be predicted: torques [N*m] of full cycles and of self errors, and whether the stiffness."""
+class Quantities:
+    """Errors and self errors of a drive by torque [N*m], and its stiffness; empty where no limit needs them."""
 
-    cycles: tuple[float, ...] = ()
-    self_errors: tuple[float, ...] = ()
-    stiffness: bool = False
-
-    def states(self, drive: Drive) -> int:
-        """Number of states that this solves, for a progress bar."""
-        states = len(self.cycles) * Kinematics.of(drive).cycle_states
-        states += len(self.self_errors) * drive.numerics.n_phase**2
-        if drawn_range(drive, DRAWS):
-            states += len(self.cycles) * DRAWS * SEARCHED
-        return states + (stiffness_states() if self.stiffness else 0)
-
-
-@dataclass(frozen=True)
-class Predictions:
-    """What the model says of a drive: errors and self errors by torque [N*m], its stiffness; empty if not needed.
-
-    window: the flank window [deg] in which it was computed; unknown: deviations that are not known, which errors take
-    as 0; over: F'_ior over them and over deviations that have an uncertainty, by torque; spread: standard deviation of
-    ln F'_ior over what is assumed of a drive that is not calibrated; rests_on: assumptions that move F'_ior most, at
-    the torques of errors.
-    """
-
-    window: float
     errors: dict[float, KinematicError]
     self_errors: dict[float, SelfError]
     stiffness: Stiffness | None
-    unknown: tuple[Unknown, ...] = ()
-    over: dict[float, UnknownRange] = dataclass_field(default_factory=dict)
-    spread: float | None = None
-    rests_on: tuple[Effect, ...] = ()
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
         parts = [error.certificate for error in self.errors.values()]
         parts += [own.certificate for own in self.self_errors.values()]
-        parts += [each.certificate for each in self.over.values()]
         return sum(parts, self.stiffness.certificate if self.stiffness else EMPTY)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
         """Cross-checks by another solver."""
-        found = [part.cross_check for part in self.errors.values()]
-        return tuple(c for c in [*found, self.stiffness.cross_check if self.stiffness else None] if c)
+        found = [error.cross_check for error in self.errors.values()]
+        found += [self.stiffness.cross_check] if self.stiffness else []
+        return tuple(cross_check for cross_check in found if cross_check)
 
     def turn_range(self, M_g: float) -> float:
         """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""
@@ -115,59 +90,203 @@ class Predictions:
         return self.stiffness
 
 
-def predict(
+@dataclass(frozen=True)
+class Belief(ClosedRecord):
+    """A value over all that is not known exactly, in its unit: percentiles, and the probability of keeping its limit.
+
+    probability_low, probability_high: its Monte Carlo interval.
+    """
+
+    p5: float
+    p50: float
+    p95: float
+    probability: float
+    probability_low: float
+    probability_high: float
+
+    @classmethod
+    def of(cls, limit: Limit, samples: Samples, own: float) -> Belief:
+        """What samples say of a limit; own, the self error [arcsec] of the drive, on top of F'_ior."""
+        if limit.check is F_IOR:
+            values = samples.F_ior_arcsec[:, samples.torques.index(limit.M_g or 0.0)]
+        else:
+            values, own = samples.figures[limit.label], 0.0
+        kept = values <= limit.bound - own if limit.check.upper else values >= limit.bound
+        p5, p50, p95 = (weighted_quantile(values, samples.weights, share) + own for share in (0.05, 0.5, 0.95))
+        found = probability_of(kept, samples.weights)
+        return cls(p5, p50, p95, found.value, found.low, found.high)
+
+    @property
+    def percent(self) -> str:
+        """The probability with its interval, in words."""
+        low, high = (f"{100 * end:.0f}" for end in (self.probability_low, self.probability_high))
+        return f"{100 * self.probability:.0f} % ({low} to {high})"
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """What the model says of a drive.
+
+    quantities: at the preset's own numbers, what is unknown as 0; unknown: these deviations; prior: all that is not
+    known exactly; samples of it, None where none were drawn; error_samples: those of them that `check` draws.
+    """
+
+    quantities: Quantities
+    unknown: tuple[Unknown, ...]
+    prior: DrivePrior
+    samples: Samples | None = None
+    error_samples: Samples | None = None
+
+    @property
+    def certificate(self) -> Certificate:
+        """Worst residuals over all states."""
+        return self.quantities.certificate + (self.samples.certificate if self.samples else EMPTY)
+
+    def number(self, limit: Limit) -> float:
+        """Value that a limit is held against, in its unit, at the preset's own numbers."""
+        return limit.check.predicted(self.quantities, limit.M_g or 0.0, limit.order or 0.0)
+
+    def is_open(self, limit: Limit) -> bool:
+        """Whether anything that is not known exactly moves the value of a limit."""
+        return bool(_open_fields(self.prior, limit))
+
+    def belief(self, limit: Limit) -> Belief | None:
+        """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
+        if not self.is_open(limit):
+            return None
+        samples = self.error_samples if _is_of_check(self.prior.drive, limit) else self.samples
+        own = self.quantities.self_errors.get(limit.M_g or 0.0)
+        return Belief.of(limit, samples, own.range_arcsec if own else 0.0) if samples else None
+
+
+def quantities(
     drive: Drive,
-    needed: Needed,
+    limits: Sequence[Limit],
     *,
     wheels: MeasuredTeeth | None = None,
-    cross_check: str = CROSS_SOLVER,
+    cross_check: str | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Predictions:
-    """Predict what is needed of a drive, and nothing else.
-
-    Arguments: needed, torques [N*m] of cycles and self errors, and whether the stiffness is; wheels, with measured
-    teeth in place of first harmonics, for which there are no ranges over what is unknown or assumed (the spread is that
-    of the harmonics); cross_check, solver of some states again, and seed of their choice; executor, to spread the work
-    over (the numbers do not depend on it); progress, told how many states were solved. Raises UntrustedError where an
-    answer cannot be trusted.
-    """
+) -> Quantities:
+    """What limits need of a drive, at its own numbers. Arguments and errors as those of predict."""
     told = None if executor else progress
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
     error = partial(kinematic_error, there, teeth=teeth, cross_check=cross_check, seed=seed, progress=told)
-    jobs: list[Callable[[], Any]] = [partial(error, M_g) for M_g in needed.cycles]
-    if needed.self_errors:
-        jobs.append(partial(self_error, drive, needed.self_errors, progress=told))
-    if needed.stiffness:
-        jobs.append(partial(stiffness, drive, cross_check=cross_check, progress=told))
+    jobs: list[Callable[[], Any]] = [partial(error, M_g) for M_g in cycles]
+    jobs += [partial(self_error, drive, own_at, progress=told)] * bool(own_at)
+    twist = any("stiffness" in limit.check.needs for limit in limits)
+    jobs += [partial(stiffness, drive, points=1, cross_check=cross_check, progress=told)] * twist
     results = []
     for result in (executor.map if executor else map)(_run, jobs):
         results.append(result)
         if progress and executor:
             parts = result if isinstance(result, list) else [result]
             progress(sum(part.certificate.states for part in parts))
-    errors = dict(zip(needed.cycles, results, strict=False))
-    own = results[len(needed.cycles)] if needed.self_errors else []
-    ranged = () if wheels else needed.cycles
-    over = unknown_ranges(drive, ranged, seed=seed, executor=executor, progress=progress)
-    known = weighed(drive, needed.cycles, executor=executor, progress=progress) if needed.cycles else None
-    effects = rests_on(drive, ranged, known=known, executor=executor, progress=progress) if known and ranged else ()
-    by_spread = known and drive.acceptance.margin is None and not is_calibrated(drive)
-    return Predictions(
-        drive.numerics.window,
-        errors,
-        dict(zip(needed.self_errors, own, strict=True)),
-        results[-1] if needed.stiffness else None,
-        unknowns(wheels.without_harmonics(drive) if wheels else drive) if needed.cycles else (),
-        {each.M_g: each for each in over},
-        known.spread if known and by_spread else None,
-        effects,
-    )
+    own = results[len(cycles)] if own_at else []
+    errors = dict(zip(cycles, results, strict=False))
+    return Quantities(errors, dict(zip(own_at, own, strict=True)), results[-1] if twist else None)
 
 
 def _run(job: Callable[[], Any]) -> Any:
     return job()
+
+
+def estimate_states(drive: Drive, limits: Sequence[Limit], draws: int = DRAWS) -> int:
+    """Number of states that predictions for limits solve, about, for a progress bar."""
+
+    def once(some: Sequence[Limit]) -> int:
+        states = len(torques_of(some, "cycle")) * Kinematics.of(drive).cycle_states
+        states += len(torques_of(some, "self error")) * drive.numerics.n_phase**2
+        return states + stiffness_states(1) * any("stiffness" in limit.check.needs for limit in some)
+
+    if not (searchable(drive) and any(_open_fields(prior_of(drive), limit) for limit in limits)):
+        return once(limits)
+    drawn = len(_torques(drive, limits)) * SEARCHED + once([limit for limit in limits if limit.check is not F_IOR])
+    return once(limits) + draws * drawn
+
+
+def predict(
+    drive: Drive,
+    limits: Sequence[Limit],
+    *,
+    wheels: MeasuredTeeth | None = None,
+    cross_check: str = CROSS_SOLVER,
+    draws: int = DRAWS,
+    sure: float = SURE,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Predictions:
+    """Predict what limits need of a drive, and nothing else.
+
+    Arguments: limits; wheels, with measured teeth in place of first harmonics, for which there are no samples;
+    cross_check, solver of some states again; draws, effective samples of what is not known at least, 0 for none; sure,
+    probability of keeping a limit that PASS needs; seed, of these and of the choice of states; executor, to spread the
+    work over (the numbers do not depend on it); progress, called with states solved. Raises UntrustedError where an
+    answer cannot be trusted, or the preset's catalogue contradicts its other values.
+    """
+    options: dict[str, Any] = {"seed": seed, "executor": executor, "progress": progress}
+    known = quantities(drive, limits, wheels=wheels, cross_check=cross_check, **options)
+    without = wheels.without_harmonics(drive) if wheels else drive
+    prior = prior_of(without)
+    if wheels:  # of a wheel that was measured nothing is open
+        prior = replace(prior, fields=tuple(f for f in prior.fields if without.value(f.path) == drive.value(f.path)))
+    unknown = unknowns(without) if known.errors else ()
+    found = Predictions(known, unknown, prior)
+    open_ = [limit for limit in limits if found.is_open(limit)]
+    if not (open_ and draws and searchable(drive) and not wheels):
+        return found
+    of_check = [limit for limit in open_ if _is_of_check(drive, limit)]
+    others = [limit for limit in open_ if limit not in of_check]
+    first: list[Samples] = []  # as check has them: it stops where its own limits are settled
+
+    def settled(some: Sequence[Limit], samples: Samples) -> bool:
+        beliefs = (replace(found, samples=samples, error_samples=samples).belief(limit) for limit in some)
+        return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
+
+    def enough(samples: Samples) -> bool:
+        if not first and settled(of_check, samples):
+            first.append(samples)
+        return bool(first) and settled(others, samples)
+
+    figured = tuple(limit for limit in others if limit.check is not F_IOR)
+    samples = draw_samples(
+        prior,
+        _torques(drive, open_),
+        evidence=evidence_of(drive),
+        further=partial(_figures, figured) if figured else None,
+        enough=enough,
+        effort=SamplingEffort.of(draws),
+        **options,
+    )
+    return replace(found, samples=samples, error_samples=first[0] if first else samples)
+
+
+def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
+    """Torques [N*m] at which samples have F'_ior: those of check and of limits, or none where none is needed."""
+    held = [limit.M_g for limit in limits if limit.check is F_IOR and limit.M_g is not None]
+    needed = held or drive.catalogue.accuracy is not None
+    return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
+
+
+def _is_of_check(drive: Drive, limit: Limit) -> bool:
+    """Whether `hdassist check` holds the same limit."""
+    return limit.check is F_IOR and limit.M_g in drive.operation.M_g
+
+
+def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
+    """Fields that are not known exactly and move the value of a limit, by path: deviations move the cycle alone."""
+    cycle = "cycle" in limit.check.needs
+    return tuple(each.path for each in prior.fields if cycle or not each.path.startswith(DEVIATIONS))
+
+
+def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
+    """Values of a drive, by the label of the limit that they are for, with their proof."""
+    found = quantities(drive, limits)
+    values = {each.label: each.check.predicted(found, each.M_g or 0.0, each.order or 0.0) for each in limits}
+    return values, found.certificate
 
 
 def order_place(kinematics: Kinematics, order: float) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
-from hdassist.acceptance.answer import Accepted, Answer, to_json, with_fail_on
+from hdassist.acceptance.answer import Answer, to_json, with_fail_on
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
@@ -86,7 +86,7 @@ def prepare(answer: Answer, preset: str = "") -> tuple[LotRow | None, Replayed]:
         files = tuple(inputs(answer, request))
     except DataError as fault:
         return None, Replayed(answer, fault=fault.message, hint=fault.hint)
-    if isinstance(answer, Accepted):  # one without an answer never got as far as its hashes
+    if not answer.error:  # one without an answer never got as far as its hashes
         for one in files:
             if one.sha256 is None:
                 hint = "paths count from the folder in which the answer was made"
@@ -106,10 +106,8 @@ def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
     if request.preset == "-":
         raise DataError("the preset was read from standard input", "name it: hdassist accept --replay RESULT PRESET")
     yield InputFile(request.preset, answer.preset.sha256, preset_sha256(request.preset))
-    found: dict[str, str] = {}
-    if isinstance(answer, Accepted):
-        found = {trace.file: trace.sha256 for trace in answer.measured}
-        found |= {wheel.file: wheel.sha256 for wheel in answer.pitch}
+    found = {trace.file: trace.sha256 for trace in answer.measured}
+    found |= {wheel.file: wheel.sha256 for wheel in answer.pitch}
     wheels = [] if request.measured_only else request.wheels.files.values()
     for what, file in [*(("trace", trace.file) for trace in request.measured), *(("pitch file", f) for f in wheels)]:
         if file == "-":
@@ -135,9 +133,7 @@ def file_sha256(path: str) -> str | None:
 
 def still_stands(answer: Answer, request: Request, version: str, fail_on: FailOn) -> bool:
     """Whether an answer is what a request would get again: same version, options and files, and no error."""
-    if not isinstance(answer, Accepted):
-        return False
-    if (answer.version, answer.fail_on, answer.request) != (version, fail_on, request):
+    if answer.error or (answer.version, answer.fail_on, answer.request) != (version, fail_on, request):
         return False
     try:
         return all(one.sha256 is not None and one.recorded_sha256 == one.sha256 for one in inputs(answer, request))
@@ -151,13 +147,12 @@ def differences(recorded: Answer, now: Answer) -> list[Difference]:
     Numbers agree within RELATIVE of the value or of the limit of its check, those of a certificate within ROUNDING;
     errors where they are of one kind.
     """
-    if isinstance(recorded, Accepted) and isinstance(now, Accepted):
-        now = with_fail_on(now, recorded.fail_on)
-    elif isinstance(recorded, Accepted) or isinstance(now, Accepted):
-        errors = (None if isinstance(each, Accepted) else each.error.message for each in (recorded, now))
+    if bool(recorded.error) != bool(now.error):
+        errors = (each.error and each.error.message for each in (recorded, now))
         return [Difference("", "verdict", recorded.status, now.status), Difference("", "error", *errors)]
-    elif recorded.error.code == now.error.code:
+    if recorded.error and now.error and recorded.error.code == now.error.code:
         now = replace(now, error=recorded.error)  # in the words of a cell or of an option
+    now = with_fail_on(now, recorded.fail_on)
     was, comes = to_json(recorded), to_json(now)
     old_checks, new_checks = was.pop("checks", []), comes.pop("checks", [])
     left_out = dict.fromkeys(("version", "time", "request", "place"))

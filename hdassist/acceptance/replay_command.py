@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from hdassist.acceptance.answer import Accepted, read_answers
+from hdassist.acceptance.answer import read_answers
 from hdassist.acceptance.answer import to_json as answer_json
 from hdassist.acceptance.command import Run
 from hdassist.acceptance.lot_runner import answer_rows
@@ -58,7 +58,7 @@ def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
 def line(one: Replayed) -> str:
     """One answer: whether it agrees, and what it says."""
     recorded = one.recorded
-    said = recorded.status if isinstance(recorded, Accepted) else "no answer"
+    said = "no answer" if recorded.error else recorded.status
     by = f", by version {recorded.version}" if recorded.version != __version__ else ""
     lines = [f"{recorded.serial or recorded.preset.name}: {one.words} ({said} of {recorded.time}{by})"]
     lines += [f"  {one.fault}"] if one.fault else []

@@ -13,9 +13,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer
 
 from hdassist.acceptance.accept import AcceptanceResult, accept, without_values
-from hdassist.acceptance.decision import Limit, Value, limits_of, needed_for
+from hdassist.acceptance.decision import Value
 from hdassist.acceptance.limit_parser import LimitText
-from hdassist.acceptance.predictions import Predictions, predict
+from hdassist.acceptance.limits import Limit, limits_of
+from hdassist.acceptance.predictions import DRAWS, Predictions, predict
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of
@@ -31,7 +32,8 @@ from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.solve.answers import Progress
-from hdassist.solve.window import in_wide_enough_window, with_window
+from hdassist.solve.window import in_wide_enough_window
+from hdassist.verdict import SURE
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
@@ -107,8 +109,9 @@ class Request(ClosedRecord):
 
     preset, a name, path or -; serial, of the drive, for reports; overrides of the preset, as on the command line;
     limits, instead of the preset's; measured, traces; values, measured otherwise; reading, how traces are read;
-    measured_only, predict nothing; cross_check, solver of some predicted states again, and seed of their choice;
-    wheels, with measured teeth, for predictions.
+    measured_only, predict nothing; cross_check, solver of some predicted states again; draws, effective samples of what
+    is not known at least; sure, probability of keeping a limit that PASS of a prediction needs; seed; wheels, with
+    measured teeth, for predictions.
     """
 
     preset: Line
@@ -122,6 +125,13 @@ class Request(ClosedRecord):
     cross_check: str = "highs"
     seed: Seed = 0
     wheels: Wheels = field(default_factory=Wheels)
+    draws: Annotated[int, Field(ge=0)] = DRAWS
+    sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
+
+    @property
+    def effort(self) -> dict[str, Any]:
+        """How predictions are made, as arguments of predict and accept."""
+        return {"cross_check": self.cross_check, "draws": self.draws, "sure": self.sure, "seed": self.seed}
 
     def files(self) -> list[str]:
         """Paths of all that is read for it; its preset may be one of the library."""
@@ -207,8 +217,7 @@ def predict_for(request: Request) -> Predictions | None:
     left = () if request.measured_only else without_values(drive, torques, stated)
     if not left:
         return None
-    needed, wheels = needed_for(left), read_wheels(request, drive)
-    analysis = partial(predict, needed=needed, wheels=wheels, cross_check=request.cross_check, seed=request.seed)
+    analysis = partial(predict, limits=left, wheels=read_wheels(request, drive), **request.effort)
     return in_wide_enough_window(drive, analysis)
 
 
@@ -235,9 +244,8 @@ def carry_out(
         stated=stated_values(request.values, drive),
         measured_only=request.measured_only,
         predictions=predictions,
-        cross_check=request.cross_check,
-        seed=request.seed,
         executor=executor,
         progress=progress,
+        **request.effort,
     )
-    return in_wide_enough_window(with_window(drive, predictions.window) if predictions else drive, analysis)
+    return in_wide_enough_window(drive, analysis)

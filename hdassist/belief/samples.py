@@ -31,6 +31,8 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
+Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
+
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 FEW = 40  # positions of each wheel at which the error of a sample is looked at first: 0.03 arcsec may be missed
 TURNED = 24  # the same with its fixed wheel turned: 0.1 arcsec may be missed
@@ -196,6 +198,7 @@ def draw_samples(
     *,
     rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
+    further: Figures | None = None,
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     seed: int = 0,
@@ -205,12 +208,13 @@ def draw_samples(
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
-    the drive; enough, whether samples suffice for what they are for; effort, limits of sampling; seed; executor, to
-    spread the work over (the numbers do not depend on it); progress, called with states solved. Raises UsageError for a
-    drive with rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
+    the drive; further, figures that each sample has beside F'_ior; enough, whether samples suffice for what they are
+    for; effort, limits of sampling; seed; executor, to spread the work over (the numbers do not depend on it);
+    progress, called with states solved. Raises UsageError for a drive with rolling balls, UntrustedError where too few
+    samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
-    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence)
+    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
     draws: list[_Draw] = []
     while True:
         now = slice(len(draws), min(len(draws) + effort.batch, effort.most_draws))
@@ -245,6 +249,7 @@ def _solved(
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
+    further: Figures | None,
     values: dict[str, float],
     chance: float,
 ) -> _Draw:
@@ -264,13 +269,15 @@ def _solved(
                 return _Draw(figures=figures, certificate=proof)
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
         F_ior, turned, found = in_wide_enough_window(moved, search)
+        more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
         return _Draw(refused=str(error.fault))
-    # accuracy is measured without load, where the error is greatest: F'_ior under the least load keeps its limit too
-    lightest = float(F_ior[int(np.argmin(np.abs(torques)))])
-    figures = {**figures, ACCURACY: lightest}
+    figures = {**figures, **more}
+    if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
+        least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
+        figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
-    return _Draw("", figures, F_ior, turned, weight, proof + found)
+    return _Draw("", figures, F_ior, turned, weight, proof + found + more_proof)
 
 
 def errors_by_turn(
@@ -312,7 +319,7 @@ def _collected(
         prior,
         torques,
         shares[rows, : len(prior.fields)],
-        np.array([each.F_ior_arcsec for each in kept]).reshape(-1, len(torques)),
+        np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
         {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
         np.array([each.weight for each in kept]),
         len(draws),

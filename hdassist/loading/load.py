@@ -16,6 +16,7 @@ from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
+    REMOVED,
     SCHEMA,
     Drive,
     Origin,
@@ -181,6 +182,8 @@ def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
 
 def _unknown_hint(path: Path, value: Any) -> str:
     """What a key may mean that is none here."""
+    if removed := REMOVED.get(".".join(map(str, path))):
+        return removed
     key, table = str(path[-1]), str(path[0])
     if value is None and ":" in key:
         return "a space is missing behind the colon"

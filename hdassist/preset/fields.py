@@ -158,14 +158,6 @@ class Acceptance(Section):
         "decision rule for measured values: guard bands of 1.65 standard uncertainties, or simple acceptance",
         default="guard",
     )
-    margin: float | None = field(
-        "margin of a predicted value, in percent of it, to either side; left out: 10 for a drive whose stiffnesses or "
-        "clearances were identified, else 50",
-        "%",
-        None,
-        ge=0,
-        le=100,
-    )
 
 
 class Numerics(Section):
@@ -185,6 +177,9 @@ class Numerics(Section):
     n_beta: int = field("ball positions per ball pitch with rolling balls", default=48, ge=4, le=1000)
     n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
 
+
+# fields that presets had once, and what there is in their place
+REMOVED = {"acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure"}
 
 # fields of numerics with which identified values hold alone, and what each was before it was the default or had a name
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}

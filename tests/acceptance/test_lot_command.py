@@ -267,7 +267,7 @@ FORGED = {
     "the solver": lambda told: told.update(solver="guessed"),
     "the exit code": lambda told: told.update(exit_code=0),
     "a remark": lambda told: told.update(remarks=told["remarks"][1:]),
-    "the margin": lambda told: told["rule"].update(prediction_margin_percent=11.0),
+    "how sure it is": lambda told: told["rule"].update(sure=0.9),
     "the serial": lambda told: told.update(serial="17-2"),
     "a warning": lambda told: told.update(warnings=["x"]),
 }
@@ -276,7 +276,7 @@ FORGED = {
 def test_replay_compares_the_whole_answer(folder, here):
     error = drive_error(np.random.default_rng(3), 30)(TURNS[:480])
     (folder / "run.csv").write_text(text([360 * TURNS[:480], error], "cam_deg,error_arcsec"))
-    limits = ("--limit", "F_ior@4=60", "--limit", "self_error@4=60", "--set", "acceptance.margin=10")
+    limits = ("--limit", "F_ior@4=60", "--limit", "self_error@4=60")
     asked = ("accept", TINY, *limits, "--measured", "4:run.csv", "--serial", "17-1", "--fail-on", "warn", "--jobs", "1")
     code, out, _ = here(*asked, "--json")
     assert code == 3  # for its remarks

@@ -12,13 +12,12 @@ import pytest
 from hdassist import load_preset
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import ANSWERS
-from hdassist.acceptance.decision import limits_of
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import Owner, open_kept
 from tests.process import TINY, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
-LIMITS = ("--limit", "F_ior@4=100000", "--limit", "self_error@4=100000", "--set", "acceptance.margin=0")
+LIMITS = ("--limit", "F_ior@4=100000", "--limit", "self_error@4=100000")
 FILES = ("--pitch-b", "b.csv", "--mark-b", "30", "--pitch-g", "g.csv")
 
 
@@ -70,11 +69,6 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
     # what the teeth stand for needs not be known
     open_ = load_preset(TINY, ["tolerances.F_i2=unknown", "operation.M_g=4", "acceptance.F_ior=100000"])
     assert accept(open_, wheels=WheelFiles(str(folder / "b.csv"), mark_b=0.0).read(open_)).verdict == "PASS"
-    # an uncertainty beside them is said to be left out
-    loose = load_preset(TINY, ["phases.phi_hb=0 ± 20", "operation.M_g=4", "acceptance.F_ior=100000"])
-    (note,) = accept(loose, wheels=wheels).notes
-    assert (note.code, note.text) == ("UNCERTAIN", "± of phases.phi_hb is in no predicted value")
-    assert [len(limit.predicted(accept(loose, wheels=wheels).predictions)) for limit in limits_of(loose)] == [1]
 
 
 @pytest.mark.parametrize(
@@ -121,7 +115,7 @@ def test_rows_have_wheels_of_their_own(folder):
 def test_files_of_a_folder_have_wheels_beside_them(folder):
     lot = folder / "lot"
     lot.mkdir()
-    text = Path(TINY).read_text() + "acceptance: {F_ior: {4: 100000}, margin: 0}\n"
+    text = Path(TINY).read_text() + "acceptance: {F_ior: {4: 100000}}\n"
     (lot / "one.yaml").write_text(text)
     (lot / "two.yaml").write_text(text)
     (lot / "two.pitch-b.csv").write_text((folder / "b.csv").read_text())

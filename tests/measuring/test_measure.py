@@ -8,7 +8,8 @@ import pytest
 from benchmarks import encoders
 from hdassist import load_preset, trace
 from hdassist.acceptance.checks import F_IOR
-from hdassist.acceptance.decision import Limit, Value, decide
+from hdassist.acceptance.decision import Value, decide
+from hdassist.acceptance.limits import Limit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import combined, parse_stated

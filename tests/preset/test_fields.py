@@ -5,14 +5,14 @@ The sizes are about half of what was seen; the signs are physics, each with its 
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hdassist import kinematic_error
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.decision import Value, limits_of
+from hdassist.acceptance.decision import Value
+from hdassist.acceptance.limits import limits_of
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
@@ -110,7 +110,7 @@ MOVES = [
 LIMITS = [
     path
     for path, info in fields()
-    if path.startswith("acceptance.") and path != "acceptance.margin"
+    if path.startswith("acceptance.")
     if kind_of(info) in ("limits", "orders") or is_optional(info)
 ]
 
@@ -349,16 +349,13 @@ def test_limits_hold_at_each_torque(reference):
     assert wind_up(reference, 40) < wind_up(reference, 70)
 
 
-@pytest.mark.moves("acceptance.rule", "acceptance.margin")
-def test_rule_of_measured_and_margin_of_predicted_values(reference):
-    def verdict(stated: Value | None = None, **values: object) -> Verdict:
-        drive = with_acceptance(reference, lost_motion=60.0, **values)
-        found = dict.fromkeys(limits_of(drive), stated) if stated else {}
-        return accept(drive, stated=found, predictions=SimpleNamespace(twist=twist, unknown=(), spread=None)).verdict
+@pytest.mark.moves("acceptance.rule")
+def test_rule_of_measured_values(reference):
+    def verdict(rule: str) -> Verdict:
+        drive = with_acceptance(reference, lost_motion=60.0, rule=rule)
+        return accept(drive, stated=dict.fromkeys(limits_of(drive), Value(59.0, 1.0, "stated"))).verdict
 
-    measured, twist = Value(59.0, 1.0, "stated"), SimpleNamespace(lost_motion_arcsec=59.0)
-    assert [verdict(measured, rule=rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
-    assert [verdict(margin=margin) for margin in (1.0, 5.0)] == ["PASS", "INCONCLUSIVE"]
+    assert [verdict(rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
 
 
 @pytest.mark.moves("mounting.allowed")

@@ -1,0 +1,139 @@
+"""What accept makes of all that is not known of a drive: the same samples, probabilities and verdicts as check."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from hdassist.acceptance.accept import accept
+from hdassist.acceptance.answer import answer_of, to_json
+from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.predictions import predict, quantities
+from hdassist.acceptance.request import Request
+from hdassist.design.check import check
+from hdassist.design.check_page import to_json as check_json
+from hdassist.error.cycle import kinematic_error
+from hdassist.loading.load import load_preset
+from hdassist.readers.wheels import WheelFiles
+from hdassist.verdict import Verdict
+from tests.process import TINY, run
+
+PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
+OPEN = ("phases.phi_hb=unknown", PLAY)
+
+
+def drive(*overrides: str):
+    return load_preset(TINY, overrides)
+
+
+@pytest.mark.parametrize("limits", ["{1: 2000, 4: 2050}", "{1: 2500, 4: 2100}", "{4: 100}"])
+def test_where_check_and_accept_hold_the_same_limit_they_say_the_same(limits):
+    there = drive(*OPEN, f"acceptance.F_ior={limits}", "acceptance.order_amplitude={2@4: 14}")
+    told = check_json(check(there, draws=8), 0)
+    mine = to_json(answer_of(Request(TINY), accept(there, draws=8), "fail"))
+    points = {p["M_g_Nm"]: p for p in told["operating_points"]}
+    for found in (each for each in mine["checks"] if each["code"] == "F_IOR"):
+        point, belief = points[found["M_g_Nm"]], found["belief"]
+        own = point["self_error_arcsec"]
+        assert [belief[p] - own for p in ("p5", "p50", "p95")] == pytest.approx(
+            [point["belief"][f"{p}_arcsec"] for p in ("p5", "p50", "p95")], abs=1e-9
+        )
+        for key in ("probability", "probability_low", "probability_high"):
+            assert belief[key] == point["belief"][key]
+        assert (found["verdict"], found["limit"]) == (point["verdict"], point["limit_arcsec"])
+        assert found["value"] == belief["p50"]
+    assert (mine["influence"], mine["to_measure"]) == (told["influence"], told["to_measure"])
+
+
+def test_what_is_assumed_counts_as_what_is_unknown_does():
+    """A drive whose own numbers keep a limit that others inside its assumed range do not."""
+    (limit,) = limits_of(drive("operation.M_g=4", "acceptance.F_ior.4=1"))
+    own = predict(drive(), [limit]).number(limit)
+    known, assumed = (drive(f"acceptance.F_ior.4={own + 0.1}", *more, "operation.M_g=4") for more in ((), (PLAY,)))
+    assert accept(known).verdict is Verdict.PASS
+    assert accept(assumed, draws=8).verdict is not Verdict.PASS
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Limits on everything, and what is predicted of a drive whose deviations and clearance are open."""
+    names = ("turn_range.4", "self_error.4", "lost_motion", "K_1")
+    there = drive(*OPEN, *(f"acceptance.{name}=1000" for name in names), "acceptance.order_amplitude={2@4: 1000}")
+    return there, limits_of(there), predict(there, limits_of(there), draws=8)
+
+
+def test_other_values_are_those_of_each_sample(drawn):
+    there, limits, found = drawn
+    samples = found.samples
+    sampled = there.with_values(samples.prior.values(samples.shares)[3])
+    own = quantities(sampled, limits)
+    for limit in limits:
+        expected = limit.check.predicted(own, limit.M_g or 0.0, limit.order or 0.0)
+        assert samples.figures[limit.label][3] == pytest.approx(expected, rel=1e-9)
+    # the second way: the error of that drive over every state
+    error = kinematic_error(sampled, 4.0, cross_check=None).error_arcsec
+    second = 2 * abs(np.mean(error * np.exp(-2j * np.pi * 20 * np.arange(len(error)) / len(error))))
+    assert samples.figures["amplitude of order 2 at 4 N·m"][3] == pytest.approx(second, rel=1e-6)
+
+
+def test_each_limit_is_decided_by_the_samples(drawn):
+    _, limits, found = drawn
+    for limit in limits:
+        values = found.samples.figures[limit.label]
+        name = f"acceptance.{limit.check.field}"
+        verdicts = []
+        for bound in map(float, (values.min() * 0.999, np.median(values), values.max() * 1.001)):
+            value = {
+                "limits": f"{name}.4={bound!r}", "orders": f"{name}={{2@4: {bound!r}}}", "number": f"{name}={bound!r}"
+            }[limit.check.kind]  # fmt: skip
+            (decision,) = accept(drive(*OPEN, value), predictions=found).decisions
+            verdicts.append(decision.verdict)
+            assert decision.belief.p5 < decision.value < decision.belief.p95
+        # 16 samples that all keep a limit are not 95 % sure
+        assert verdicts[1] == "INCONCLUSIVE"
+        assert accept(drive(*OPEN, value), predictions=found, sure=0.8).verdict == (
+            "PASS" if limit.check.upper else "FAIL"
+        )
+
+
+def test_deviations_leave_what_has_none_as_it_is():
+    there = drive("phases.phi_hb=unknown", "acceptance.self_error.4=3000", "acceptance.K_1=1")
+    result = accept(there)
+    assert (result.verdict, result.predictions.samples) == ("PASS", None)
+
+
+@pytest.mark.parametrize("case", ["wheels", "no draws"])
+def test_without_samples_what_is_open_is_settled_by_nothing(case, tmp_path):
+    there = drive("phases.phi_hb=unknown", "operation.M_g=4", "acceptance.F_ior=100000")
+    (tmp_path / "b.csv").write_text("# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n" + "".join(
+        f"{k};{k % 3}\n" for k in range(1, 23)
+    ))  # fmt: skip
+    wheels = WheelFiles(str(tmp_path / "b.csv"), mark_b=0.0).read(there) if case == "wheels" else None
+    result = accept(there, wheels=wheels, draws=0 if case == "no draws" else 16)
+    (decision,) = result.decisions
+    assert (result.verdict, decision.reason) == ("INCONCLUSIVE", "what is not known exactly was not drawn")
+    assert decision.belief is None
+
+
+def test_the_page_says_what_the_answer_hangs_on_and_what_to_measure():
+    asked = ("accept", TINY, "--limit", "F_ior@4=2050", "--set", OPEN[0], "--set", OPEN[1], "--jobs", "1")
+    done = run(*asked, "--draws", "8")
+    page = " ".join(done.stdout.split())
+    assert done.returncode == 6
+    for words in ("predicted: PASS from 95 % probability", "kept with a probability", "measure it, --measured 4:FILE",
+                  "influence", "tolerances.e_hb", "samples ", "remarks UNKNOWN"):  # fmt: skip
+        assert words in page
+    told = json.loads(run(*asked, "--draws", "8", "--sure", "0.8", "--json").stdout)
+    assert told["rule"] == {"measured": "guard", "guard_standard_uncertainties": 1.65, "sure": 0.8}
+    assert (told["request"]["draws"], told["request"]["sure"]) == (8, 0.8)
+
+
+def test_a_margin_is_refused_with_what_there_is_instead(tmp_path):
+    words = "no margin any more: predictions are held by their probability, hdassist accept --sure"
+    done = run("accept", TINY, "--limit", "F_ior=1", "--set", "acceptance.margin=10")
+    assert (done.returncode, f"acceptance.margin: unknown key ({words})" in done.stderr) == (2, True)
+    (tmp_path / "lot.csv").write_text("serial,acceptance.margin\n1,10\n")
+    done = run("accept", "lot.csv", "--preset", TINY, cwd=tmp_path)
+    assert (done.returncode, f"lot.csv:1:8: acceptance.margin: no such column ({words})" in done.stderr) == (4, True)
