@@ -28,7 +28,7 @@ from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.window import in_wide_enough_window
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-FEW = 40  # positions of each wheel at which the error of a sample is looked at first: 0.03 arcsec may be missed
+FEW = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 
 
