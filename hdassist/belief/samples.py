@@ -34,8 +34,7 @@ from hdassist.verdict import SURE, is_settled
 Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-FEW = 40  # positions of each wheel at which the error of a sample is looked at first: 0.03 arcsec may be missed
-TURNED = 24  # the same with its fixed wheel turned: 0.1 arcsec may be missed
+FEW = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 
 
@@ -299,7 +298,7 @@ def errors_by_turn(
         own = error_map.many_extremes(Batch.of(drive), grid=FEW)
         F_ior[k], turned[k], proof = own.first, own.first, proof + own.certificate
         if len(moved):
-            there = error_map.many_extremes(batch, grid=TURNED)
+            there = error_map.many_extremes(batch, grid=FEW)
             turned[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
     return F_ior, turned, proof
 

@@ -12,8 +12,8 @@ was overlooked is not proven; `python -m benchmarks.proposals` compares with eve
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import partial
+from dataclasses import dataclass, field, fields
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import scalars_of
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
+from hdassist.model.kinematics import Kinematics, States, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import Formulation, formulate
@@ -40,7 +40,7 @@ SPREADS = 3.0  # standard deviations of what the table misses that a hill may be
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
-STRIDE = 2  # steps to the states of the first look around
+STRIDES = 2, 4  # steps to the states of the first look around, of a grid of READ positions or more, and of a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
@@ -51,6 +51,7 @@ class Batch:
 
     drive: Drive
     columns: Mapping[str, Array]
+    _numbers: dict[str, float] = field(default_factory=dict, compare=False)  # of the drive, as far as they were read
 
     @classmethod
     def of(cls, drive: Drive) -> Batch:
@@ -66,10 +67,14 @@ class Batch:
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
-        number, columns = self.drive.number, self.columns
+        columns, numbers = self.columns, self._numbers
 
         def value(path: str) -> Array | float:
-            return columns[path][row] if path in columns else number(path)
+            if path in columns:
+                return columns[path][row]
+            if path not in numbers:
+                numbers[path] = self.drive.number(path)
+            return numbers[path]
 
         return scalars_of(value, self.drive.mounting.mark_kind, alpha_g, alpha_b)
 
@@ -111,22 +116,22 @@ class ErrorMap:
         self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
         kinematics = Kinematics.of(drive)
         self.sign = kinematics.error_sign
-        self.states = pitch_locked_states(kinematics)
-        self.board, self.finest = _lattice(kinematics)
-        self._order = neighbours_together(kinematics, self.states)
+        self.states, self.board, self.finest = _lattice(kinematics)
+        self._kinematics = kinematics
 
     def rotation(self, drive: Drive, places: Indices | None = None) -> tuple[Array, Certificate]:
         """Rotation [arcsec] of a drive in states j, by default all of the cycle, shape (states,), and the proof.
 
         Raises UntrustedError where an answer cannot be trusted.
         """
-        there = self.states.take(self._order if places is None else places)
+        order = neighbours_together(self._kinematics, self.states) if places is None else places
+        there = self.states.take(order)
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         scalars = Batch.of(drive).scalars(np.zeros(1, dtype=np.int64), there.alpha_g, there.alpha_b)
         answers = case.solve(StateGaps(scalars), partial(place, there, self.M_g))
         rotation = answers.rotation_arcsec
         if places is None:
-            rotation[self._order] = answers.rotation_arcsec.copy()
+            rotation[order] = answers.rotation_arcsec.copy()
         return rotation, answers.certificate
 
     def extremes(self, drive: Drive | None = None) -> Extremes:
@@ -168,8 +173,11 @@ class ErrorMap:
         if estimates is None and len(self.states) < SHORT:
             solved.every_state()
         else:
+            coarse = estimates is None and grid < READ
             proposed = solved.at_points(grid) if estimates is None else estimates
-            solved.climb(solved.promising(_hills(proposed, self)))
+            if coarse:
+                proposed = _interpolated(proposed, self.points().shape[:2])
+            solved.climb(solved.promising(_hills(proposed, self)), STRIDES[coarse])
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
@@ -195,15 +203,16 @@ def extremes_of(drive: Drive, torques: Sequence[float], *, grid: int = GRID) -> 
     return found
 
 
-def _lattice(kinematics: Kinematics) -> tuple[Indices, int]:
-    """States j by their coordinates, shape (z_b, z_g), -1 where there is none; steps from one to the next along each.
+@lru_cache(maxsize=4)  # of drives that differ in their deviations alone it is the same
+def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
+    """States of the cycle; states j by their coordinates, shape (z_b, z_g), -1 where there is none; steps along each.
 
     Where both numbers of teeth are even, k and l of every state are both even or both odd: steps of two.
     """
     j = np.arange(kinematics.cycle_states)
     board = np.full((kinematics.z_b, kinematics.z_g), -1, dtype=np.int64)
     board[j % kinematics.z_b, j % kinematics.z_g] = j
-    return board, 2 if board[0, 1] < 0 else 1
+    return pitch_locked_states(kinematics, j), board, 2 if board[0, 1] < 0 else 1
 
 
 @dataclass(frozen=True)
@@ -261,6 +270,15 @@ def _hills(maps: Array, search: ErrorMap) -> _Hills:
     return _Hills(**both)
 
 
+def _interpolated(maps: Array, shape: tuple[int, ...]) -> Array:
+    """Maps of the torus, shape (n, k, l), between their points too by their Fourier series, shape (n, *shape)."""
+    for axis, (points, more) in enumerate(zip(maps.shape[1:], shape, strict=True), 1):
+        if more > points:
+            waves = np.take(np.fft.rfft(maps, axis=axis), range((points + 1) // 2), axis=axis)
+            maps = np.fft.irfft(waves, more, axis=axis) * (more / points)
+    return maps
+
+
 class _Solved:
     """States of drives that are solved so far: value, the rotation [arcsec], shape (drives, states), NaN elsewhere."""
 
@@ -304,10 +322,9 @@ class _Solved:
         with np.errstate(invalid="ignore"):
             return hills[known >= hills.highest(known, drives) - NEAR * scale[hills.row]]
 
-    def climb(self, hills: _Hills) -> None:
-        """Solve what is around hills, and go on to the highest, until nothing around is higher."""
+    def climb(self, hills: _Hills, stride: int) -> None:
+        """Solve what is around hills, by strides that are halved, and go on until nothing around is higher."""
         row, sign, point = hills.row, hills.sign, hills.point
-        stride = STRIDE
         while len(row):
             around = point[:, None] + stride * self._around
             value = sign[:, None] * self._at(row[:, None], around)
@@ -316,7 +333,7 @@ class _Solved:
             going = (best > 0) | (stride > 1)
             if stride > 1:
                 to = self._search.to_lattice(point + stride * self._summit(value))
-            row, sign, point, stride = row[going], sign[going], to[going], 1
+            row, sign, point, stride = row[going], sign[going], to[going], max(stride // 2, 1)
 
     def _at(self, row: Indices, point: Indices) -> Array:
         """Rotation [arcsec] of drives at points, shape (..., 2), solved where that is not known yet."""

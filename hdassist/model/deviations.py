@@ -112,20 +112,25 @@ def scalars_of(value: Value, mark_kind: str, alpha_g: Array, alpha_b: Array) -> 
     Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are;
     alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes broadcast.
     """
-    turned = {"g": alpha_g, "b": alpha_b, "h": np.zeros_like(alpha_g)}
-    sums: dict[int, Array] = {}
+    waves: dict[tuple[int, str, int], Array] = {}  # amplitudes at angle 0, by column, part and order
     for each in deviations_of(mark_kind):
         size = np.asarray(value(each.size)) * each.factor * 1e-3
         if size.any() or each.column in (TEETH, CAM):
-            angle = each.order * (np.radians(value(each.direction) + each.mark) + turned[each.part])
-            wave = size * np.exp(1j * angle)
-            # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y
-            pair = np.stack([wave.real, wave.imag if each.column in (CAM, SHIFT) else -wave.imag], axis=-1)
-            sums[each.column] = sums.get(each.column, 0) + pair
+            wave = size * np.exp(1j * each.order * np.radians(value(each.direction) + each.mark))
+            key = each.column, each.part, each.order
+            waves[key] = waves.get(key, 0) + wave
+    once = {"g": np.exp(1j * np.asarray(alpha_g)), "b": np.exp(1j * np.asarray(alpha_b)), "h": np.ones(())}
+    sums: dict[int, Array] = {}
+    for (column, part, order), wave in waves.items():
+        sums[column] = sums.get(column, 0) + wave * once[part] ** order
     last = max(sums)
     columns = range(0, (4 if last <= CAM else 6 if last == SHIFT else 6 + 2 * len(ORDERS)), 2)
-    nothing = np.zeros_like(next(iter(sums.values())))
-    return np.concatenate(np.broadcast_arrays(*(sums.get(column, nothing) for column in columns)), axis=-1)
+    pairs = np.zeros((*np.broadcast_shapes(*(each.shape for each in sums.values())), 2 * len(columns)))
+    for column, wave in sums.items():
+        # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y
+        pairs[..., column] = wave.real
+        pairs[..., column + 1] = wave.imag if column in (CAM, SHIFT) else -wave.imag
+    return pairs
 
 
 def displaced(scalars: Array, offset: complex, alpha: Array) -> Array:

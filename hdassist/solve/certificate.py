@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -31,8 +31,9 @@ class Residuals:
     @property
     def worst(self) -> Array:
         """Greatest of the four residuals of each state; infinite where one is not a number."""
-        rows = np.stack([getattr(self, f.name) for f in fields(self)])
-        return np.asarray(np.nan_to_num(rows, nan=np.inf).max(axis=0))
+        rows = np.array([self.negative_force, self.negative_gap, self.complementarity, self.equilibrium])
+        worst = rows.max(axis=0)
+        return np.where(np.isnan(worst), np.inf, worst)
 
 
 def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
