@@ -59,9 +59,10 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Arra
     gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
     balance_scale = np.abs(forces) @ np.abs(system.G)
     balance_scale[:, ROTATION] += abs(torque)
+    rounding = np.finfo(float).eps * np.abs(forces).sum(axis=1)[:, None] * np.abs(system.G).max(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # 0/0: a freedom without any force on it is in balance
-        unbalanced = np.where(balance == 0, 0.0, np.abs(balance) / balance_scale)
+        # a freedom without any force on it is in balance: a ball on one axis pushes along the other by rounding alone
+        unbalanced = np.where(np.abs(balance) <= rounding, 0.0, np.abs(balance) / balance_scale)
     return Residuals(
         negative_force=np.maximum(-forces.min(axis=1), 0) / force_scale,
         negative_gap=np.maximum(-gaps.min(axis=1), 0) / gap_scale,
