@@ -15,7 +15,6 @@ from hdassist.comparing.presets import DrivesComparison
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.design.check import OperatingPoint
 from hdassist.design.check_page import BELIEF, POINT
-from hdassist.design.influence_words import influence_objects
 from hdassist.design.stiffness_page import WHOLE
 from hdassist.design.stiffness_page import warnings as stiffness_warnings
 from hdassist.error.stiffness import Stiffness
@@ -30,6 +29,7 @@ from hdassist.terminal.answers import Json, certificate_object, cross_checked, e
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.influence_words import influence_objects
 from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, Figures
 

@@ -13,7 +13,6 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import ErrorBelief, Samples
 from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
-from hdassist.design.influence_words import influence_objects, influence_words, measure_objects, measure_words
 from hdassist.error.rests_on import LEAST
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
@@ -23,6 +22,7 @@ from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof, verdict_coloured, verdict_text
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.influence_words import influence_objects, influence_words, measure_objects, measure_words
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures

@@ -15,7 +15,6 @@ from hdassist.comparing.sheet import SAMPLES, DriveSheet
 from hdassist.design import check_page
 from hdassist.design.check import OperatingPoint
 from hdassist.design.check_page import BELIEF, MONTE_CARLO, POINT, SLOPES, reason, samples_words
-from hdassist.design.influence_words import influence_words, measure_words, named
 from hdassist.design.stiffness_page import ARCMIN
 from hdassist.design.stiffness_page import render as stiffness_render
 from hdassist.design.stiffness_page import to_json as stiffness_json
@@ -34,6 +33,7 @@ from hdassist.reporting.charts import Dot, chart
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style
+from hdassist.terminal.influence_words import influence_words, measure_words, named
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity
 from hdassist.terminal.texts import texts
