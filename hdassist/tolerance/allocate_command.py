@@ -56,7 +56,7 @@ def command(
     from hdassist.tolerance.draw_options import require_limits
     from hdassist.tolerance.production import Production, RandomDrive
     from hdassist.tolerance.sensitivity import to_measure
-    from hdassist.tolerance.stream import stream
+    from hdassist.tolerance.stream import collected
     from hdassist.tolerance.yields import rooms
 
     out = options.open()
@@ -78,15 +78,11 @@ def command(
     with work.pools() as pool:
 
         def records(production: Production, drives: int) -> list[RandomDrive]:
-            found = []
             with out.progress(drive.name, drives) as progress:
-                for some in stream(production.records, drives, pool=pool):
-                    found += some
-                    progress(len(some))
-            return found
+                return collected(production.records, drives, pool, progress)
 
-        with pool() as (executor, _):
-            production, samples = production.with_designs(count, executor=executor)
+        with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+            production, samples = production.with_designs(count, executor=executor, progress=progress)
         allocator = Allocator(production, tuple(room), wanted, sure, records, count)
         ways = []
         for turned in (False, True) if mounting else (False,):

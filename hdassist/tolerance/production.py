@@ -20,7 +20,7 @@ from pydantic import Field, TypeAdapter
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.error.cycle import place
-from hdassist.error.error_map import Batch, ErrorMap, Extremes, searchable
+from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, Extremes, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import carried
@@ -113,6 +113,10 @@ class Production:
     def design_of(self, drive: int) -> int:
         """Number of the design of a drive: 0 of all where designs have nothing that is not known."""
         return drive // self.per_design if self.law.shared else 0
+
+    def design_states(self, drives: int) -> int:
+        """States that the designs of so many drives take, about, for a progress bar."""
+        return (self.design_of(drives - 1) + 1) * len(self.torques) * SEARCHED if self.law.shared else 1
 
     def with_designs(
         self, drives: int, *, executor: Executor | None = None, progress: Progress | None = None

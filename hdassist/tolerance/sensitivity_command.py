@@ -38,7 +38,7 @@ def command(
     from hdassist.tolerance.production import Production, RandomDrive
     from hdassist.tolerance.sensitivity import sensitivities
     from hdassist.tolerance.sensitivity_page import answer
-    from hdassist.tolerance.stream import stream
+    from hdassist.tolerance.stream import collected
 
     out = options.open()
     drive = drives.load(preset)
@@ -48,17 +48,13 @@ def command(
         each_its_own, drive.operation.M_g, mounting=False, seed=drives.seed, per_design=1, steps=True
     )
     with work.pools() as pool:
-        with pool() as (executor, _):
-            production, samples = production.with_designs(count, executor=executor)
+        with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+            production, samples = production.with_designs(count, executor=executor, progress=progress)
         assert samples
 
         def records(production: Production, count: int) -> list[RandomDrive]:
             with out.progress(drive.name, count) as progress:
-                found = []
-                for some in stream(production.records, count, pool=pool):
-                    found += some
-                    progress(len(some))
-            return found
+                return collected(production.records, count, pool, progress)
 
         found = sensitivities(production, samples, records)
     raise typer.Exit(give("sensitivity", [answer(replace(found, law=law))], options, out))

@@ -92,8 +92,8 @@ def command(
     with work.pools() as pool, open_kept(results, owner, production.kind, force=options.force) as kept:
         summary.add(islice(kept.records(), count))
         if kept.done < count:
-            with pool() as (executor, _):
-                production, samples = production.with_designs(count, executor=executor)
+            with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+                production, samples = production.with_designs(count, executor=executor, progress=progress)
         with (
             out.progress(drive.name, count - kept.done) as progress,
             closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,

@@ -1,10 +1,9 @@
-"""Yield and percentiles of random drives, as a table and histograms, as JSON, and as CSV."""
+"""Yield and percentiles of random drives, as a table and a plot, as JSON, and as CSV."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from itertools import pairwise
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -19,6 +18,7 @@ from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.influence_words import measure_objects, measure_words
+from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.tolerance.law import TAIL, ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
@@ -26,8 +26,6 @@ from hdassist.tolerance.yields import TAIL as ENDS
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
-BINS = 12  # of a histogram
-BAR = 22  # columns of its longest bar
 PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
 LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {TAIL:g} standard deviations)"}
 
@@ -43,8 +41,8 @@ def answer(
 ) -> Answer:
     """What there is to say of random drives.
 
-    Arguments: samples of the designs, None where they are one, or were not drawn now; plots, whether histograms are
-    drawn; interrupted, before all were done.
+    Arguments: samples of the designs, None where they are one, or were not drawn now; plots, whether one is drawn;
+    interrupted, before all were done.
     """
     code = 130 if interrupted else summary.verdict.exit_code
     drive = law.drive
@@ -73,14 +71,14 @@ def warnings(law: ProductionLaw, summary: Summary) -> tuple[str, ...]:
 def render(
     law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, style: Style, *, plots: bool = True
 ) -> RenderableType:
-    """Yield and gain, a table of both ways to build, a histogram a torque."""
+    """Yield and gain, a table of both ways to build, the distribution at the first torque."""
     drive = law.drive
     of = f" of {summary.design_count} designs" if law.shared else ""
     head = f"{drive.name}: {summary.count} random drives{of}, {_law_words(law)}, seed {seed}"
     parts: list[RenderableType] = [Text(style.text(head), style="bold")]
     parts.append(Text(style.text("\n".join(_verdict_lines(summary, law)))))
     parts.append(_table(summary, style))
-    parts += [Text(_histogram(point, summary, style)) for point in summary.points] if plots else []
+    parts += [Text(_distribution(summary.points[0], summary, style))] if plots else []
     below = [proof(summary)]
     if summary.verdict is Verdict.INCONCLUSIVE and (words := measure_words(_to_measure(law, summary, samples), False)):
         below.append(f"to measure: {words}")
@@ -198,32 +196,13 @@ def _table(summary: Summary, style: Style) -> Table:
     return grid
 
 
-def _histogram(point: AtTorque, summary: Summary, style: Style) -> str:
-    """Bars of how many drives lie between round values, as built and in the best position side by side."""
-    ways = [(way, np.array(F_ior)) for way, F_ior, _ in _ways(point, summary)]
-    ends = np.quantile(np.concatenate([F_ior for _, F_ior in ways]), [0.001, 0.999])
-    edges = _edges(float(ends[0]), float(ends[1]))
-    counts = [np.histogram(F_ior, [-np.inf, *edges[1:-1], np.inf], weights=summary.weights)[0] for _, F_ior in ways]
-    scale = BAR / max(float(c.max()) for c in counts)
-    mark = "#" if style.ascii else "█"
-    number = f".{max(0, -int(np.floor(np.log10(edges[1] - edges[0]))))}f"
-    spans = [f"{low:{number}} to {high:{number}}" for low, high in pairwise(edges)]
-    head = f"F'_ior at {point.M_g:g} N·m, arcsec"
-    width = max(len(head), *map(len, spans)) + 2
-    lines = [head.ljust(width) + "".join(way.ljust(BAR + 2) for way, _ in ways)]
-    for k, span in enumerate(spans):
-        bars = "".join((mark * round(c[k] * scale)).ljust(BAR + 2) for c in counts)
-        lines.append(f"{span.rjust(width - 2)}  {bars}".rstrip())
-    return style.text("\n".join(lines))
-
-
-def _edges(low: float, high: float) -> list[float]:
-    """Round numbers around low and high, about BINS apart."""
-    span = max(high - low, 1e-6)
-    power = 10.0 ** np.floor(np.log10(span / BINS))
-    step = next(s * power for s in (1, 2, 5, 10) if span / (s * power) <= BINS)
-    first, last = int(np.floor(low / step)), int(np.ceil(high / step))
-    return [float(k * step) for k in range(first, max(last, first + 1) + 1)]
+def _distribution(point: AtTorque, summary: Summary, style: Style) -> str:
+    """Which share of the drives stays below which F'_ior, each wheel in its best position where it is turned."""
+    way, F_ior, _ = _ways(point, summary)[-1]
+    order = np.argsort(F_ior)
+    below = np.cumsum(np.array(summary.weights)[order]) / np.sum(summary.weights)
+    words = f"F'_ior at {point.M_g:g} N·m, arcsec, {way}"
+    return curve(style, np.array(F_ior)[order], 100 * below, x_label=words, y_label="% of drives below")
 
 
 def _ways(point: AtTorque, summary: Summary) -> list[tuple[str, Sequence[float], YieldBelief]]:
