@@ -80,8 +80,9 @@ def render(
     parts.append(_table(summary, style))
     parts += [Text(_distribution(summary.points[0], summary, style))] if plots else []
     below = [proof(summary)]
-    if summary.verdict is Verdict.INCONCLUSIVE and (words := measure_words(_to_measure(law, summary, samples), False)):
-        below.append(f"to measure: {words}")
+    if summary.verdict is Verdict.INCONCLUSIVE:
+        words = measure_words(_to_measure(law, summary, samples), False)
+        below.append(f"to measure: {words}" if words else "more drives (-n) may tell")
     below.append(f"next: {again('sensitivity', drive)}")
     parts.append(Text(style.text("\n".join(below))))
     return Group(*(line for part in parts for line in (part, Text(""))))

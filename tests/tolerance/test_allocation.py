@@ -86,13 +86,13 @@ def test_no_tolerance_is_loosened_where_the_design_does_not_bear_it() -> None:
     drive = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60", SOFT])
     law = production_law(drive, "fixed")
     alone = Production.of(production_law(known, "fixed"), (4.0,), mounting=False, steps=True).with_designs(1)[0]
-    F_ior = [record.F_ior_arcsec[0] for record in alone.records(0, 100)]
+    F_ior = [record.F_ior_arcsec[0] for record in alone.records(0, 50)]
     room = 1.3 * float(np.quantile(F_ior, 0.95))
-    loosened = allocator(alone, room, 100).cheapest(turned=False)
+    loosened = allocator(alone, room, 50).cheapest(turned=False)
     assert loosened.fits
     assert any(loosened.values[c.path] > c.now for c in tolerances(known, law))
-    designs = Production.of(law, (4.0,), mounting=False, per_design=5, steps=True).with_designs(100)[0]
-    assert not allocator(designs, room, 100).cheapest(turned=False).fits
+    designs = Production.of(law, (4.0,), mounting=False, per_design=5, steps=True).with_designs(50)[0]
+    assert not allocator(designs, room, 50).cheapest(turned=False).fits
 
 
 def test_the_cheapest_on_a_line_is_where_costs_grow_alike() -> None:
