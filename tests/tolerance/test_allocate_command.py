@@ -4,16 +4,16 @@ import json
 
 import pytest
 
-from tests.process import SMALL, TINY, run
+from tests.process import TINY, run
 
-FEW = ("--torque", "4", "--limit", "25", "--yield", "0.9", "-n", "40", "--as-built", "--jobs", "1")
+FEW = ("--torque", "4", "--limit", "1950", "--yield", "0.9", "-n", "40", "--as-built", "--jobs", "1")
 KNOWN = ("--known", "phases.xi_g", "--known", "phases.xi_b", "--set", "tolerances.e_hh=0", "--set", "tolerances.e_hb=0")
 FIXED = ("--distribution", "fixed")
 SOFT = ("--set", "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}")
 
 
 def test_the_page_and_json_have_costs_and_what_was_tried() -> None:
-    done = run("allocate", SMALL, *FEW, *KNOWN, *FIXED, "--json", "--set", "cost.tolerances.F_i1.share=3")
+    done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, "--json", "--set", "cost.tolerances.F_i1.share=3")
     answer = json.loads(done.stdout)
     assert done.returncode == answer["exit_code"] == 0, done.stderr
     assert answer["schema"] == "hdassist.allocate/1"
@@ -31,12 +31,12 @@ def test_the_page_and_json_have_costs_and_what_was_tried() -> None:
 
 
 def test_what_no_tolerances_reach_fails_and_says_why() -> None:
-    limit = ("--limit", "4:12.4", "--set", "cost.tolerances.F_i1.least=40", "--ascii")
-    done = run("allocate", SMALL, *FEW, *KNOWN, *FIXED, *limit)
+    limit = ("--limit", "4:1913.2", "--set", "cost.tolerances.F_i1.least=40", "--ascii")
+    done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, *limit)
     assert done.returncode == 3, done.stderr
     words = " ".join(done.stdout.split())
     assert "no tolerances reach it" in words
-    assert "at 4 N*m the self error takes 12.3 of 12.4 arcsec" in words
+    assert "at 4 N*m the self error takes 1913.1 of 1913.2 arcsec" in words
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
@@ -67,7 +67,7 @@ def test_a_size_that_is_assumed_is_a_tolerance_to_choose() -> None:
     ],
 )
 def test_invalid_arguments_are_refused(arguments: tuple[str, ...], words: str) -> None:
-    done = run("allocate", SMALL, *arguments)
+    done = run("allocate", TINY, *arguments)
     assert done.returncode in (2, 4), done.stderr
     assert words in done.stderr
     assert not done.stdout

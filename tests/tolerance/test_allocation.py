@@ -10,7 +10,7 @@ from hdassist.tolerance.allocation import Allocator, Tolerance, _cheapest, toler
 from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import Production, RandomDrive
 from hdassist.verdict import Verdict
-from tests.process import SMALL, TINY
+from tests.process import TINY
 
 NONE = [f"tolerances.{name}=0" for name in ("F_i1", "F_i2", "e_hb", "e_hh")]
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
@@ -20,7 +20,7 @@ SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
 def oval() -> Drive:
     """A drive whose F'_ior is c (a_g2 + a_b2): no other size deviates, and no contact changes."""
     sets = ["cost.harmonics.a_g2.share=4", "operation.M_g=4", "harmonics.a_g2=0.2", "harmonics.a_b2=0.2"]
-    return load_preset(SMALL, [*NONE, *sets])
+    return load_preset(TINY, [*NONE, *sets])
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import STEP, Production, RandomDrive
 from hdassist.tolerance.sensitivity import Sensitivities, sensitivities
 from hdassist.tolerance.sensitivity_page import summary_line
-from tests.process import SMALL, TINY
+from tests.process import TINY
 
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
 
@@ -36,7 +36,7 @@ def found_of(
 def oval() -> tuple[Production, Sensitivities]:
     """A drive whose F'_ior is c (a_g2 + a_b2): no other size deviates, and no contact changes."""
     none = [f"tolerances.{name}=0" for name in ("F_i1", "F_i2", "e_hb", "e_hh")]
-    return found_of(SMALL, [*none, "harmonics.a_g2=0.2", "harmonics.a_b2=0.1", "operation.M_g=4"], 48, "uniform")
+    return found_of(TINY, [*none, "harmonics.a_g2=0.2", "harmonics.a_b2=0.1", "operation.M_g=4"], 48, "uniform")
 
 
 def test_a_linear_drive_is_tightened_where_its_larger_part_comes_from(oval: tuple[Production, Sensitivities]) -> None:

@@ -106,6 +106,17 @@ def test_more_drives_go_on_where_fewer_ended(kept: Path, tmp_path: Path) -> None
     assert file.read_bytes() == kept.read_bytes()
 
 
+def test_more_drives_of_more_designs_go_on_where_fewer_ended(tmp_path: Path) -> None:
+    soft = "source.supports.C_3={kind: assumed, range: [500, 8000], ref: judged}"
+    for name, counts in (("at-once", ("7",)), ("later", ("4", "7"))):
+        for count in counts:
+            run("tolerance", TINY, "-n", count, *FEW, "--per-design=3", "--set", soft, "--results", name, cwd=tmp_path)
+    records = [json.loads(line) for line in (tmp_path / "later").read_text().splitlines()[1:]]
+    assert [record["design"] for record in records] == [0, 0, 0, 1, 1, 1, 2]
+    assert len({record["values"]["supports.C_3"] for record in records}) == 3
+    assert (tmp_path / "later").read_bytes() == (tmp_path / "at-once").read_bytes()
+
+
 def test_another_preset_or_option_leaves_the_file_as_it_is(kept: Path) -> None:
     before = kept.read_bytes()
     for more, named in (
