@@ -47,13 +47,14 @@ class Drawn:
     loss: float | None = None
 
 
-def production(case: str, executor: Executor | None = None):
+def production(case: str, drives: int, executor: Executor | None = None):
     from hdassist import load_preset
+    from hdassist.tolerance.law import production_law
     from hdassist.tolerance.production import Production
-    from hdassist.tolerance.scatter import Draws, scatters
 
     drive = load_preset("vzp160", [f"{path}={value}" for path, value in CASES[case].items()])
-    return Production.of(drive, Draws(scatters(drive), SEED), drive.operation.M_g).tabled(executor=executor)
+    made = Production.of(production_law(drive), drive.operation.M_g, seed=SEED, per_design=10)
+    return made.with_designs(drives, executor=executor)[0]
 
 
 def compare(task) -> list[Drawn]:
@@ -104,14 +105,14 @@ def report(case: str, rows: Sequence[Drawn]) -> None:
 
 
 def measure(quick: bool) -> list[dict]:
-    """For each case: ms of processor time a value, states a drive, seconds of tables, use of two processes."""
+    """For each case: ms of processor time a value, states a drive, seconds of designs, use of two processes."""
     return [speed(case, 10 if quick else 100) | efficiency(case, 20 if quick else 200) for case in CASES]
 
 
 def speed(case: str, count: int) -> dict:
     begun = time.process_time()
-    made = production(case)
-    table = time.process_time() - begun
+    made = production(case, 2 + count)
+    designs = time.process_time() - begun
     made.records(0, 2)  # what is made once
     begun = time.process_time()
     records = made.records(2, 2 + count)
@@ -121,9 +122,9 @@ def speed(case: str, count: int) -> dict:
     states = sum(record.states for record in records) / count
     print(
         f"{case}: {each:.1f} ms a drive, {value:.2f} ms a value ({WANTED_MS:g} wanted), {states:.0f} states a drive; "
-        f"{table:.1f} s for the tables", file=sys.stderr, flush=True,
+        f"{designs:.1f} s for the designs", file=sys.stderr, flush=True,
     )  # fmt: skip
-    return {"case": case, "value_ms": value, "drive_states": states, "tables_s": table}
+    return {"case": case, "value_ms": value, "drive_states": states, "designs_s": designs}
 
 
 @contextmanager
@@ -137,7 +138,7 @@ def processes(jobs: int) -> Iterator[tuple[Executor, int]]:
 def efficiency(case: str, count: int) -> dict:
     from hdassist.tolerance.stream import stream
 
-    made, took = production(case), []
+    made, took = production(case, count), []
     for jobs in (1, 2):
         begun = time.perf_counter()
         for _ in stream(made.records, count, pool=partial(processes, jobs)):
@@ -167,7 +168,7 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as executor, options.file.open("a", encoding="utf-8") as stream:
         for case in options.cases:
             known = [row for row in remembered(options.file) if row.case == case and row.number < options.n]
-            made = production(case, executor)
+            made = production(case, options.n, executor)
             chunks = range(len(known), options.n, CHUNK)
             tasks = [(case, made, first, min(first + CHUNK, options.n)) for first in chunks]
             for rows in executor.map(compare, tasks):

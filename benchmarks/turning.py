@@ -31,13 +31,14 @@ def chunk(task):
 
 def drives(preset: str, finer: bool, count: int, executor):
     from hdassist import load_preset
+    from hdassist.tolerance.law import production_law
     from hdassist.tolerance.production import Production
-    from hdassist.tolerance.scatter import Draws, scatters
 
     drive = load_preset(preset)
     teeth = {path: drive.number(path) / 2**0.5 for path in ("tolerances.F_i1", "tolerances.F_i2")}
     drive = drive.with_values(teeth) if finer else drive
-    made = Production.of(drive, Draws(scatters(drive), SEED), drive.operation.M_g).tabled(executor=executor)
+    made = Production.of(production_law(drive), drive.operation.M_g, seed=SEED, per_design=CHUNK)
+    made, _ = made.with_designs(count, executor=executor)
     tasks = [(made, first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
     return made.torques, [record for records in executor.map(chunk, tasks) for record in records]
 

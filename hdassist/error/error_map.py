@@ -161,6 +161,18 @@ class ErrorMap:
         """States j at points, shape (..., 2)."""
         return np.asarray(self.board[tuple(np.moveaxis(point % self.board.shape, -1, 0))])
 
+    def estimated_ranges(self, batch: Batch, grid: int) -> tuple[Array, Certificate]:
+        """F'_ior [arcsec] of drives by the tops of parabolas through a grid of states, shape (drives,); their proof.
+
+        Arguments: batch, the drives; grid, positions of each wheel. Raises UntrustedError where an answer cannot be
+        trusted.
+        """
+        case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
+        solved = _Solved(self, batch, case)
+        hills = _hills(solved.at_points(grid), self)
+        ranges = np.bincount(hills.row, np.where(hills.rank, 0, hills.height))
+        return np.asarray(ranges, dtype=float), solved.certificate
+
     def many_extremes(self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID) -> Extremes:
         """Extremes of drives, solved and proven where estimates propose them.
 

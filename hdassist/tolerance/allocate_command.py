@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import Annotated
 
 import typer
 
 from hdassist.terminal import options as o
 from hdassist.tolerance.draw_options import DrawOptions
+
+DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
 
 
 @o.with_groups
@@ -21,7 +22,10 @@ def command(
     ] = 0.95,
     count: Annotated[
         int, typer.Option("-n", min=20, max=100_000, help="Random drives that prove the tolerances.")
-    ] = 200,
+    ] = 250,
+    sure: Annotated[
+        float, typer.Option(min=0.5, max=0.999, help="Probability with which the tolerances are to reach the yield.")
+    ] = 0.95,
     mounting: Annotated[
         bool, typer.Option("--mounting/--as-built", help="Also with each wheel turned to its best hole.")
     ] = True,
@@ -37,24 +41,27 @@ def command(
       hdassist allocate vzp160 --limit 80:20 --limit 800:6 --yield 0.99 --classes
       hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
-    What a tolerance costs stands in the preset: cost: {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 as the
-    preset has it and 3 (now/tolerance)^1.5 else, and no less than 10 um can be made; without it 1, k = 1 and a tenth.
-    Tolerances may grow to twice what they are. Exit codes: 0 done, 3 no tolerances reach the yield, 2 wrong usage,
-    4 bad preset, 5 no trustworthy answer, 130 stopped.
+    Tolerances are recommended only where they reach the yield with a probability of --sure over all that is not known
+    of the design; a size that the preset assumes is a tolerance to choose too. What one costs stands in the preset:
+    cost: {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 as the preset has it and 3 (now/tolerance)^1.5 else,
+    and no less than 10 um can be made; without it 1, k = 1 and a tenth. Tolerances may grow to twice what they are.
+    Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is shown to reach it, 2 wrong usage, 4 bad preset, 5 no
+    trustworthy answer, 130 stopped.
     """
     from hdassist.error.self_error import self_error
     from hdassist.errors import UsageError
     from hdassist.terminal.runs import give
     from hdassist.tolerance.allocate_page import Allocated, answer
-    from hdassist.tolerance.allocation import Allocator, loosest
+    from hdassist.tolerance.allocation import Allocator
     from hdassist.tolerance.draw_options import require_limits
     from hdassist.tolerance.production import Production, RandomDrive
-    from hdassist.tolerance.stream import stream
-    from hdassist.tolerance.summary import rooms
+    from hdassist.tolerance.sensitivity import to_measure
+    from hdassist.tolerance.stream import collected
+    from hdassist.tolerance.yields import rooms
 
     out = options.open()
     drive = drives.load(preset)
-    draws, torques, limits = drives.draws(drive), drive.operation.M_g, require_limits(drive)
+    law, torques, limits = drives.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
     own = [found.range_arcsec for found in self_error(drive, torques)]
     room = rooms(limits, own)
     if room is None:
@@ -63,28 +70,25 @@ def command(
             f"the self error alone is {own[worst]:.1f} arcsec at {torques[worst]:g} N*m, the limit {limits[worst]:g}",
             "no tolerance changes that: a limit above it, or another wave or clearance",
         )
-    with work.pools() as pool, pool() as (executor, _):
+    production = Production.of(
+        law, torques, mounting=mounting, limits=room, seed=drives.seed, per_design=DRIVES_PER_DESIGN, steps=True
+    )
+    if not law.tolerances:
+        raise UsageError("no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0")
+    with work.pools() as pool:
 
         def records(production: Production, drives: int) -> list[RandomDrive]:
             with out.progress(drive.name, drives) as progress:
-                found = []
-                for some in stream(production.records, drives, pool=pool):
-                    found.append(some)
-                    progress(len(some))
-            return list(chain.from_iterable(found))
+                return collected(production.records, drives, pool, progress)
 
-        production = Production.of(drive, loosest(drive, draws), torques, mounting=mounting, limits=room)
-        with out.progress("table of the error", production.table_states) as progress:
-            production = production.tabled(executor=executor, progress=progress)
-        allocator = Allocator(production.drawing(draws), room, wanted, records, count, executor)
-        if not allocator.choices:
-            raise UsageError(
-                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
-            )
+        with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+            production, samples = production.with_designs(count, executor=executor, progress=progress)
+        allocator = Allocator(production, tuple(room), wanted, sure, records, count)
         ways = []
         for turned in (False, True) if mounting else (False,):
             ways.append(allocator.cheapest(turned))
             if classes and ways[-1].fits:
                 ways.append(allocator.in_classes(ways[-1]))
-    found = Allocated(drive, draws, wanted, limits, own, allocator.choices, ways)
+    gains = to_measure(law, samples, 0) if samples else ()
+    found = Allocated(law, wanted, sure, limits, own, allocator.choices, ways, drives.seed, gains)
     raise typer.Exit(give("allocate", [answer(found)], options, out))

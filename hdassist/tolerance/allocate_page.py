@@ -2,39 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hdassist.belief.measure import MeasurementGain
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import unit_of
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.console import Style, table
+from hdassist.terminal.influence_words import measure_objects, measure_words
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.tolerance.allocation import Allocation, Tolerance
-from hdassist.tolerance.scatter import Draws
+from hdassist.tolerance.law import ProductionLaw
+from hdassist.tolerance.yields import TAIL
 from hdassist.verdict import Verdict
 
 
 @dataclass(frozen=True)
 class Allocated:
-    """The cheapest tolerances of a drive, ways to build it one after the other; limits and self errors [arcsec]."""
+    """The cheapest tolerances of a drive, ways to build it one after the other.
 
-    drive: Drive
-    draws: Draws
+    wanted, the yield as a share, and sure, with which probability; limits and self errors [arcsec]; to_measure: what of
+    the design.
+    """
+
+    law: ProductionLaw
     wanted: float
+    sure: float
     limits: Sequence[float]
     self_errors: Sequence[float]
     choices: Sequence[Tolerance]
     ways: Sequence[Allocation]
+    seed: int = 0
+    to_measure: Sequence[MeasurementGain] = ()
+
+    @property
+    def drive(self) -> Drive:
+        """The drive of the preset."""
+        return self.law.drive
 
     @property
     def verdict(self) -> Verdict:
-        """Whether any way reaches the yield."""
-        return Verdict.PASS if any(way.fits for way in self.ways) else Verdict.FAIL
+        """Whether any way reaches the yield: the best of their verdicts."""
+        verdicts = {way.verdict for way in self.ways}
+        return next(each for each in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if each in verdicts)
 
 
 def answer(found: Allocated) -> Answer:
@@ -42,7 +57,7 @@ def answer(found: Allocated) -> Answer:
     return Answer(
         to_json=lambda: to_json(found),
         page=lambda style: render(found, style),
-        summary_line=lambda: "\n".join(map(_words, found.ways)),
+        summary_line=lambda: "\n".join(_words(way, found) for way in found.ways),
         figures=lambda: figures(found),
         about=found.drive.name,
         warnings=warnings(found),
@@ -55,8 +70,8 @@ def warnings(found: Allocated) -> tuple[str, ...]:
     told = list(found.drive.origin.warnings)
     if assumed := [choice.path for choice in found.choices if choice.assumed_law]:
         told.append(f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)")
-    if kept := [s.path for s in found.draws.scatters if s.assumed]:
-        told.append(f"not given, and left as they may be: {', '.join(kept)}")
+    if found.law.not_given:
+        told.append(f"no tolerance given, drawn evenly as check draws them: {', '.join(found.law.not_given)}")
     return tuple(told)
 
 
@@ -66,9 +81,9 @@ def render(found: Allocated, style: Style) -> RenderableType:
         f"{limit:g} at {M:g} N·m" for M, limit in zip(found.drive.operation.M_g, found.limits, strict=True)
     )
     head = f"{found.drive.name}: cheapest tolerances for {found.wanted:.0%} of drives within {limits} arcsec"
-    lines = [_words(way) for way in found.ways]
-    if not any(way.fits for way in found.ways):
-        lines.append(_why_not(found))
+    lines = [_words(way, found) for way in found.ways]
+    if found.verdict is not Verdict.PASS:
+        lines += _why_not(found)
     elif saved := _saved(found):
         lines.append(saved)
     parts: list[RenderableType] = [Text(style.text(head), style="bold"), Text(style.text("\n".join(lines)))]
@@ -76,21 +91,33 @@ def render(found: Allocated, style: Style) -> RenderableType:
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _words(way: Allocation) -> str:
-    share, (low, high) = way.tried.share, way.tried.bounds
-    tried = f"{share:.1%} of {way.tried.count} other drives pass ({low:.1%} to {high:.1%})"
+def _words(way: Allocation, found: Allocated) -> str:
+    p = way.probability
+    within = f" ({p.low:.2f}-{p.high:.2f})" if p.low < p.high else ""
+    chance = f"probability that {found.wanted:.0%} pass: {p.value:.2f}{within}"
     how = "with the wheel in its best hole" if way.turned else "as built"
     if way.classes:
         how += ", classes " + ", ".join(f"{path.split('.')[1]} {grade}" for path, grade in way.classes.items())
-    return f"{how}: cost {way.cost:.2f}; {tried}" if way.fits else f"{how}: no such tolerances; at their least {tried}"
+    if way.fits:
+        return (
+            f"{how}: cost {way.cost:.2f}; {way.tried.share:.1%} of {way.tried.drives.sum()} other drives pass, {chance}"
+        )
+    reason = "no tolerances reach it" if way.verdict is Verdict.FAIL else "none recommended: not sure enough"
+    return f"{how}: {reason}; with those tried {way.tried.share:.1%} of {way.tried.drives.sum()} drives pass, {chance}"
 
 
-def _why_not(found: Allocated) -> str:
-    told = [
+def _why_not(found: Allocated) -> Iterator[str]:
+    """What stands in the way of an answer, and how to come by one."""
+    if any(value > choice.now for way in found.ways for choice in found.choices for value in [way.values[choice.path]]):
+        yield "nothing is to be loosened from this: the preset's own assumptions do not bear it"
+    self_errors = [
         f"at {M_g:g} N·m the self error takes {own:.1f} of {limit:g} arcsec"
         for M_g, own, limit in zip(found.drive.operation.M_g, found.self_errors, found.limits, strict=True)
     ]
-    return f"nothing fits: {'; '.join(told)}; the rest is what the least tolerances leave (hdassist sensitivity)"
+    yield f"{'; '.join(self_errors)}; the rest is what the least tolerances leave (hdassist sensitivity)"
+    if found.verdict is Verdict.INCONCLUSIVE:
+        words = measure_words(found.to_measure, False)
+        yield f"to measure: {words}" if words else "more drives (-n) may tell"
 
 
 def _saved(found: Allocated) -> str:
@@ -126,6 +153,8 @@ def to_json(found: Allocated) -> Json:
     return {
         **envelope("allocate", found.drive, found.verdict.exit_code, warnings(found)),
         "yield_wanted": found.wanted,
+        "sure": found.sure,
+        "to_measure": measure_objects(found.to_measure),
         "limits": [
             {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own}
             for M_g, limit, own in zip(torques, found.limits, found.self_errors, strict=True)
@@ -145,12 +174,18 @@ def to_json(found: Allocated) -> Json:
                 "tolerances": dict(way.values),
                 "classes": dict(way.classes),
                 "cost": way.cost,
-                "yield": {"share": way.tried.share, "low": way.tried.bounds[0], "high": way.tried.bounds[1]},
-                "drives": way.tried.count,
+                "yield": {
+                    "share": way.tried.share,
+                    "low": way.tried.percentile(TAIL),
+                    "high": way.tried.percentile(1 - TAIL),
+                },
+                "probability": asdict(way.probability),
+                "verdict": str(way.verdict),
+                "drives": int(way.tried.drives.sum()),
             }
             for way in found.ways
         ],
-        "seed": found.draws.seed,
+        "seed": found.seed,
         "verdict": str(found.verdict),
     }  # fmt: skip
 

@@ -1,37 +1,37 @@
-"""The cheapest tolerances that reach a yield: found on a table of the error, corrected by drives that were proven.
+"""The cheapest tolerances that reach a yield as surely as is asked, over all that is not known of the design.
 
-A cost law is share (now/tolerance)^k. The tolerances are sought with the yield read off a table, for the same random
-drives with sizes scaled; proven drives say how far that is off, until they agree.
+A cost law is share (now/tolerance)^k. Random drives are solved with some tolerances; what a step of each does to the
+F'_ior of each drive, taken as linear, says which tolerances would be the cheapest; other drives with these prove or
+refuse them, and say the same again, until they agree.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
-from hdassist.error.many import F_ior_of_many
-from hdassist.model.deviations import carried
+from hdassist.belief.samples import Probability, weighted_quantile
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import pitch_deviation
 from hdassist.preset.fields import CostLaw, Drive
-from hdassist.tolerance.production import Production, RandomDrive
-from hdassist.tolerance.scatter import DISTRIBUTIONS, Draws
-from hdassist.tolerance.tally import Share
+from hdassist.tolerance.law import ProductionLaw
+from hdassist.tolerance.production import STEP, Production, RandomDrive
+from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
+from hdassist.verdict import Verdict
 
 LOOSER = 2.0  # times the preset's tolerance, at most
 TIGHTER = 0.1  # times it at least, where the preset does not say what can be made
-MODEL_DRIVES = 256  # drives that the search for tolerances looks at
-DRIVES = 200  # proven ones that say how far off it is, and as many that say what comes of it
-RADII = (0.7, 0.5, 0.25, 0.12)  # of the logarithms of tolerances, in which the model is taken as linear
-STEP = 0.1  # of them, over which slopes are taken: drives that come and go are smoothed
-ROUNDS = 4  # of both, at most
+RADII = (0.5, 0.25, 0.12, 0.06)  # of the logarithms of tolerances, in which the ratio is taken as linear
+SLOPE_STEP = 0.1  # of them, over which slopes are taken: drives that come and go are smoothed
+ROUNDS = 5  # of drives, at most
 AIM = 0.98  # of the limit, so that what is left over lies on the good side
-AGREES = 0.04  # of the limit: what may be left over
+STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
+AGREES = 0.06  # of the limit: what may be left over
 CLASSES = range(1, 12)  # of ISO 1328-1:2013
+LEAST = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,13 @@ class Tolerance:
         return float(self.law.share * (self.now / value) ** self.law.k)
 
 
-def tolerances(drive: Drive, draws: Draws) -> tuple[Tolerance, ...]:
-    """Tolerances of a drive that may be chosen: sizes that the preset gives, and that are drawn up to them."""
+def tolerances(drive: Drive, law: ProductionLaw) -> tuple[Tolerance, ...]:
+    """Tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
     found = []
-    for scatter in draws.scatters:
-        if scatter.kind in DISTRIBUTIONS and not scatter.assumed:
-            law, now = drive.cost.get(scatter.path), scatter.high
-            least = law.least if law and law.least is not None else TIGHTER * now
-            found.append(Tolerance(scatter.path, now, least, max(LOOSER * now, least), law or CostLaw(), law is None))
+    for each in law.tolerances:
+        cost, now = drive.cost.get(each.path), each.high
+        least = cost.least if cost and cost.least is not None else TIGHTER * now
+        found.append(Tolerance(each.path, now, least, max(LOOSER * now, least), cost or CostLaw(), cost is None))
     return tuple(found)
 
 
@@ -68,68 +67,77 @@ def tolerances(drive: Drive, draws: Draws) -> tuple[Tolerance, ...]:
 class Allocation:
     """Tolerances, by path in the field's unit, what they cost, and what random drives with them come to.
 
-    turned: whether each wheel is turned to its best position; tried: how many of some drives pass, proven ones and
-    other ones than those it was sought on; fits: whether that may be the yield that is wanted; classes: accuracy
-    classes of ISO 1328-1 that they stand for.
+    turned: whether each wheel is turned to its best position; tried: yield of drives other than those it was sought on;
+    probability that it reaches the yield that is wanted, and the verdict on it; classes: accuracy classes of
+    ISO 1328-1 that the tolerances stand for.
     """
 
     turned: bool
-    fits: bool
     values: Mapping[str, float]
     cost: float
-    tried: Share
+    tried: YieldBelief
+    probability: Probability
+    verdict: Verdict
     classes: Mapping[str, int] = field(default_factory=dict)
 
+    @property
+    def fits(self) -> bool:
+        """Whether the tolerances reach the yield as surely as is asked."""
+        return self.verdict is Verdict.PASS
 
+
+@dataclass(frozen=True)
 class Allocator:
     """Search for the cheapest tolerances of a drive.
 
-    Arguments: production, with tables that span the loosest tolerances (`loosest`); rooms [arcsec] that the limits
-    leave for F'_ior at each torque; wanted, the yield as a share; records, which gives so many proven drives of a
-    production; drives, how many of them; executor, to spread the rest over.
+    production, with designs, of records with steps; rooms [arcsec] that the limits leave for F'_ior at each torque;
+    wanted, the yield as a share, and sure, with which probability; records, which gives so many proven drives of a
+    production; drives, how many of them.
     """
 
-    def __init__(
-        self,
-        production: Production,
-        rooms: Sequence[float],
-        wanted: float,
-        records: Callable[[Production, int], list[RandomDrive]],
-        drives: int = DRIVES,
-        executor: Executor | None = None,
-    ) -> None:
-        self._production, self._rooms, self._wanted = production, np.array(rooms), wanted
-        self._records, self._drives, self._executor = records, drives, executor
-        self.choices = tolerances(production.drive, production.draws)
+    production: Production
+    rooms: tuple[float, ...]
+    wanted: float
+    sure: float
+    records: Callable[[Production, int], list[RandomDrive]]
+    drives: int
+
+    @property
+    def choices(self) -> tuple[Tolerance, ...]:
+        """Tolerances that may be chosen."""
+        return tolerances(self.production.drive, self.production.law)
 
     def cheapest(self, turned: bool, fixed: Mapping[str, float] | None = None) -> Allocation:
-        """The cheapest tolerances, the wheel being turned to its best position or not; fixed, those that are given."""
+        """The cheapest tolerances, the wheel being turned to its best position or not; fixed, those that are given.
+
+        Where none are proven, the last ones that were tried.
+        """
         fixed = dict(fixed or {})
         open_ = [choice for choice in self.choices if choice.path not in fixed]
-        production = self._production if turned else replace(self._production, rotations=(0.0,))
-        values = {choice.path: choice.now for choice in open_} | fixed
-        if not open_:
-            return self._proven(production, values, turned)
-        correction = self._below(production, values) / self._model(production, values)
-        for _ in range(ROUNDS):
-            values = self._sought(production, open_, fixed, correction)
-            below = self._below(production, values)
-            at_least = all(values[choice.path] <= choice.least * (1 + AGREES) for choice in open_)
-            at_most = all(values[choice.path] >= choice.most * (1 - AGREES) for choice in open_)
-            if 1 - AGREES < below <= 1 or (at_least and below > 1) or (at_most and below < 1):
+        values, aim = {choice.path: choice.now for choice in open_} | fixed, AIM
+        records, found = self._tried(turned, values, 0)
+        proven = [found] if found.fits else []
+        for attempt in range(1, ROUNDS + 1 if open_ else 1):
+            sought = self._sought(records, values, open_, aim)
+            if all(abs(np.log(sought[path] / values[path])) < AGREES / 2 for path in values):
                 break
-            correction = below / self._model(production, values)
-        else:
-            # about proportional to the sizes: what is too much, or too little, is taken off each of them
-            values |= {c.path: float(np.clip(values[c.path] * AIM / below, c.least, c.most)) for c in open_}
-        return self._proven(production, values, turned)
+            values = sought
+            records, found = self._tried(turned, values, attempt)
+            proven += [found] if found.fits else []
+            below = self._ratio(records, values, values)
+            at_most = all(values[choice.path] >= choice.most * (1 - AGREES) for choice in open_)
+            at_least = all(values[choice.path] <= choice.least * (1 + AGREES) for choice in open_)
+            if (found.fits and (below > aim - AGREES or at_most)) or (at_least and not found.fits):
+                break
+            aim *= 1.0 if found.fits else STRICTER
+        return min(proven, key=lambda each: each.cost, default=found)
 
     def in_classes(self, found: Allocation) -> Allocation:
         """The cheapest tolerances near those found with F'_i1 and F'_i2 of whole accuracy classes."""
         wheels = [choice for choice in self.choices if choice.path in ("tolerances.F_i1", "tolerances.F_i2")]
         if not wheels:
             return found
-        drive, grades = self._production.drive, {}
+        drive, grades = self.production.drive, {}
         for choice in wheels:
             sizes = {grade: pitch_deviation(drive, grade) for grade in CLASSES}
             finer = [
@@ -144,64 +152,66 @@ class Allocator:
                 answers.append(replace(self.cheapest(found.turned, fixed), classes=chosen))
         return min(answers, key=lambda answer: (not answer.fits, answer.cost), default=found)
 
-    def _sought(
-        self, production: Production, open_: Sequence[Tolerance], fixed: Mapping[str, float], correction: float
-    ) -> dict[str, float]:
-        """The cheapest open tolerances for which the model, corrected, reaches the yield.
+    def _tried(self, turned: bool, values: Mapping[str, float], attempt: int) -> tuple[list[RandomDrive], Allocation]:
+        """Drives with some tolerances, others at each attempt, and what they come to."""
+        production = replace(
+            self.production,
+            law=self.production.law.scaled({c.path: values[c.path] / c.now for c in self.choices}),
+            rotations=self.production.rotations if turned else (0.0,),
+            seed=self.production.seed + attempt,
+        )
+        records = self.records(production, self.drives)
+        points = [AtTorque(M_g, room, 0.0) for M_g, room in zip(production.torques, self.rooms, strict=True)]
+        summary = Summary(tuple(points), len(production.rotations), self.wanted, self.sure)
+        summary.add(records)
+        tried = summary.yield_of(True)
+        cost = sum(choice.cost(values[choice.path]) for choice in self.choices)
+        chance = tried.probability(self.wanted)
+        return records, Allocation(turned, dict(values), cost, tried, chance, summary.verdict)
 
-        In logarithms what drives stay below is nearly linear in the tolerances: it is taken so within a radius, the
-        cheapest tolerances there are found, and again about them with half the radius.
+    def _sought(
+        self, records: Sequence[RandomDrive], now: Mapping[str, float], open_: Sequence[Tolerance], aim: float
+    ) -> dict[str, float]:
+        """The cheapest open tolerances for which drives, with sizes scaled, would stay below an aim.
+
+        In logarithms the ratio is nearly linear in the tolerances: it is taken so within a radius, the cheapest
+        tolerances there are found, and again about them with half the radius.
         """
-        low, high, now = (np.log([getattr(choice, of) for choice in open_]) for of in ("least", "most", "now"))
+        low, high = (np.log([getattr(choice, of) for choice in open_]) for of in ("least", "most"))
 
         def model(at: Array) -> float:
-            values = {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)} | dict(fixed)
-            return float(np.log(correction * self._model(production, values) / AIM))
+            values = dict(now) | {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)}
+            return float(np.log(self._ratio(records, now, values) / aim))
 
-        at = np.clip(now, low, high)
+        at = np.clip(np.log([now[choice.path] for choice in open_]), low, high)
         for radius in RADII:
             here = model(at)
-            step = np.where(at + STEP <= high, STEP, -STEP)
+            step = np.where(at + SLOPE_STEP <= high, SLOPE_STEP, -SLOPE_STEP)
             slopes = np.array([(model(at + step * one) - here) / (step @ one) for one in np.eye(len(at))])
             bounds = list(zip(np.maximum(low, at - radius), np.minimum(high, at + radius), strict=True))
             at = _cheapest(open_, at, here, slopes, bounds)
-        return {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)} | dict(fixed)
+        return dict(now) | {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)}
 
-    def _model(self, production: Production, values: Mapping[str, float]) -> float:
-        """What a share of drives as wanted stay below: F'_ior over its room at the worst torque, by the table."""
-        drawn = self._draws(values).values(0, MODEL_DRIVES)
-        turns = np.array(production.rotations)
-        columns = {path: np.repeat(column, len(turns)) for path, column in drawn.items()}
-        for path in carried(production.drive):
-            columns[path] = columns.get(path, production.drive.number(path)) + np.tile(turns, MODEL_DRIVES)
-        F_ior = [
-            F_ior_of_many(production.drive, table, columns, executor=self._executor) for table in production.tables
-        ]
-        worst = np.max(np.array(F_ior) / self._rooms[:, None], axis=0).reshape(MODEL_DRIVES, -1)
-        return float(np.quantile(worst.min(axis=1), self._wanted))
+    def _ratio(self, records: Sequence[RandomDrive], now: Mapping[str, float], values: Mapping[str, float]) -> float:
+        """F'_ior over its room that the wanted share of the drives of most designs stay below, at the worst torque.
 
-    def _below(self, production: Production, values: Mapping[str, float]) -> float:
-        """What a share of proven drives as wanted stay below: F'_ior over its room at the worst torque."""
-        worst = [self._worst(record) for record in self._records(production.drawing(self._draws(values)), self._drives)]
-        return float(np.quantile(worst, self._wanted))
-
-    def _proven(self, production: Production, values: Mapping[str, float], turned: bool) -> Allocation:
-        """The allocation, tried on drives of another seed."""
-        draws = replace(self._draws(values), seed=self._production.draws.seed + 1)
-        records = self._records(production.drawing(draws), self._drives)
-        tried = Share(sum(self._worst(record) <= 1 for record in records), len(records))
-        cost = sum(choice.cost(values[choice.path]) for choice in self.choices)
-        return Allocation(turned, tried.bounds[1] >= self._wanted, dict(values), cost, tried)
-
-    def _worst(self, record: RandomDrive) -> float:
-        """F'_ior of a drive in its best position over its room, at the worst torque; endless where there is none."""
-        if record.refused is not None:
-            return np.inf
-        return float(np.max(np.array(record.best_F_ior_arcsec) / self._rooms))
-
-    def _draws(self, values: Mapping[str, float]) -> Draws:
-        now = {choice.path: choice.now for choice in self.choices}
-        return self._production.draws.scaled({path: value / now[path] for path, value in values.items()})
+        Arguments: drives as they were solved with the tolerances now; values of tolerances that they are scaled to.
+        """
+        ratio = np.full(len(records), np.inf)
+        for k, record in enumerate(records):
+            if record.refused is None and record.tighter is not None:
+                F_ior = scaled = np.array(record.best_F_ior_arcsec)
+                for choice in self.choices:
+                    slope = (F_ior - np.array(record.tighter[choice.path])) / (1 - STEP)
+                    scaled = scaled + slope * (values[choice.path] / now[choice.path] - 1)
+                ratio[k] = np.max(np.maximum(scaled, LEAST * F_ior) / np.array(self.rooms))
+        designs = np.array([record.design for record in records])
+        places = np.unique(designs)
+        if len(places) == 1:
+            return float(np.quantile(ratio, self.wanted, method="hazen"))
+        held = [float(np.quantile(ratio[designs == k], self.wanted, method="hazen")) for k in places]
+        weights = np.array([self.production.designs[k][1] for k in places])
+        return weighted_quantile(np.array(held), weights, self.sure)
 
 
 def _cheapest(
@@ -225,8 +235,3 @@ def _cheapest(
         method="SLSQP",
     )
     return np.asarray(np.clip(found.x, *np.array(bounds).T))
-
-
-def loosest(drive: Drive, draws: Draws) -> Draws:
-    """Draws whose tolerances are as great as an allocation may make them: what its tables have to span."""
-    return draws.scaled({choice.path: choice.most / choice.now for choice in tolerances(drive, draws)})

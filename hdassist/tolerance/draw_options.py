@@ -14,7 +14,7 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
-    from hdassist.tolerance.scatter import Distribution, Draws
+    from hdassist.tolerance.law import Law, ProductionLaw
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class DrawOptions(o.LoadedDriveOptions):
         typer.Option(metavar="[M_G:]ARCSEC", help="Limit of F'_ior with the self error: 30, or 80:30. Repeatable."),
     ] = field(default_factory=list)
     distribution: Annotated[
-        Literal["rayleigh", "uniform", "fixed"], typer.Option(help="How sizes scatter up to their tolerance.")
+        Literal["rayleigh", "uniform", "fixed"], typer.Option(help="How sizes that are given scatter up to them.")
     ] = "rayleigh"
     scatter: Annotated[
         list[str],
@@ -40,32 +40,25 @@ class DrawOptions(o.LoadedDriveOptions):
         list[str],
         typer.Option(metavar="FIELD", help="A direction that is as the preset has it, not any. Repeatable."),
     ] = field(default_factory=list)
-    method: Annotated[
-        Literal["mc", "sobol"], typer.Option(help="Independent drives, or a sequence that fills the space evenly.")
-    ] = "mc"
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random drives.")] = 0
 
     def load(self, preset: str, *more: str) -> Drive:
         """The drive of a preset with overrides, torques and limits. Raises DataError, PresetError or UsageError."""
         return super().load(preset, *more, *map(_limit_override, self.limit))
 
-    def draws(self, drive: Drive) -> Draws:
-        """What random drives are drawn from. Raises UsageError and DataError for options that cannot be meant."""
-        from hdassist.tolerance.scatter import Draws, scatters
+    def law(self, drive: Drive, *, chosen: bool = False) -> ProductionLaw:
+        """What random drives are drawn from; chosen, whether sizes that are assumed are tolerances to choose too.
 
-        found = scatters(drive, self.distribution, by_field=dict(map(_scatter_of, self.scatter)), known=self.known)
-        if not found:
-            raise UsageError("nothing scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
-        return Draws(found, self.seed, self.method)
+        Raises UsageError and DataError for invalid options.
+        """
+        from hdassist.tolerance.law import assumed_sizes, deviations, production_law
 
-    @property
-    def words(self) -> list[str]:
-        """The options that another command draws the same kind of drives by: those that are not as by default."""
-        return [
-            *([f"--distribution={self.distribution}"] if self.distribution != DrawOptions.distribution else []),
-            *(f"--scatter={each}" for each in self.scatter),
-            *(f"--known={each}" for each in self.known),
-        ]
+        laws = dict.fromkeys(assumed_sizes(drive), self.distribution) if chosen else {}
+        by_field = laws | dict(map(_scatter_of, self.scatter))
+        found = production_law(drive, self.distribution, by_field=by_field, known=self.known)
+        if not any(each.path == each.group and each.path in deviations(drive) for each in found.own):
+            raise UsageError("no field scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
+        return found
 
 
 def require_limits(drive: Drive) -> list[float]:
@@ -86,14 +79,14 @@ def _limit_override(text: str) -> str:
     return f"acceptance.F_ior.{torque}={limit}" if colon else f"acceptance.F_ior={limit}"
 
 
-def _scatter_of(text: str) -> tuple[str, Distribution | list[float]]:
+def _scatter_of(text: str) -> tuple[str, Law | list[float]]:
     """A field, and its distribution or the values measured of it."""
-    from hdassist.tolerance.scatter import DISTRIBUTIONS
+    from hdassist.tolerance.law import LAWS
 
     path, _, what = text.partition("=")
     if not what:
         raise UsageError(f"--scatter: not of the form FIELD=NAME or FIELD=FILE (got {text or 'nothing'})")
-    named: dict[str, Distribution] = {name: name for name in DISTRIBUTIONS}
+    named: dict[str, Law] = {name: name for name in LAWS}
     return path, named[what] if what in named else _measured(what)
 
 

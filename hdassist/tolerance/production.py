@@ -1,53 +1,63 @@
 """F'_ior of random drives: as each is put together by chance, and with its fixed wheel bolted in where it is best.
 
-At each torque the table of the error (error/table.py) is read in every position of the wheel; where the wheel stands,
-and where it may be best, the extremes are solved and proven (error/error_map.py).
+Designs are drawn from what is not known of them, weighted by the preset's evidence; drives of a design, in groups of
+the same number, by the law of the production. A coarse grid of states tells which positions of the wheel may be the
+best; there, and where it stands, the extremes are searched on a finer one, solved and proven (error/error_map.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from math import isclose
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter
 
-from hdassist.error.error_map import Batch, ErrorMap, Indices, searchable
-from hdassist.error.table import ErrorTable, Mesh, error_tables, estimates
+from hdassist.belief.evidence import evidence_of
+from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
+from hdassist.error.cycle import place
+from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, Extremes, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
 from hdassist.preset.fields import Drive
-from hdassist.run.kept import ClosedRecord, Count, Number, RecordKind
-from hdassist.solve.answers import EMPTY, Progress
+from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
+from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.certificate import Residual
-from hdassist.solve.formulation import Formulation, formulate
-from hdassist.tolerance.scatter import Draws
+from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.window import in_wide_enough_window
+from hdassist.tolerance.law import ProductionLaw, deviations
 
 FREE_STEP = 30.0  # deg between positions where the seat has no holes
-FIRST = 2  # positions besides the present one that are solved whatever the table says of the others
-SPREADS = 3.0  # standard deviations of what the table misses of F'_ior that a position may be better
-SPREAD = 0.01  # of F'_ior: what it is taken to miss at least
-READ_MESH = Mesh(compared=0, turns=16)  # the turns are enough for how the error grows with a size
+CHOOSING, PROVING = 12, 24  # positions of each wheel: 3 % of F'_ior may be missed, and 0.02 arcsec
+CHOSEN = 2  # positions of the fixed wheel that are searched, beside the present one
+STEP = 0.8  # of a tolerance: one step tighter
+DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
 
 
 @dataclass(frozen=True, kw_only=True)
 class RandomDrive(ClosedRecord):
     """F'_ior [arcsec] of a random drive at each torque, as built and in its best position.
 
-    best_rotation_deg: that position, as a rotation from the present one; states and max_residual: of the proof;
-    refused: why it has no F'_ior; values: what was drawn, by field.
+    design: its number, weight: of it by the evidence; best_rotation_deg: the best position, as a rotation from the
+    present one; tighter: F'_ior there with a size one STEP less, by its path, at most as great as it is; states and
+    max_residual: of the proof; refused: why it has no F'_ior; values: what was drawn, by field.
     """
 
+    design: Count
+    weight: Magnitude
     F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
     best_F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
     best_rotation_deg: Number | None = None
+    tighter: Mapping[str, tuple[Number, ...]] | None = None
     states: Count = 0
     max_residual: Residual = 0.0
     refused: str | None = None
@@ -56,74 +66,101 @@ class RandomDrive(ClosedRecord):
 
 @dataclass(frozen=True)
 class Production:
-    """Random drives of a preset: once it has tables, `records` can be called in any process.
+    """Random drives of a preset: once it has designs, `records` can be called in any process.
 
-    drive; draws; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior [arcsec], one a
-    torque, by which the best position is chosen (None: by what it gains); tables of the error, one a torque.
+    law, by which drives are drawn; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior
+    [arcsec], one a torque, by which the best position is chosen (None: by what it gains); seed; per_design: drives of a
+    design; steps: whether records have `tighter`; designs: what they have of their own, by path, with their weights.
     """
 
-    drive: Drive
-    draws: Draws
+    law: ProductionLaw
     torques: tuple[float, ...]
     rotations: tuple[float, ...]
     limits: tuple[float, ...] | None
-    tables: tuple[ErrorTable, ...] = field(default=(), repr=False)
+    seed: int
+    per_design: int
+    steps: bool = False
+    designs: tuple[tuple[Mapping[str, float], float], ...] = ()
 
     @classmethod
     def of(
         cls,
-        drive: Drive,
-        draws: Draws,
+        law: ProductionLaw,
         torques: Sequence[float],
         *,
         mounting: bool = True,
         limits: Sequence[float] | None = None,
+        seed: int = 0,
+        per_design: int = 20,
+        steps: bool = False,
     ) -> Production:
-        """Production of a drive, without tables yet.
+        """Production by a law, without designs yet.
 
         Arguments: torques M_g [N*m]; mounting, whether the wheel may be turned; limits [arcsec] of F'_ior, one a
         torque. Raises UsageError for a drive whose cycle cannot be searched.
         """
-        if not searchable(drive):
+        if not searchable(law.drive):
             raise UsageError("with rolling balls the cycle cannot be searched", "set bearing.ball_motion=locked")
-        rotations = seat_positions(drive, FREE_STEP) if mounting else [0.0]
-        return cls(drive, draws, tuple(torques), tuple(rotations), None if limits is None else tuple(limits))
-
-    def tabled(
-        self, *, mesh: Mesh = READ_MESH, executor: Executor | None = None, progress: Progress | None = None
-    ) -> Production:
-        """The same with its tables solved.
-
-        Arguments: mesh, how fine they are; executor, to spread the work over; progress, told how many states were
-        solved. Raises UntrustedError where an answer cannot be trusted.
-        """
-        span = [(self.drive, [self.draws.widest(self.drive)])]
-        (tables,) = error_tables(span, self.torques, mesh=mesh, executor=executor, progress=progress)
-        return replace(self, tables=tuple(tables))
-
-    def drawing(self, draws: Draws) -> Production:
-        """The same tables for other draws, which they span."""
-        return replace(self, draws=draws)
+        rotations = tuple(seat_positions(law.drive, FREE_STEP)) if mounting else (0.0,)
+        limited = None if limits is None else tuple(limits)
+        return cls(law, tuple(torques), rotations, limited, seed, per_design, steps)
 
     @property
-    def table_states(self) -> int:
-        """States that tables take, about: each at the torque, and on both sides of it for slopes."""
-        return READ_MESH.states(self.drive) * len(self.torques) * 3
+    def drive(self) -> Drive:
+        """The drive of the preset."""
+        return self.law.drive
+
+    def design_of(self, drive: int) -> int:
+        """Number of the design of a drive: 0 of all where designs have nothing that is not known."""
+        return drive // self.per_design if self.law.shared else 0
+
+    def design_states(self, drives: int) -> int:
+        """States that the designs of so many drives take, about, for a progress bar."""
+        return (self.design_of(drives - 1) + 1) * len(self.torques) * SEARCHED if self.law.shared else 1
+
+    def with_designs(
+        self, drives: int, *, executor: Executor | None = None, progress: Progress | None = None
+    ) -> tuple[Production, Samples | None]:
+        """The same with the designs of so many drives, and the samples that they are of, if they differ.
+
+        Arguments: executor, to spread the work over (the numbers do not depend on it); progress, called with states
+        solved. Raises UntrustedError where too few designs agree with the preset's evidence.
+        """
+        if not self.law.shared:
+            return replace(self, designs=(({}, 1.0),)), None
+        count = self.design_of(drives - 1) + 1
+        samples = draw_samples(
+            self.law.joint,
+            self.torques,
+            evidence=evidence_of(self.drive),
+            enough=lambda found: len(found.weights) >= count,
+            effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(16, count)),
+            seed=self.seed,
+            executor=executor,
+            progress=progress,
+        )
+        if len(samples.weights) < count:
+            words = f"{len(samples.weights)} of {samples.draws} draws are designs that agree with the evidence"
+            raise UntrustedError(f"{words}, {count} are needed", "narrow the assumed ranges, or ask for fewer drives")
+        paths = [each.path for each in self.law.shared]
+        drawn = self.law.joint.values(samples.shares)
+        designs = tuple(
+            ({path: values[path] for path in paths}, float(weight))
+            for values, weight in zip(drawn[:count], samples.weights, strict=False)
+        )
+        return replace(self, designs=designs), samples
 
     def records(self, first: int, last: int) -> list[RandomDrive]:
-        """Records of drives first to last - 1, whatever else is or was computed.
-
-        Each has its F'_ior [arcsec] at each torque as built and in its best position, where that is, how it was proven,
-        or else why it has none; and the values drawn.
-        """
-        values = self.draws.values(first, last)
-        found = []
+        """Records of drives first to last - 1, whatever else is or was computed."""
+        found, maps = [], _Maps(self.torques)
         for k in range(first, last):
-            drawn = {path: float(column[k - first]) for path, column in values.items()}
+            design, weight = self.designs[self.design_of(k)]
+            own = self.law.values(self.seed, k)
+            about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own})
             try:
-                found.append(self._answer(drawn))
+                found.append(replace(about, **self._answer(dict(about.values), maps)))
             except HdassistError as error:
-                found.append(RandomDrive(refused=error.message, values=drawn))
+                found.append(replace(about, refused=error.message))
         return found
 
     @property
@@ -131,14 +168,14 @@ class Production:
         """What the records are in a file."""
         return RecordKind(TypeAdapter(RandomDrive), self._fault)
 
-    def _fault(self, _: int, record: RandomDrive) -> str:
+    def _fault(self, item: int, record: RandomDrive) -> str:
         """Why a record cannot be that of a drive of this production; empty where it can."""
-        spans = {scatter.path: (scatter.low, scatter.high) for scatter in self.draws.scatters}
-        if record.values.keys() != spans.keys():
-            return f"values: expected {', '.join(spans)}"
-        for path, value in record.values.items():
-            if not spans[path][0] <= value <= spans[path][1]:
-                return f"values.{path}: expected {spans[path][0]:g} to {spans[path][1]:g}, as it is drawn"
+        own = self.law.values(self.seed, item)
+        if record.design != self.design_of(item) or record.values.keys() != {f.path for f in self.law.joint.fields}:
+            return f"values: expected those of drive {item}"
+        for path, value in own.items():
+            if not isclose(record.values[path], value, rel_tol=1e-9):
+                return f"values.{path}: expected {value:g}, as it is drawn"
         now, best = np.array(record.F_ior_arcsec), np.array(record.best_F_ior_arcsec)
         count = 0 if record.refused is not None else len(self.torques)
         if (len(now), len(best), min(record.states, 1)) != (count, count, min(count, 1)):
@@ -151,88 +188,97 @@ class Production:
             return "best_F_ior_arcsec: expected no worse than F_ior_arcsec"
         return ""
 
-    def told(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """What decides the records, beside preset, seed and version."""
         return {
             "overrides": list(self.drive.origin.overrides),
             "torques_Nm": list(self.torques),
             "rotations_deg": list(self.rotations),
             "limits_arcsec": None if self.limits is None else list(self.limits),
-            "method": self.draws.method,
-            "scatter": [asdict(scatter) for scatter in self.draws.scatters],
+            "drives_per_design": self.per_design,
+            "own": [asdict(each) for each in self.law.own],
+            "shared": [asdict(each) for each in self.law.shared],
         }
 
-    def estimates(self, first: int, last: int) -> Array:
-        """F'_ior [arcsec] by the tables alone, shape (drives, torques, rotations), of drives first to last - 1."""
-        values = self.draws.values(first, last)
-        rows = ({path: float(column[k]) for path, column in values.items()} for k in range(last - first))
-        read = list(zip(self._searches, self.tables, strict=True))
-        found = [[np.ptp(estimates(t, s, batch), axis=(1, 2)) for s, t in read] for batch in map(self._batch, rows)]
-        return np.array(found)
+    def _answer(self, values: dict[str, float], maps: _Maps) -> dict[str, Any]:
+        """F'_ior as built and best, with its proof: fields of a record."""
+        moved = self.drive.with_values({p: value for p, value in values.items() if p not in deviations(self.drive)})
+        if (conflict := first_conflict(moved)) is not None:
+            raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
+        return in_wide_enough_window(moved, partial(self._solved, values, maps))
 
-    def _answer(self, drawn: dict[str, float]) -> RandomDrive:
-        searches = self._searches if not self.draws.moves_system else self._searches_of(self._moved(drawn))
-        batch = self._batch(drawn)
-        proposed = [estimates(table, s, batch) for s, table in zip(searches, self.tables, strict=True)]
-        near = np.array([np.ptp(maps, axis=(1, 2)) for maps in proposed])
-        exact, proof = np.full(near.shape, np.nan), EMPTY
-        while len(rows := self._promising(near, exact)):
-            part = batch.take(rows)
-            for t, search in enumerate(searches):
-                found = search.many_extremes(part, proposed[t][rows])
-                exact[t, rows] = found.F_ior_arcsec
-                proof += found.certificate
-        best = int(np.nanargmin(self._merit(exact, exact[:, 0])))
-        return RandomDrive(
-            F_ior_arcsec=tuple(exact[:, 0].tolist()),
-            best_F_ior_arcsec=tuple(exact[:, best].tolist()),
-            best_rotation_deg=self.rotations[best],
-            states=proof.states,
-            max_residual=proof.max_residual,
-            values=drawn,
-        )
+    def _solved(self, values: Mapping[str, float], maps: _Maps, drive: Drive) -> dict[str, Any]:
+        turns, turned = np.array(self.rotations), carried(drive)
+        columns = {p: np.full(len(turns), value) for p, value in values.items() if p in deviations(drive)}
+        batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
+        rows, proof = np.zeros(1, dtype=np.int64), EMPTY
+        if len(turns) > 1:
+            coarse = [each.estimated_ranges(batch, CHOOSING) for each in maps.of(drive)]
+            F_ior = np.array([ranges for ranges, _ in coarse])
+            proof = sum((part for _, part in coarse), EMPTY)
+            rows = np.union1d([0], np.argsort(self._merit(F_ior, F_ior[:, 0]), kind="stable")[:CHOSEN])
+        chosen = batch.take(rows)
+        found = [each.many_extremes(chosen, grid=PROVING) for each in maps.of(drive)]
+        proof = sum((each.certificate for each in found), proof)
+        exact = np.array([each.F_ior_arcsec for each in found])
+        best = int(np.argmin(self._merit(exact, exact[:, 0])))
+        tighter = None
+        if self.steps:
+            tighter, part = self._tighter(chosen.take(np.array([best])), best, found, maps.of(drive))
+            proof += part
+        return {
+            "F_ior_arcsec": tuple(exact[:, 0].tolist()),
+            "best_F_ior_arcsec": tuple(exact[:, best].tolist()),
+            "best_rotation_deg": self.rotations[rows[best]],
+            "tighter": tighter,
+            "states": proof.states,
+            "max_residual": proof.max_residual,
+        }
 
-    def _promising(self, near: Array, exact: Array) -> Indices:
-        """Positions that may be the best and are not solved yet, from F'_ior by the table and as solved so far."""
-        solved = ~np.isnan(exact[0])
-        if not solved.any():
-            first = np.argsort(self._merit(near, near[:, 0]), kind="stable")[:FIRST]
-            return np.union1d([0], first)
-        missed = exact[:, solved] / near[:, solved]
-        spread = np.maximum(missed.std(axis=1), SPREAD)
-        least = near * np.maximum(missed.mean(axis=1) - SPREADS * spread, 0)[:, None]
-        may_be = self._merit(least, exact[:, 0]) < np.nanmin(self._merit(exact, exact[:, 0]))
-        return np.flatnonzero(may_be & ~solved)
+    def _tighter(
+        self, one: Batch, row: int, found: Sequence[Extremes], maps: Sequence[ErrorMap]
+    ) -> tuple[dict[str, tuple[float, ...]], Certificate]:
+        """F'_ior of a drive between the states of its extremes, with each size a step less; the proof.
+
+        Other states may be the extremes then, so F'_ior is at least that.
+        """
+        paths = [f.path for f in self.law.joint.fields if f.path == f.group and f.path in deviations(one.drive)]
+        columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
+        for k, path in enumerate(paths):
+            columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, STEP, 1.0)
+        batch, rows = Batch(one.drive, columns), np.arange(len(paths))
+        differences, proof = [], EMPTY
+        for extremes, error_map in zip(found, maps, strict=True):
+            ends = []
+            for state in (extremes.at_max[row], extremes.at_min[row]):
+                states = error_map.states.take(np.full(len(paths), state))
+                case = LoadCase(error_map.fresh.formulation, error_map.M_g, like=error_map.fresh, many=True)
+                gaps = StateGaps(batch.scalars(rows, states.alpha_g, states.alpha_b))
+                answers = case.solve(gaps, partial(place, states, error_map.M_g))
+                ends.append(answers.rotation_arcsec)
+                proof += answers.certificate
+            differences.append(error_map.sign * (ends[0] - ends[1]))
+        columns_of_torques = np.array(differences).T.tolist()
+        return {path: tuple(row) for path, row in zip(paths, columns_of_torques, strict=True)}, proof
 
     def _merit(self, F_ior: Array, now: Array) -> Array:
         """What is least in the best position, shape (rotations,)."""
         return merit(F_ior, now if self.limits is None else np.array(self.limits))
 
-    def _batch(self, drawn: dict[str, float]) -> Batch:
-        """A drive in every position of its wheel."""
-        turned, turns = carried(self.drive), np.array(self.rotations)
-        columns = {path: np.full(len(turns), value) for path, value in drawn.items()}
-        return Batch(self.drive, columns | {p: columns.get(p, self.drive.number(p)) + turns for p in turned})
 
-    def _moved(self, drawn: dict[str, float]) -> Drive:
-        """The drive with stiffnesses, clearances and shapes as drawn. Raises UntrustedError where they do not fit."""
-        moved = self.drive.with_values(drawn)
-        if (conflict := first_conflict(moved)) is not None:
-            raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
-        return moved
+class _Maps:
+    """Maps of the error at each torque [N*m] of the last design that was asked for."""
 
-    @cached_property
-    def _nominal(self) -> Formulation:
-        return formulate(contact_system(self.drive))
+    def __init__(self, torques: Sequence[float]) -> None:
+        self._torques = torques
+        self._drive: Drive | None = None
+        self._maps: list[ErrorMap] = []
 
-    @cached_property
-    def _searches(self) -> list[ErrorMap]:
-        return [ErrorMap(self.drive, table.M_g, self._nominal) for table in self.tables]
-
-    def _searches_of(self, drive: Drive) -> list[ErrorMap]:
-        formulation = formulate(contact_system(drive))
-        return [ErrorMap(drive, s.M_g, formulation, like=s.fresh) for s in self._searches]
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What goes to another process: what can be made there anew stays here."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_nominal", "_searches")}
+    def of(self, drive: Drive) -> list[ErrorMap]:
+        """Maps of a drive."""
+        if self._drive != drive:
+            formulation, like, self._drive, self._maps = formulate(contact_system(drive)), None, drive, []
+            for M_g in self._torques:
+                self._maps.append(ErrorMap(drive, M_g, formulation, like))
+                like = self._maps[-1].fresh
+        return self._maps

@@ -57,6 +57,15 @@ def stream(
                     ) from None
 
 
+def collected(work: Work, total: int, pool: Pool, progress: Callable[[int], None]) -> list[Any]:
+    """Records of all of so many items; progress, called with how many came."""
+    found = []
+    for records in stream(work, total, pool=pool):
+        found += records
+        progress(len(records))
+    return found
+
+
 @dataclass
 class _Chunk:
     """Items first ... last - 1; answer, None where nobody works on them."""

@@ -21,11 +21,15 @@ Results = Annotated[
 def command(
     preset: o.Preset,
     *,
-    count: Annotated[int, typer.Option("-n", min=1, max=100_000_000, help="Random drives.")] = 1000,
+    count: Annotated[int, typer.Option("-n", min=1, max=10_000_000, help="Random drives.")] = 500,
     drives: DrawOptions,
     wanted: Annotated[
         float | None, typer.Option("--yield", min=0, max=1, help="Share of drives that is to pass: 0.95.")
     ] = None,
+    sure: Annotated[
+        float, typer.Option(min=0.5, max=0.999, help="Probability of that yield from which on the verdict is PASS.")
+    ] = 0.95,
+    per_design: Annotated[int, typer.Option(min=1, help="Drives of each design that is drawn.")] = 10,
     mounting: Annotated[bool, typer.Option("--mounting/--as-built", help="Turn each wheel to its best hole.")] = True,
     results: Results = None,
     work: o.WorkOptions,
@@ -43,10 +47,12 @@ def command(
       hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
-    Sizes of deviations lie between zero and the preset's tolerance, directions are any. A value with an uncertainty
-    (±) is drawn around it, be it a stiffness, a clearance or a measured size. With --results FILE every drive is kept
-    with what was drawn, and the same command goes on where a stopped one has ended. Exit codes: 0 done or the yield is
-    reached, 3 it is not, 6 more drives are needed to tell, 4 bad preset, 5 no trustworthy answer, 130 stopped.
+    Designs are drawn from what is not known of them (as check draws it, weighted by the preset's catalogue), and of
+    each some drives: sizes that are given lie between zero and the preset's tolerance, others are drawn as check draws
+    them, directions are any, clearances with a ± lie around their value. So the yield is a range over the designs; with
+    --yield the verdict is PASS where the probability of reaching it is at least --sure, FAIL where it is at most 1 less
+    that. With --results FILE every drive is kept, and the same command goes on where a stopped one has ended. Exit
+    codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
     from hdassist.error.self_error import self_error
     from hdassist.run.kept import Owner, open_kept
@@ -57,21 +63,24 @@ def command(
     from hdassist.tolerance.draw_options import require_limits
     from hdassist.tolerance.production import Production
     from hdassist.tolerance.stream import stream
-    from hdassist.tolerance.summary import Summary, rooms
     from hdassist.tolerance.tolerance_page import answer
+    from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
     out = options.open()
     drive = drives.load(preset)
-    draws, torques = drives.draws(drive), drive.operation.M_g
+    law, torques = drives.law(drive), drive.operation.M_g
     if drives.limit or wanted is not None:
         require_limits(drive)
     limits = [drive.limit(M_g) for M_g in torques]
     own = [found.range_arcsec for found in self_error(drive, torques)]
-    production = Production.of(drive, draws, torques, mounting=mounting, limits=rooms(limits, own))
-    summary = Summary.of(torques, limits, own, positions=len(production.rotations), wanted=wanted)
+    production = Production.of(
+        law, torques, mounting=mounting, limits=rooms(limits, own), seed=drives.seed, per_design=per_design
+    )
+    points, samples = tuple(map(AtTorque, torques, limits, own)), None
+    summary = Summary(points, len(production.rotations), wanted, sure)
     owner = Owner(
-        command="tolerance", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=production.told(),
-        seed=draws.seed,
+        command="tolerance", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=production.options(),
+        seed=drives.seed,
     )  # fmt: skip
     if results is not None:
         claim_output(results, is_kept=True)
@@ -83,8 +92,8 @@ def command(
     with work.pools() as pool, open_kept(results, owner, production.kind, force=options.force) as kept:
         summary.add(islice(kept.records(), count))
         if kept.done < count:
-            with pool() as (executor, _), out.progress("table of the error", production.table_states) as progress:
-                production = production.tabled(executor=executor, progress=progress)
+            with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+                production, samples = production.with_designs(count, executor=executor, progress=progress)
         with (
             out.progress(drive.name, count - kept.done) as progress,
             closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
@@ -97,5 +106,5 @@ def command(
         interrupted = kept.done < count
     if interrupted:
         note(f"interrupted: {known()}")
-    told = answer(drive, draws, summary, plots=plot, interrupted=interrupted)
+    told = answer(law, drives.seed, summary, samples, plots=plot, interrupted=interrupted)
     raise typer.Exit(give("tolerance", [told], options, out))

@@ -1,73 +1,89 @@
-"""What random drives come to, as a table and histograms, as JSON, and as CSV."""
+"""Yield and percentiles of random drives, as a table and a plot, as JSON, and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hdassist.belief.measure import MeasurementGain
+from hdassist.belief.samples import Samples
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import unit_of
 from hdassist.terminal.answers import Json, envelope
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style, table
-from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.influence_words import measure_objects, measure_words
+from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
-from hdassist.tolerance.scatter import TAIL, Draws, Scatter
-from hdassist.tolerance.summary import AtTorque, Summary
-from hdassist.tolerance.tally import MOST, Share, Tally
+from hdassist.tolerance.law import TAIL, ProductionLaw, TolerancedSize
+from hdassist.tolerance.sensitivity import to_measure
+from hdassist.tolerance.yields import TAIL as ENDS
+from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
+from hdassist.verdict import Verdict
 
-BINS = 12  # of a histogram
-BAR = 22  # columns of its longest bar
-
-TALLY: tuple[Quantity[Tally], ...] = (
-    Quantity("low_arcsec", "5 %", "", ".2f", lambda t: t.quantile(0.05)),
-    Quantity("median_arcsec", "median", "", ".2f", lambda t: t.quantile(0.5)),
-    Quantity("high_arcsec", "95 %", "", ".2f", lambda t: t.quantile(0.95)),
-    Quantity("worst_arcsec", "worst", "", ".2f", lambda t: t.greatest),
-    Quantity("mean_arcsec", "mean", "", ".2f", lambda t: t.mean),
-)
+PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
+LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {TAIL:g} standard deviations)"}
 
 
-def answer(drive: Drive, draws: Draws, summary: Summary, *, plots: bool, interrupted: bool = False) -> Answer:
-    """What there is to say of random drives; plots, whether histograms are drawn; interrupted, before all were done."""
+def answer(
+    law: ProductionLaw,
+    seed: int,
+    summary: Summary,
+    samples: Samples | None,
+    *,
+    plots: bool,
+    interrupted: bool = False,
+) -> Answer:
+    """What there is to say of random drives.
+
+    Arguments: samples of the designs, None where they are one, or were not drawn now; plots, whether one is drawn;
+    interrupted, before all were done.
+    """
     code = 130 if interrupted else summary.verdict.exit_code
+    drive = law.drive
     return Answer(
-        to_json=lambda: to_json(drive, draws, summary, code),
-        page=lambda style: render(drive, draws, summary, style, plots=plots),
+        to_json=lambda: to_json(law, seed, summary, samples, code),
+        page=lambda style: render(law, seed, summary, samples, style, plots=plots),
         summary_line=lambda: summary_line(summary),
         figures=lambda: figures(drive, summary),
         about=drive.name,
-        warnings=warnings(drive, draws, summary),
+        warnings=warnings(law, summary),
         proof=proof(summary),
         exit_code=code,
     )
 
 
-def warnings(drive: Drive, draws: Draws, summary: Summary) -> tuple[str, ...]:
+def warnings(law: ProductionLaw, summary: Summary) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    found = list(drive.origin.warnings)
-    if guessed := [s.path for s in draws.scatters if s.assumed]:
-        found.append(f"not given, drawn up to an assumed tolerance: {', '.join(guessed)}")
+    found = list(law.drive.origin.warnings)
+    if law.not_given:
+        found.append(f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}")
     if summary.refused:
-        found.append(f"{summary.refused} drives have no answer, and count as open: {summary.reason}")
-    if draws.method == "sobol":
-        found.append("bounds of yields are those of independent drives; these are spread evenly, and so surer")
+        found.append(f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}")
     return tuple(found)
 
 
-def render(drive: Drive, draws: Draws, summary: Summary, style: Style, *, plots: bool = True) -> RenderableType:
-    """Yield and gain, a table of both ways to build, a histogram a torque."""
-    head = f"{drive.name}: {summary.count} random drives, {_drawn_words(draws)}"
+def render(
+    law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, style: Style, *, plots: bool = True
+) -> RenderableType:
+    """Yield and gain, a table of both ways to build, the distribution at the first torque."""
+    drive = law.drive
+    of = f" of {summary.design_count} designs" if law.shared else ""
+    head = f"{drive.name}: {summary.count} random drives{of}, {_law_words(law)}, seed {seed}"
     parts: list[RenderableType] = [Text(style.text(head), style="bold")]
-    parts.append(Text(style.text("\n".join(_verdict_lines(summary)))))
+    parts.append(Text(style.text("\n".join(_verdict_lines(summary, law)))))
     parts.append(_table(summary, style))
-    parts += [Text(_histogram(point, summary, style)) for point in summary.points] if plots else []
-    below = [proof(summary), f"next: {again('sensitivity', drive)}"]
+    parts += [Text(_distribution(summary.points[0], summary, style))] if plots else []
+    below = [proof(summary)]
+    if summary.verdict is Verdict.INCONCLUSIVE:
+        words = measure_words(_to_measure(law, summary, samples), False)
+        below.append(f"to measure: {words}" if words else "more drives (-n) may tell")
+    below.append(f"next: {again('sensitivity', drive)}")
     parts.append(Text(style.text("\n".join(below))))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
@@ -75,152 +91,185 @@ def render(drive: Drive, draws: Draws, summary: Summary, style: Style, *, plots:
 def proof(summary: Summary) -> str:
     """What stands behind the numbers, in a line."""
     return (
-        f"proof: every extreme is a solved state ({summary.states} states, worst residual {summary.max_residual:.0e}); "
-        "where to look was told by a table"
+        f"proof: every extreme is a solved state ({summary.states} states, worst residual {summary.max_residual:.0e})"
     )
 
 
 def summary_line(summary: Summary) -> str:
-    """The answer alone: quantiles or yields."""
+    """The answer alone: percentiles or yields."""
     if summary.has_limit:
-        turned = f", {_percent(summary.yield_best)} with the wheel turned" if summary.positions > 1 else ""
-        return f"yield {_percent(summary.yield_as_built)} as built{turned}, {summary.verdict}"
+        turned = f", {_yield_words(summary.yield_of(True))} with the wheel turned" if summary.positions > 1 else ""
+        return f"yield {_yield_words(summary.yield_of(False))} as built{turned}, {summary.verdict}"
     return "\n".join(
-        f"{p.M_g:g} N*m: 95 % of drives below {p.as_built.quantile(0.95):.2f} arcsec as built"
-        + (f", {p.best.quantile(0.95):.2f} with the wheel turned" if summary.positions > 1 else "")
+        f"{p.M_g:g} N*m: 95 % of drives below {summary.percentile(p.as_built, 0.95).value:.2f} arcsec as built"
+        + (f", {summary.percentile(p.best, 0.95).value:.2f} with the wheel turned" if summary.positions > 1 else "")
         for p in summary.points
     )
 
 
-def to_json(drive: Drive, draws: Draws, summary: Summary, exit_code: int) -> Json:
+def to_json(law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, exit_code: int) -> Json:
     """The random drives as a JSON object."""
-    ways = [("as_built", summary.yield_as_built), ("best_position", summary.yield_best)]
     return {
-        **envelope("tolerance", drive, exit_code, warnings(drive, draws, summary)),
+        **envelope("tolerance", law.drive, exit_code, warnings(law, summary)),
         "drives": summary.count,
-        "refused": summary.refused,
-        "seed": draws.seed,
-        "method": draws.method,
+        "designs": summary.design_count,
+        "refused": len(summary.refused),
+        "seed": seed,
+        "method": "mc",
         "positions": summary.positions,
-        "scatter": [_scatter_object(s) for s in draws.scatters],
-        "operating_points": [_point_object(point) for point in summary.points],
-        "yield": {name: _share_object(share) for name, share in ways} if summary.has_limit else None,
+        "scatter": [
+            {
+                "field": f.path, "kind": f.law if isinstance(f, TolerancedSize) else f.distribution,
+                "low": f.low, "high": f.high, "unit": unit_of(field_table()[f.path]),
+                "shared": f in law.shared, "assumed": f.path in law.not_given,
+            }
+            for f in law.joint.fields
+        ],
+        "operating_points": [_point_object(point, summary) for point in summary.points],
+        "yield": {
+            name: _yield_object(summary.yield_of(best), summary.wanted)
+            for name, best in (("as_built", False), ("best_position", True))
+        }
+        if summary.has_limit and summary.count
+        else None,
         "yield_wanted": summary.wanted,
+        "sure": summary.sure,
+        "to_measure": measure_objects(_to_measure(law, summary, samples)),
         "certificate": {"states": summary.states, "max_residual": summary.max_residual},
         "verdict": str(summary.verdict),
-    }
+    }  # fmt: skip
 
 
 def figures(drive: Drive, summary: Summary) -> Figures:
     """One row per torque and way to build."""
-    rows = [
-        [drive.name, point.M_g, way, *(q.value(tally) for q in TALLY), share.share if point.limit is not None else None]
-        for point in summary.points
-        for way, tally, share in _ways(point, summary)
-    ]
-    return ["preset", "M_g_Nm", "wheel", *(q.key for q in TALLY), "yield"], rows
+    rows = []
+    for point in summary.points:
+        for way, F_ior, held in _ways(point, summary):
+            numbers = _F_ior_object(F_ior, summary)
+            values = [numbers[f"{name}_arcsec"] for name in NAMES]
+            rows.append([drive.name, point.M_g, way, *values, held.share if point.limit is not None else None])
+    return ["preset", "M_g_Nm", "wheel", *(f"{name}_arcsec" for name in NAMES), "yield"], rows
 
 
-def _verdict_lines(summary: Summary) -> Iterable[str]:
+NAMES = ("low", "median", "high", "worst", "mean")
+
+
+def _verdict_lines(summary: Summary, law: ProductionLaw) -> Iterable[str]:
     if summary.has_limit:
-        told, how = f"yield as built {_percent(summary.yield_as_built)}", ""
+        over = (
+            f" ({100 * ENDS:.0f}-{100 - 100 * ENDS:.0f} % over what is not known of the design)" if law.shared else ""
+        )
+        words = f"yield as built {_yield_words(summary.yield_of(False))}"
         if summary.positions > 1:
-            how = ", each wheel in its best position"
-            told += f"; with the wheel in its best position {_percent(summary.yield_best)}"
-        yield told + ("" if summary.wanted is None else f"; {summary.wanted:.0%} wanted{how}: {summary.verdict}")
+            words += f"; with the wheel in its best position {_yield_words(summary.yield_of(True))}"
+        yield words + over
+    if summary.wanted is not None and summary.has_limit:
+        how = ", each wheel in its best position" if summary.positions > 1 else ""
+        found = summary.yield_of(True).probability(summary.wanted)
+        within = f" ({found.low:.2f}-{found.high:.2f})" if found.low < found.high else ""
+        yield (
+            f"probability that it reaches {summary.wanted:.0%}{how}: {found.value:.2f}{within}, {summary.sure:g} "
+            f"needed: {summary.verdict}"
+        )
     if summary.positions > 1:
-        off = [
-            f"{p.gain(0.5):.0%} at {p.M_g:g} N·m (5 to 95 % of drives: {p.gain(0.05):.0%} to {p.gain(0.95):.0%})"
-            for p in summary.points
-        ]
+        off = []
+        for p in summary.points:
+            low, median, high = np.quantile(p.gains(), [0.05, 0.5, 0.95])
+            off.append(f"{median:.0%} at {p.M_g:g} N·m (5 to 95 % of drives: {low:.0%} to {high:.0%})")
         yield f"turning the wheel takes off F'_ior {', '.join(off)}"
 
 
 def _table(summary: Summary, style: Style) -> Table:
-    grid = table(style, "F'_ior, arcsec")
-    grid.add_column()
-    shown = TALLY[:4]
-    for q in shown:
-        grid.add_column(style.text(q.label), justify="right", no_wrap=True)
-    if summary.has_limit:
-        grid.add_column(style.text("limit"), justify="right", no_wrap=True)
-        grid.add_column(style.text("yield, 95 % sure"), justify="right", no_wrap=True)
+    grid = table(style, "F'_ior, arcsec (Monte Carlo interval)")
+    grid.add_column(no_wrap=True)
+    heads = [*(words for _, words, _ in PERCENTILES), *(["limit", "yield, %"] if summary.has_limit else [])]
+    for words in heads:
+        grid.add_column(style.text(words), justify="right", no_wrap=True)
     for point in summary.points:
-        for way, tally, share in _ways(point, summary):
-            cells = [q.text(tally) for q in shown]
+        for way, F_ior, held in _ways(point, summary):
+            found = [summary.percentile(F_ior, share) for _, _, share in PERCENTILES]
+            cells = [f"{each.value:.3g}" for each in found]
+            cells[-1] += f" ({found[-1].low:.3g}-{found[-1].high:.3g})"
             if summary.has_limit:
                 limit = "-" if point.limit is None else f"{point.limit:g}"
-                cells += [limit, "-" if point.limit is None else _percent(share)]
+                cells += [limit, "-" if point.limit is None else _yield_cell(held)]
             grid.add_row(style.text(f"{point.M_g:g} N·m, {way}"), *map(style.text, cells))
     return grid
 
 
-def _histogram(point: AtTorque, summary: Summary, style: Style) -> str:
-    """Bars of how many drives lie between round values, as built and in the best position side by side."""
-    ways = _ways(point, summary)
-    edges = _edges(min(t.quantile(0.001) for _, t, _ in ways), max(t.quantile(0.999) for _, t, _ in ways))
-    counts = [tally.between(np.array([0.0, *edges[1:-1], MOST])) for _, tally, _ in ways]
-    scale = BAR / max(int(c.max()) for c in counts)
-    mark = "#" if style.ascii else "█"
-    number = f".{max(0, -int(np.floor(np.log10(edges[1] - edges[0]))))}f"
-    spans = [f"{low:{number}} to {high:{number}}" for low, high in pairwise(edges)]
-    head = f"F'_ior at {point.M_g:g} N·m, arcsec"
-    width = max(len(head), *map(len, spans)) + 2
-    lines = [head.ljust(width) + "".join(way.ljust(BAR + 2) for way, _, _ in ways)]
-    for k, span in enumerate(spans):
-        bars = "".join((mark * round(c[k] * scale)).ljust(BAR + 2) for c in counts)
-        lines.append(f"{span.rjust(width - 2)}  {bars}".rstrip())
-    return style.text("\n".join(lines))
+def _distribution(point: AtTorque, summary: Summary, style: Style) -> str:
+    """Which share of the drives stays below which F'_ior, each wheel in its best position where it is turned."""
+    way, F_ior, _ = _ways(point, summary)[-1]
+    order = np.argsort(F_ior)
+    below = np.cumsum(np.array(summary.weights)[order]) / np.sum(summary.weights)
+    words = f"F'_ior at {point.M_g:g} N·m, arcsec, {way}"
+    return curve(style, np.array(F_ior)[order], 100 * below, x_label=words, y_label="% of drives below")
 
 
-def _edges(low: float, high: float) -> list[float]:
-    """Round numbers around low and high, about BINS apart."""
-    span = max(high - low, 1e-6)
-    power = 10.0 ** np.floor(np.log10(span / BINS))
-    step = next(s * power for s in (1, 2, 5, 10) if span / (s * power) <= BINS)
-    first, last = int(np.floor(low / step)), int(np.ceil(high / step))
-    return [float(k * step) for k in range(first, max(last, first + 1) + 1)]
-
-
-def _ways(point: AtTorque, summary: Summary) -> list[tuple[str, Tally, Share]]:
-    """Ways to build: in words, its values and its yield at a torque."""
-    found = [("as built", point.as_built, Share(point.passed_as_built, summary.count, summary.refused))]
+def _ways(point: AtTorque, summary: Summary) -> list[tuple[str, Sequence[float], YieldBelief]]:
+    """Ways to build: in words, F'_ior [arcsec] and yield at a torque."""
+    found: list[tuple[str, Sequence[float], YieldBelief]] = []
+    found.append(("as built", point.as_built, summary.yield_of(False, point)))
     if summary.positions > 1:
-        share = Share(point.passed_best, summary.count, summary.refused)
-        found.append((f"best of {summary.positions}", point.best, share))
+        found.append((f"best of {summary.positions}", point.best, summary.yield_of(True, point)))
     return found
 
 
-def _drawn_words(draws: Draws) -> str:
-    kinds = sorted({s.kind for s in draws.scatters if s.is_size})
-    told = {"rayleigh": f"Rayleigh (tolerance = {TAIL:g} standard deviations)"}
-    return f"sizes {', '.join(told.get(kind, kind) for kind in kinds)}, seed {draws.seed}"
+def _law_words(law: ProductionLaw) -> str:
+    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
+    words = [f"given sizes {', '.join(LAW_WORDS.get(each, each) for each in laws)}"] if laws else []
+    return ", ".join(words + (["others even"] if law.not_given else []))
 
 
-def _percent(share: Share) -> str:
-    low, high = (100 * bound for bound in share.bounds)
-    return f"{100 * share.share:.1f} % ({low:.1f}-{high:.1f})"
+def _to_measure(law: ProductionLaw, summary: Summary, samples: Samples | None) -> Sequence[MeasurementGain]:
+    """What to measure of the design next, at the torque with the least yield."""
+    if samples is None:
+        return ()
+    worst = min(range(len(summary.points)), key=lambda k: summary.yield_of(True, summary.points[k]).share)
+    return to_measure(law, samples, worst)
 
 
-def _share_object(share: Share) -> Json:
-    low, high = share.bounds
-    return {"share": share.share, "low": low, "high": high, "good": share.good}
+def _yield_words(found: YieldBelief) -> str:
+    """A range over the designs, or the yield of the only one with its interval."""
+    low, middle, high = (100 * found.percentile(share) for share in (ENDS, 0.5, 1 - ENDS))
+    if len(found.weights) == 1:
+        return f"{100 * found.share:.1f} % ({low:.1f}-{high:.1f})"
+    return f"{low:.1f} to {high:.1f} %, median {middle:.1f} %"
 
 
-def _scatter_object(scatter: Scatter) -> Json:
-    unit = unit_of(field_table()[scatter.path])
+def _yield_cell(found: YieldBelief) -> str:
+    middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
+    return f"{100 * middle:.0f} ({100 * found.percentile(ENDS):.0f}-{100 * found.percentile(1 - ENDS):.0f})"
+
+
+def _yield_object(found: YieldBelief, wanted: float | None) -> Json:
     return {
-        "field": scatter.path, "kind": scatter.kind, "low": scatter.low, "high": scatter.high, "unit": unit,
-        "assumed": scatter.assumed,
-    }  # fmt: skip
+        "share": found.share,
+        "low": found.percentile(ENDS),
+        "median": found.percentile(0.5),
+        "high": found.percentile(1 - ENDS),
+        "good": int(found.passed.sum()),
+        "probability": None if wanted is None else asdict(found.probability(wanted)),
+    }
 
 
-def _point_object(point: AtTorque) -> Json:
+def _F_ior_object(F_ior: Sequence[float], summary: Summary) -> Json:
+    found = {name: summary.percentile(F_ior, share) for name, _, share in PERCENTILES}
+    return {
+        **{f"{name}_arcsec": each.value for name, each in found.items()},
+        **{f"{name}_interval_arcsec": [each.low, each.high] for name, each in found.items()},
+        "worst_arcsec": max(F_ior),
+        "mean_arcsec": float(np.average(F_ior, weights=summary.weights)),
+    }
+
+
+def _point_object(point: AtTorque, summary: Summary) -> Json:
+    gains = np.quantile(point.gains(), [0.05, 0.5, 0.95]).tolist()
     return {
         "M_g_Nm": point.M_g,
         "limit_arcsec": point.limit,
         "self_error_arcsec": point.self_error,
-        "as_built": as_object(TALLY, point.as_built),
-        "best_position": as_object(TALLY, point.best),
-        "gain": {name: point.gain(share) for name, share in (("low", 0.05), ("median", 0.5), ("high", 0.95))},
+        "as_built": _F_ior_object(point.as_built, summary),
+        "best_position": _F_ior_object(point.best, summary),
+        "gain": dict(zip(("low", "median", "high"), gains, strict=True)),
     }

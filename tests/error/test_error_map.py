@@ -41,6 +41,18 @@ def test_extremes_are_those_of_every_state_and_proposed_ones_are_near(seed):
     assert proposed.certificate.max_residual < 1e-8
 
 
+def test_ranges_between_the_states_of_a_grid_are_near_those_of_every_state():
+    for seed in range(3):
+        drive = random_drive(seed)
+        error_map = ErrorMap(drive, 1.0)
+        exact = error_map.extremes().first
+        (coarse,), proof = error_map.estimated_ranges(Batch.of(drive), 12)
+        (fine,), _ = error_map.estimated_ranges(Batch.of(drive), 24)
+        assert coarse == pytest.approx(exact, rel=0.3)  # at kinks parabolas go too far
+        assert fine == pytest.approx(exact, rel=0.08)
+        assert proof.states == 144
+
+
 # islands of the error that climbs from a coarse grid did not come to: they were up to 2.1 arcsec low
 @pytest.mark.parametrize("seed", [223, 461, 163, 276, 296, 406, 685])
 def test_proposals_find_islands(seed):

@@ -8,15 +8,15 @@ import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.error.error_map import ErrorMap
-from hdassist.errors import UsageError
+from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import merit, rotated
-from hdassist.tolerance.production import Production, RandomDrive
-from hdassist.tolerance.scatter import Draws, scatters
-from hdassist.tolerance.summary import Summary
-from tests.process import SMALL
+from hdassist.tolerance.law import production_law
+from hdassist.tolerance.production import STEP, Production, RandomDrive
+from tests.process import ASSUMED, SMALL, TINY
 
 TORQUES = (1.0, 4.0)
-COUNT = 6
+COUNT = 5
+SOFT = "source.supports.C_3={kind: assumed, range: [500, 8000], ref: judged}"
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +24,13 @@ def small() -> Drive:
     return load_preset(SMALL)
 
 
+def with_designs(production: Production, drives: int = COUNT) -> Production:
+    return production.with_designs(drives)[0]
+
+
 @pytest.fixture(scope="module")
 def production(small: Drive) -> Production:
-    return Production.of(small, Draws(scatters(small), 1), TORQUES).tabled()
+    return with_designs(Production.of(production_law(small), TORQUES, seed=1, steps=True))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +47,7 @@ def searched(small: Drive, record: RandomDrive, rotations: tuple[float, ...]) ->
 def test_as_built_and_best_are_what_searches_of_all_positions_find(
     small: Drive, production: Production, records: list[RandomDrive]
 ) -> None:
-    for record in records:
+    for record in records[:3]:
         F_ior = searched(small, record, production.rotations)
         best = production.rotations.index(record.best_rotation_deg)
         assert record.F_ior_arcsec == pytest.approx(F_ior[:, 0], abs=0.01)
@@ -54,76 +58,96 @@ def test_as_built_and_best_are_what_searches_of_all_positions_find(
     assert len({record.best_rotation_deg for record in records}) > 2
 
 
-def test_a_drive_is_the_same_in_any_chunk(production: Production, records: list[RandomDrive]) -> None:
-    assert production.records(2, 5) == records[2:5]
+def test_a_step_of_a_tolerance_is_at_most_what_a_search_finds(small: Drive, records: list[RandomDrive]) -> None:
+    for record in records[:3]:
+        for path, then in record.tighter.items():
+            less = {**record.values, path: STEP * record.values[path]}
+            drive = rotated(small.with_values(less), record.best_rotation_deg)
+            exact = np.array([ErrorMap(drive, M_g).extremes(drive).first for M_g in TORQUES])
+            assert np.all(np.array(then) <= exact + 0.01)
+            assert then == pytest.approx(exact, rel=0.15, abs=0.1)
+
+
+def test_a_drive_is_the_same_in_any_chunk_and_process(production: Production, records: list[RandomDrive]) -> None:
+    assert production.records(2, 4) == records[2:4]
     with ThreadPoolExecutor(1) as executor:
-        again = Production.of(production.drive, production.draws, TORQUES).tabled(executor=executor)
+        law = production_law(production.drive)
+        again, _ = Production.of(law, TORQUES, seed=1, steps=True).with_designs(COUNT, executor=executor)
     assert again.records(4, 5) == records[4:5]
 
 
 def test_limits_decide_which_position_is_the_best(small: Drive, production: Production) -> None:
-    limited = Production.of(small, production.draws, TORQUES, limits=(1000.0, 0.5)).tabled()
+    limited = with_designs(Production.of(production.law, TORQUES, limits=(1000.0, 0.5), seed=1))
     F_ior = searched(small, record := limited.records(0, 1)[0], limited.rotations)
     assert record.best_rotation_deg == limited.rotations[int(F_ior[1].argmin())]
 
 
-def test_without_turning_the_best_is_what_was_built(
-    small: Drive, production: Production, records: list[RandomDrive]
-) -> None:
-    fixed = Production.of(small, production.draws, TORQUES, mounting=False).tabled().records(0, 2)
+def test_without_turning_the_best_is_what_was_built(production: Production, records: list[RandomDrive]) -> None:
+    fixed = with_designs(Production.of(production.law, TORQUES, mounting=False, seed=1)).records(0, 2)
     for one, other in zip(fixed, records, strict=False):
         assert one.best_F_ior_arcsec == one.F_ior_arcsec
         assert one.F_ior_arcsec == pytest.approx(other.F_ior_arcsec, abs=1e-6)
+        assert one.tighter is None
 
 
-def test_stiffnesses_scatter_by_their_own_uncertainty() -> None:
-    drive = load_preset(SMALL, ["contact.c_t=6e-5 ± 1e-5", "operation.M_g=4"])
-    production = Production.of(drive, Draws(scatters(drive, "fixed"), 1), (4.0,), mounting=False).tabled()
-    for record in production.records(0, 3):
+def test_designs_differ_in_what_is_not_known_and_their_drives_share_it() -> None:
+    drive = load_preset(TINY, [SOFT, "operation.M_g=4"])
+    few = with_designs(Production.of(production_law(drive), (4.0,), mounting=False, per_design=3), 6)
+    more = with_designs(replace(few, designs=()), 12)
+    assert (len(few.designs), len(more.designs)) == (2, 4)
+    assert more.designs[:2] == few.designs
+    records = few.records(0, 6)
+    assert [record.design for record in records] == [0, 0, 0, 1, 1, 1]
+    assert [len({r.values["supports.C_3"] for r in records[k : k + 3]}) for k in (0, 3)] == [1, 1]
+    for record in records:
         moved = drive.with_values(record.values)
         assert record.F_ior_arcsec[0] == pytest.approx(ErrorMap(moved, 4.0).extremes(moved).first, abs=0.01)
-    assert len({record.values["contact.c_t"] for record in production.records(0, 3)}) == 3
+    assert records[4:] == few.records(4, 6)
 
 
-def test_a_drive_that_cannot_be_is_kept_with_the_reason() -> None:
-    drive = load_preset(SMALL, ["cam.W_0=0.58 ± 0.57", "operation.M_g=4"])
-    found = Production.of(drive, Draws(scatters(drive), 2), (4.0,), mounting=False).tabled().records(0, 6)
-    refused = [record for record in found if record.refused is not None]
-    assert refused
-    assert all(record.refused and record.values for record in refused)
-    summary = Summary.of((4.0,), [1000.0], [0.0], positions=1)
-    summary.add(found)
-    assert (summary.refused, summary.count) == (len(refused), 6 - len(refused))
-    assert summary.yield_as_built.bounds[0] < summary.count / 6
+def test_evidence_weighs_designs() -> None:
+    def mean_C_3(catalogue: str) -> float:
+        drive = load_preset(TINY, [SOFT, "operation.M_g=4", "operation.rated=4", catalogue])
+        found = with_designs(Production.of(production_law(drive), (4.0,), mounting=False, per_design=1), 12)
+        return float(np.average([v["supports.C_3"] for v, _ in found.designs], weights=[w for _, w in found.designs]))
+
+    assert mean_C_3("catalogue.accuracy=15") != mean_C_3("catalogue.accuracy=1000")
 
 
-def test_quantiles_of_one_tolerance_are_those_of_its_distribution() -> None:
-    fixed = ["tolerances.F_i2=0", "tolerances.e_hh=0", "tolerances.F_i1=0", "operation.M_g=4"]
-    drive = load_preset(SMALL, [*fixed, "numerics.n_max=20", "numerics.n_2=40"])
-    draws = Draws(scatters(drive, "uniform", known=["phases.phi_hb"]), 0, "sobol")
-    assert [s.path for s in draws.scatters] == ["tolerances.e_hb"]
-    production = Production.of(drive, draws, (4.0,), mounting=False).tabled()
-    summary = Summary.of((4.0,), [None], [0.0], positions=1)
-    summary.add(production.records(0, 64))
-    search = ErrorMap(drive, 4.0)
-    sizes = np.linspace(0, 30, 31)
-    F_ior = [search.extremes(drive.with_values({"tolerances.e_hb": float(s)})).first for s in sizes]
-    assert np.all(np.diff(F_ior[1:]) > 0), "a quantile of the error is the error of a quantile"
-    for share in (0.25, 0.5, 0.75):
-        expected = np.interp(30 * share, sizes, F_ior)
-        assert summary.points[0].as_built.quantile(share) == pytest.approx(expected, rel=0.02, abs=0.02)
+def test_too_few_designs_that_agree_with_the_catalogue_are_an_error() -> None:
+    drive = load_preset(TINY, [SOFT, "operation.M_g=4", "operation.rated=4", "catalogue.K_1=1e9"])
+    with pytest.raises(UntrustedError, match=r"catalogue.K_1 = 1e\+09 contradicts"):
+        Production.of(production_law(drive), (4.0,), per_design=1).with_designs(1)
 
 
-def test_rolling_balls_are_refused(small: Drive) -> None:
+def test_clearances_that_have_a_tolerance_scatter_from_drive_to_drive() -> None:
+    drive = load_preset(SMALL, ["gears.j_n=6 ± 1", "operation.M_g=4"])
+    production = with_designs(Production.of(production_law(drive, "fixed"), (4.0,), mounting=False, seed=1))
+    records = production.records(0, 2)
+    for record in records:
+        moved = drive.with_values(record.values)
+        assert record.F_ior_arcsec[0] == pytest.approx(ErrorMap(moved, 4.0).extremes(moved).first, abs=0.01)
+    assert len({record.values["gears.j_n"] for record in records}) == 2
+
+
+def test_a_drive_that_cannot_be_is_kept_with_the_reason(production: Production) -> None:
+    (found,) = replace(production, designs=(({"cam.W_0": 9.0}, 1.0),)).records(0, 1)
+    assert found.refused and found.refused.startswith("no such drive: ")
+    assert found.values["cam.W_0"] == 9.0
+    assert not found.F_ior_arcsec
+
+
+def test_rolling_balls_are_refused() -> None:
     rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=4"])
     with pytest.raises(UsageError, match="rolling balls"):
-        Production.of(rolling, Draws(scatters(rolling), 0), TORQUES)
+        Production.of(production_law(rolling), TORQUES)
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"values": {}}, "values: expected tolerances.F_i1"),
+        ({"values": {}}, "values: expected those of drive 0"),
+        ({"design": 1}, "values: expected those of drive 0"),
         ({"F_ior_arcsec": (3.0,)}, "F_ior_arcsec: expected 2 values, proven by states"),
         ({"best_F_ior_arcsec": ()}, "F_ior_arcsec: expected 2 values, proven by states"),
         ({"states": 0}, "F_ior_arcsec: expected 2 values, proven by states"),
@@ -138,11 +162,17 @@ def test_a_record_that_cannot_be_is_refused(
     production: Production, records: list[RandomDrive], change: dict, why: str
 ) -> None:
     assert [production.kind.fault(k, record) for k, record in enumerate(records)] == [""] * len(records)
-    turned = next(record for record in records if record.best_rotation_deg)
-    assert production.kind.fault(0, replace(turned, **change)).startswith(why)
-    beyond = replace(turned, values={**turned.values, "phases.xi_b": 361.0})
-    assert production.kind.fault(0, beyond) == "values.phases.xi_b: expected 0 to 360, as it is drawn"
+    assert records[0].best_rotation_deg
+    assert production.kind.fault(0, replace(records[0], **change)).startswith(why)
+    other = replace(records[0], values={**records[0].values, "phases.xi_b": 361.0})
+    assert production.kind.fault(0, other).startswith("values.phases.xi_b: expected")
     adapter = production.kind.adapter
     for wrong in ({"F_ior_arcsec": (0.0, 1.0)}, {"max_residual": 0.9}, {"states": 1.5}, {"refused": 3}):
         with pytest.raises(ValueError, match="Input should be"):
-            adapter.validate_python({**asdict(turned), **wrong})
+            adapter.validate_python({**asdict(records[0]), **wrong})
+
+
+def test_a_field_that_is_assumed_makes_designs() -> None:
+    law = production_law(load_preset(TINY, [ASSUMED]))
+    assert Production.of(law, (4.0,), per_design=7).design_of(14) == 2
+    assert Production.of(production_law(load_preset(TINY)), (4.0,)).design_of(14) == 0

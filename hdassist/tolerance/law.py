@@ -1,0 +1,145 @@
+"""What the drives of a production are drawn from: what all drives of a design share, and what each has of its own.
+
+A size of a deviation that the preset gives is a tolerance here: parts lie between zero and it, by a law. A size that it
+does not give, or only assumes, is drawn as `check` draws it. Directions are any: parts are put together as they come.
+All else that is not known exactly is the same in all drives of a design, but for clearances that have a tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+
+from hdassist.belief.prior import DrivePrior, FieldPrior, prior_of
+from hdassist.errors import UsageError
+from hdassist.model.assumed import assumptions
+from hdassist.model.deviations import deviations_of
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
+
+Law = Literal["rayleigh", "uniform", "fixed"]
+LAWS = get_args(Law)
+TAIL = 3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
+
+
+@dataclass(frozen=True)
+class TolerancedSize(FieldPrior):
+    """Size of a deviation in a production: by a law between 0 and its tolerance `high`, or one of measured sizes."""
+
+    law: Literal["rayleigh", "uniform", "fixed", "measured"] = "rayleigh"
+    measured: tuple[float, ...] = ()
+
+    def value(self, share: Array) -> Array:
+        """Sizes [the field's unit] that shares of the parts stay below."""
+        if self.law == "fixed":
+            return np.full_like(share, self.high)
+        if self.law == "rayleigh":
+            return np.asarray(self.high / TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(TAIL**2) / 2))))
+        if self.law == "measured":
+            place = np.minimum((share * len(self.measured)).astype(np.int64), len(self.measured) - 1)
+            return np.asarray(self.measured)[place]
+        return super().value(share)
+
+
+@dataclass(frozen=True)
+class ProductionLaw:
+    """Distributions of the drives of a production: shared, what drives of a design have alike; own, of each drive."""
+
+    drive: Drive
+    shared: tuple[FieldPrior, ...]
+    own: tuple[FieldPrior, ...]
+    fitted: tuple[str, ...] = ()
+
+    @cached_property
+    def joint(self) -> DrivePrior:
+        """The prior of a random drive of a random design."""
+        return DrivePrior(self.drive, self.shared + self.own, self.fitted)
+
+    @property
+    def tolerances(self) -> tuple[TolerancedSize, ...]:
+        """Sizes that are drawn up to a tolerance of the preset."""
+        return tuple(each for each in self.own if isinstance(each, TolerancedSize) and each.law != "measured")
+
+    @property
+    def not_given(self) -> tuple[str, ...]:
+        """Sizes that are drawn up to a bound which is no tolerance, as `check` draws them."""
+        sizes = [each for each in self.own if each.path == each.group and each.path in deviations(self.drive)]
+        return tuple(f.path for f in sizes if not isinstance(f, TolerancedSize) and f.distribution != "normal")
+
+    @property
+    def moves_system(self) -> bool:
+        """Whether clearances scatter from drive to drive, so that each has a contact system of its own."""
+        return any(each.path not in deviations(self.drive) for each in self.own)
+
+    def values(self, seed: int, drive: int) -> dict[str, float]:
+        """What a drive by its number has of its own, by path: the same however many are drawn, and by whom."""
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
+        return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
+
+    def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
+        """The same law with some tolerances that many times as great."""
+        own = tuple(replace(f, high=f.high * factors[f.path]) if f.path in factors else f for f in self.own)
+        return replace(self, own=own)
+
+
+def production_law(
+    drive: Drive,
+    law: Law = "rayleigh",
+    *,
+    by_field: Mapping[str, Law | Sequence[float]] | None = None,
+    known: Sequence[str] = (),
+) -> ProductionLaw:
+    """The law of a preset's production.
+
+    Arguments: drive; law of sizes up to their tolerance; by_field, another one of some sizes, or values measured of
+    them, in the field's unit; known, directions that are as the preset has them. Raises UsageError for a field that is
+    none, or a direction that is called known and is not.
+    """
+    prior, left, left_known = prior_of(drive), dict(by_field or {}), set(known)
+    priors = {each.path: each for each in prior.fields}
+    own: list[FieldPrior] = []
+    for each in deviations_of(drive.mounting.mark_kind):
+        left_known.discard(each.direction)
+        wanted, open_ = left.pop(each.size, None), priors.get(each.size)
+        high = open_.high if open_ and drive.value(each.size) is None else drive.number(each.size)
+        if wanted is None and open_:
+            own.append(open_)
+        elif wanted is not None and not isinstance(wanted, str):
+            own.append(_size(each.size, max(wanted), "measured", tuple(wanted)))
+        elif high > 0:
+            own.append(_size(each.size, high, wanted or law))
+        else:
+            continue
+        given = drive.value(each.direction) is not None
+        if each.direction in known and not given:
+            raise UsageError(f"{each.direction} cannot be known: the preset does not give it")
+        if given and each.direction in priors:
+            own.append(priors[each.direction])
+        elif each.direction not in known:
+            reason = "parts are put together as they come"
+            own.append(FieldPrior(each.direction, "even", 0.0, 360.0 / each.order, "drive", each.size, reason))
+    for path in (*left, *left_known):
+        raise UsageError(f"{path} is no {'size' if path in left else 'direction'} of a deviation")
+    others = [each for each in prior.fields if each.path not in deviations(drive)]
+    clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
+    shared = tuple(f for f in others if f not in clearances)
+    return ProductionLaw(drive, shared, (*own, *clearances), prior.fitted)
+
+
+def _size(path: str, high: float, law: Literal[Law, "measured"], measured: tuple[float, ...] = ()) -> TolerancedSize:
+    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law, measured)
+
+
+def deviations(drive: Drive) -> set[str]:
+    """Sizes and directions of the deviations that a drive can have, by path."""
+    return {path for each in deviations_of(drive.mounting.mark_kind) for path in (each.size, each.direction)}
+
+
+def assumed_sizes(drive: Drive) -> list[str]:
+    """Sizes of deviations that the preset assumes, with a value and a range."""
+    sizes = {each.size for each in deviations_of(drive.mounting.mark_kind)}
+    return [each.path for each in assumptions(drive) if each.path in sizes and drive.value(each.path)]

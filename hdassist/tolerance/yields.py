@@ -1,0 +1,224 @@
+"""What random drives come to: percentiles of F'_ior, and the yield as far as the designs are known.
+
+Each design has a yield, of which its few drives tell a little. Yields of designs are taken as beta distributed; mean
+and
+concentration of that have posterior weights on a grid, and given them each design's yield is beta distributed too: the
+hierarchical model of Gelman et al., Bayesian Data Analysis, 3rd edition, section 5.3.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc
+from scipy.stats import beta, betabinom
+
+from hdassist.belief.samples import Probability, effective_number, weighted_quantile
+from hdassist.model.geometry import Array
+from hdassist.tolerance.production import RandomDrive
+from hdassist.verdict import SURE, Verdict, verdict_by_probability
+
+MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middles of Jeffreys' prior
+CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs
+POSSIBLE = 1e-4  # posterior weight of a point of the grid, below which it is left out
+YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # at which their distribution is computed
+BEYOND = 1.645  # standard errors of the ends of an interval: 5 % beyond each
+TAIL = 0.05  # of the yields of designs beyond each end of their range
+
+
+@dataclass(frozen=True, eq=False)
+class YieldBelief:
+    """Yield of a production, over its designs: drives that pass and drives, shape (designs,), and the designs' weights.
+
+    The yield of one design alone has Jeffreys' prior.
+    """
+
+    passed: NDArray[np.int64]
+    drives: NDArray[np.int64]
+    weights: Array
+
+    @property
+    def share(self) -> float:
+        """Share of the drives that pass, each by the weight of its design."""
+        return float(self.weights @ self.passed / max(float(self.weights @ self.drives), 1e-300))
+
+    def percentile(self, share: float) -> float:
+        """Yield that a share of the designs stay below, as far as their drives tell."""
+        return float(np.interp(share, self._below, YIELDS))
+
+    def probability(self, wanted: float) -> Probability:
+        """Probability that the yield of the design reaches a wanted one, and its Monte Carlo interval.
+
+        The interval is that of the share of such designs, as the posterior of their distribution has it, or as Jeffreys
+        has it of so many designs, whichever is wider: the one knows that drives are few, the other that designs are.
+        """
+        value = 1 - float(self._mixture(np.array([wanted]))[0])
+        if len(self.weights) == 1:
+            return Probability(value, value, value)
+        a, b, chance = self._posterior(*self._kinds())
+        shares = 1 - betainc(a, b, wanted)
+        hits = value * (count := effective_number(self.weights))
+        low, high = beta.ppf([TAIL, 1 - TAIL], hits + 0.5, count - hits + 0.5)
+        ends = [weighted_quantile(shares, chance, share) for share in (TAIL, 1 - TAIL)]
+        return Probability(value, min(float(low), value, ends[0]), max(float(high), value, ends[1]))
+
+    @cached_property
+    def _below(self) -> Array:
+        return np.maximum.accumulate(self._mixture(YIELDS))
+
+    def _mixture(self, yields: Array) -> Array:
+        """Share of the designs whose yield is below some, same shape."""
+        kinds, weights = self._kinds()
+        a, b, chance = self._posterior(kinds, weights)
+        passed, failed = kinds[:, 0], kinds[:, 1] - kinds[:, 0]
+        below = betainc(a[:, None, None] + passed[:, None], b[:, None, None] + failed[:, None], yields)
+        return np.asarray(np.einsum("g,k,gky->y", chance, weights, below))
+
+    def _kinds(self) -> tuple[NDArray[np.integer], Array]:
+        """Numbers of passed drives and of drives that designs have, shape (kinds, 2), and the weight of each."""
+        pairs = np.stack([self.passed, self.drives], axis=1)
+        kinds, where = np.unique(pairs, axis=0, return_inverse=True)
+        return kinds, np.asarray(np.bincount(where.ravel(), self.weights / self.weights.sum()), dtype=float)
+
+    def _posterior(self, kinds: NDArray[np.integer], weights: Array) -> tuple[Array, Array, Array]:
+        """Beta distributions of the yields of designs, and the posterior weight of each, shape (distributions,)."""
+        if len(self.weights) == 1:
+            return np.array([0.5]), np.array([0.5]), np.ones(1)
+        mean, concentration = (each.ravel() for each in np.meshgrid(MEANS, CONCENTRATIONS, indexing="ij"))
+        a, b = mean * concentration, (1 - mean) * concentration
+        likelihood = betabinom.logpmf(kinds[:, 0], kinds[:, 1], a[:, None], b[:, None])
+        posterior = effective_number(self.weights) * likelihood @ weights
+        chance = np.exp(posterior - posterior.max())
+        possible = chance > POSSIBLE
+        return a[possible], b[possible], chance[possible] / chance[possible].sum()
+
+
+@dataclass(frozen=True)
+class Percentile:
+    """Percentile of F'_ior [arcsec] with its Monte Carlo interval (5 % beyond each end)."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(eq=False)
+class AtTorque:
+    """Random drives at a torque M_g [N*m]: F'_ior [arcsec] as built and in the best position, one a drive.
+
+    limit [arcsec] of F'_ior with the self error, if any; self_error [arcsec] of the preset's drive.
+    """
+
+    M_g: float
+    limit: float | None
+    self_error: float
+    as_built: array[float] = field(default_factory=lambda: array("d"))
+    best: array[float] = field(default_factory=lambda: array("d"))
+
+    def gains(self) -> Array:
+        """How much less F'_ior is in the best position, as a share of it, shape (drives,)."""
+        built = np.array(self.as_built)
+        return np.asarray(1 - np.array(self.best) / np.where(built > 0, built, 1.0))
+
+    def passes(self, F_ior: Array) -> NDArray[np.bool_]:
+        """Whether F'_ior [arcsec] with the self error is within the limit; so it is without one."""
+        return np.asarray(F_ior + self.self_error <= (np.inf if self.limit is None else self.limit))
+
+
+@dataclass(eq=False)
+class Summary:
+    """What random drives come to, added as they are computed.
+
+    positions: how many the wheel was tried in, 1 where it is not turned; wanted: the yield that is asked for, as a
+    share, and sure, with which probability; designs and weights: number and weight of each drive's design; refused:
+    designs of drives without an answer; reason, of the first of them.
+    """
+
+    points: tuple[AtTorque, ...]
+    positions: int
+    wanted: float | None = None
+    sure: float = SURE
+    designs: array[int] = field(default_factory=lambda: array("q"))
+    weights: array[float] = field(default_factory=lambda: array("d"))
+    refused: array[int] = field(default_factory=lambda: array("q"))
+    reason: str = ""
+    states: int = 0
+    max_residual: float = 0.0
+
+    def add(self, records: Iterable[RandomDrive]) -> None:
+        """Add drives."""
+        for record in records:
+            if record.refused is not None:
+                self.refused.append(record.design)
+                self.reason = self.reason or record.refused
+                continue
+            self.designs.append(record.design)
+            self.weights.append(record.weight)
+            self.states += record.states
+            self.max_residual = max(self.max_residual, record.max_residual)
+            for point, now, best in zip(self.points, record.F_ior_arcsec, record.best_F_ior_arcsec, strict=True):
+                point.as_built.append(now)
+                point.best.append(best)
+
+    @property
+    def count(self) -> int:
+        """Drives with an answer."""
+        return len(self.designs)
+
+    @property
+    def design_count(self) -> int:
+        """Designs that drives with an answer have."""
+        return len(np.unique(self.designs))
+
+    @property
+    def has_limit(self) -> bool:
+        """Whether there is a limit at any torque."""
+        return any(point.limit is not None for point in self.points)
+
+    def yield_of(self, best: bool, point: AtTorque | None = None, *, refused_pass: bool = False) -> YieldBelief:
+        """Yield as built, or with each wheel in its best position, at all torques or at one.
+
+        Arguments: refused_pass, whether drives without an answer count as good; else they count as bad.
+        """
+        points = self.points if point is None else (point,)
+        ok = np.all([each.passes(np.array(each.best if best else each.as_built)) for each in points], axis=0)
+        designs = np.concatenate([np.array(self.designs, dtype=np.int64), np.array(self.refused, dtype=np.int64)])
+        ok = np.concatenate([ok, np.full(len(self.refused), refused_pass)])
+        names, place = np.unique(designs, return_inverse=True)
+        weights = np.zeros(len(names))
+        weights[place[: self.count]] = self.weights
+        kept = weights > 0
+        passed = np.bincount(place, ok, len(names)).astype(np.int64)
+        return YieldBelief(passed[kept], np.bincount(place, minlength=len(names))[kept], weights[kept])
+
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict on the probability that the yield is the wanted one, with the wheel turned where it may be."""
+        if self.wanted is None or not self.has_limit:
+            return Verdict.NO_LIMIT
+        found = [self.yield_of(True, refused_pass=good).probability(self.wanted) for good in (False, True)]
+        if not self.count:
+            return Verdict.INCONCLUSIVE
+        return verdict_by_probability(found[0].low, found[1].high, self.sure)
+
+    def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
+        """Percentile of F'_ior [arcsec] of the drives; drives of a design are no independent ones in its interval."""
+        values, weights = np.array(F_ior), np.array(self.weights)
+        value = weighted_quantile(values, weights, share)
+        designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(len(values))
+        # standard error of the share below, from sums over designs (Cochran 1977, section 9A.2: a ratio of totals)
+        residual = np.bincount(designs, weights * ((values <= value) - share))
+        step = BEYOND * float(np.sqrt(np.sum(residual**2))) / weights.sum()
+        low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
+        return Percentile(value, min(low, value), max(high, value))
+
+
+def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float] | None:
+    """What limits [arcsec] leave for F'_ior at each torque; None where one is missing, or leaves nothing."""
+    left = [limit - own for limit, own in zip(limits, self_errors, strict=True) if limit is not None]
+    return left if len(left) == len(limits) and min(left) > 0 else None

@@ -1,0 +1,113 @@
+"""What random drives are drawn from: laws against their densities, drives the same whatever is drawn beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import Drive, load_preset
+from hdassist.belief.prior import prior_of
+from hdassist.errors import UsageError
+from hdassist.tolerance.law import TAIL, TolerancedSize, assumed_sizes, production_law
+from tests.process import ASSUMED, TINY
+
+
+@pytest.fixture(scope="module")
+def tiny() -> Drive:
+    return load_preset(TINY)
+
+
+EVEN = (np.arange(20_000) + 0.5) / 20_000
+
+
+def size(law: str, high: float, measured: tuple[float, ...] = ()) -> TolerancedSize:
+    path = "tolerances.e_hb"
+    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law, measured)
+
+
+def test_a_rayleigh_size_ends_at_the_tolerance_and_has_the_density_of_two_normal_parts() -> None:
+    values = size("rayleigh", 60.0).value(EVEN)
+    x, y = np.random.default_rng(1).normal(0, 60 / TAIL, (2, 200_000))
+    parts = np.hypot(x, y)
+    parts = parts[parts <= 60]
+    assert values.max() <= 60
+    assert values.mean() == pytest.approx(parts.mean(), rel=3e-3)
+    for share in (0.1, 0.5, 0.9):
+        assert np.quantile(values, share) == pytest.approx(np.quantile(parts, share), rel=6e-3)
+
+
+def test_measured_sizes_come_as_often_as_they_were_measured() -> None:
+    values = size("measured", 9.0, (9.0, 3.0, 3.0, 5.0)).value(EVEN)
+    assert {float(v): int((values == v).sum()) for v in np.unique(values)} == {3.0: 10_000, 5.0: 5_000, 9.0: 5_000}
+
+
+def test_a_drive_is_the_same_whatever_is_drawn_beside_it(tiny: Drive) -> None:
+    law = production_law(tiny)
+    assert law.values(5, 7) == law.values(5, 7)
+    assert len({law.values(5, k)["phases.xi_b"] for k in range(50)}) == 50
+    assert law.scaled({"tolerances.e_hb": 0.5}).values(5, 7) == {
+        path: value * (0.5 if path == "tolerances.e_hb" else 1) for path, value in law.values(5, 7).items()
+    }
+
+
+def test_given_sizes_go_up_to_their_tolerance_and_directions_are_any(tiny: Drive) -> None:
+    found = {f.path: f for f in production_law(tiny).own}
+    assert found["tolerances.e_hb"] == size("rayleigh", 30.0)
+    direction = found["phases.xi_b"]
+    assert (direction.low, direction.high, direction.is_any_direction) == (0.0, 360.0, True)
+    assert "tolerances.e_b" not in found, "a tolerance of 0 leaves no size to draw"
+    assert "phases.phi_eb" not in found
+
+
+def test_what_has_no_tolerance_is_drawn_as_check_draws_it() -> None:
+    sets = [
+        "tolerances.e_b=unknown",
+        "harmonics.a_b2=unknown",
+        "source.tolerances.F_i2={kind: assumed, range: [0, 47]}",
+    ]
+    drive = load_preset(TINY, [*sets, "tolerances.e_hb=20 ± 4", "phases.phi_hb=10 ± 5"])
+    law, prior = production_law(drive), {f.path: f for f in prior_of(drive).fields}
+    own = {f.path: f for f in law.own}
+    for path in ("tolerances.e_b", "harmonics.a_b2", "tolerances.F_i2", "tolerances.e_hb", "phases.phi_hb"):
+        assert own[path] == prior[path]
+    assert set(law.not_given) == {"tolerances.e_b", "harmonics.a_b2", "tolerances.F_i2"}
+    assert own["harmonics.xi_b2"].high == 180
+    assert assumed_sizes(drive) == ["tolerances.F_i2"]
+
+
+def test_designs_share_what_is_not_known_of_them_and_drives_have_clearances_of_their_own() -> None:
+    sets = [ASSUMED, "contact.c_t=6e-5 ± 1e-5", "gears.j_n=18 ± 1"]
+    law = production_law(load_preset(TINY, sets))
+    assert {f.path for f in law.shared} == {"bearing.g_b", "contact.c_t"}
+    assert "gears.j_n" in {f.path for f in law.own}
+    assert law.moves_system
+    assert not production_law(load_preset(TINY, sets[:2])).moves_system
+
+
+def test_a_known_direction_stays(tiny: Drive) -> None:
+    assert "phases.xi_b" not in {f.path for f in production_law(tiny, known=["phases.xi_b"]).own}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"known": ["phases.xi_x"]}, "phases.xi_x is no direction"),
+        ({"known": ["tolerances.e_hb"]}, "tolerances.e_hb is no direction"),
+        ({"by_field": {"phases.xi_b": "uniform"}}, "phases.xi_b is no size"),
+        ({"by_field": {"gears.j_n": "uniform"}}, "gears.j_n is no size"),
+    ],
+)
+def test_other_fields_are_refused(tiny: Drive, arguments: dict, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        production_law(tiny, **arguments)
+
+
+def test_a_direction_that_the_preset_does_not_give_cannot_be_known() -> None:
+    with pytest.raises(UsageError, match="does not give it"):
+        production_law(load_preset(TINY, ["phases.xi_b=unknown"]), known=["phases.xi_b"])
+
+
+def test_a_law_of_one_field_counts_for_that_alone(tiny: Drive) -> None:
+    found = {f.path: f for f in production_law(tiny, by_field={"tolerances.e_hb": "uniform"}).own}
+    assert found["tolerances.e_hb"] == replace(size("uniform", 30.0))
+    assert found["tolerances.F_i1"].law == "rayleigh"

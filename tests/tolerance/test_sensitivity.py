@@ -1,0 +1,69 @@
+"""What a tighter tolerance brings against drives that were drawn so, and what to measure before one is tightened."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.belief.samples import weighted_quantile
+from hdassist.tolerance.law import production_law
+from hdassist.tolerance.production import STEP, Production, RandomDrive
+from hdassist.tolerance.sensitivity import Sensitivities, sensitivities
+from hdassist.tolerance.sensitivity_page import summary_line
+from tests.process import TINY
+
+SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
+
+
+def proven(production: Production, count: int) -> list[RandomDrive]:
+    return production.records(0, count)
+
+
+def found_of(
+    preset: str, sets: list[str], count: int, law_of_sizes: str = "rayleigh"
+) -> tuple[Production, Sensitivities]:
+    drive = load_preset(preset, sets)
+    law = production_law(drive, law_of_sizes)
+    own = replace(law, shared=law.shared + law.own, own=())
+    production = Production.of(own, drive.operation.M_g, mounting=False, per_design=1, steps=True)
+    production, samples = production.with_designs(count)
+    assert samples
+    return production, sensitivities(production, samples, proven)
+
+
+@pytest.fixture(scope="module")
+def oval() -> tuple[Production, Sensitivities]:
+    """A drive whose F'_ior is c (a_g2 + a_b2): no other size deviates, and no contact changes."""
+    none = [f"tolerances.{name}=0" for name in ("F_i1", "F_i2", "e_hb", "e_hh")]
+    return found_of(TINY, [*none, "harmonics.a_g2=0.2", "harmonics.a_b2=0.1", "operation.M_g=4"], 48, "uniform")
+
+
+def test_a_linear_drive_is_tightened_where_its_larger_part_comes_from(oval: tuple[Production, Sensitivities]) -> None:
+    production, found = oval
+    assert found.is_worth_tightening
+    assert found.first.path == "harmonics.a_g2"
+    assert found.first.proven
+    sizes = {path: np.array([v[path] for v, _ in production.designs]) for path in ("harmonics.a_g2", "harmonics.a_b2")}
+    F = np.array([r.F_ior_arcsec[0] for r in production.records(0, 48)])
+    factor = np.median(F / sum(sizes.values()))
+    then = factor * (STEP * sizes["harmonics.a_g2"] + sizes["harmonics.a_b2"])
+    assert found.first.then == pytest.approx(weighted_quantile(then, np.ones(48), 0.95), rel=0.02)
+    assert found.first.low < found.first.then < found.first.high < found.first.now
+
+
+def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Production, Sensitivities]) -> None:
+    shares = {each.group: each.share for each in oval[1].influences[0]}
+    assert list(shares) == ["harmonics.a_g2", "harmonics.a_b2"]
+    assert sum(shares.values()) > 0.8
+    assert summary_line(oval[1]).startswith("tighten first: ")
+
+
+def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tightened() -> None:
+    _, found = found_of(TINY, [SOFT, "operation.M_g=4", "tolerances.e_hb=60"], 64, "fixed")
+    assert found.largest and found.largest.group == "supports.C_3"
+    assert not found.is_worth_tightening
+    assert found.to_measure[0].measured == "supports.C_3"
+    words = summary_line(found)
+    assert words.startswith("no tolerance 20% tighter moves the 95th percentile of F'_ior at 4 N·m")
+    assert "measure support of the cam, radial (supports.C_3) first" in words
