@@ -349,9 +349,7 @@ STDOUT = {
 }
 
 
-@pytest.mark.parametrize(
-    ("asked", "unbuffered"), [*((asked, "") for asked in STDOUT), ("help", "1"), ("list", "1")]
-)
+@pytest.mark.parametrize(("asked", "unbuffered"), [*((asked, "") for asked in STDOUT), ("help", "1"), ("list", "1")])
 def test_a_full_device_as_standard_output_is_said_and_is_no_bug(folder, asked, unbuffered):
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
