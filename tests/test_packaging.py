@@ -12,21 +12,32 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-def build(tmp_path: Path, target: str) -> Path:
-    """Build a wheel without the network, by the build backend that is installed."""
-    code = f"from hatchling import build; build.{target}({str(tmp_path)!r})"
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    site = tmp_path / "site"
+def build(folder: Path, target: str = "build_wheel", compiler: str = "cc") -> Path:
+    """Build a wheel without the network, by the build backend that is installed, and unpack it."""
+    code = f"from hatchling import build; build.{target}({str(folder)!r})"
+    env = os.environ | {"CC": compiler}
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, env=env)
+    (wheel,) = folder.glob("*.whl")
+    site = folder / "site"
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(site)
     return site
 
 
-@pytest.mark.parametrize("target", ["build_wheel", "build_editable"])
-def test_presets_are_found(tmp_path, target):
-    site = build(tmp_path, target)
-    # -S -E: nothing of this environment but its packages; .pth files of the editable wheel are read by addsitedir
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel, unpacked; it was built beside a stray library."""
+    stray = ROOT / "hdassist/solve/stray.so"  # not by a name that a process beside this one would load
+    stray.touch()
+    try:
+        return build(tmp_path_factory.mktemp("wheel"))
+    finally:
+        stray.unlink()
+
+
+def require_presets(site: Path, home: Path) -> None:
+    """Presets and package are found below a folder in a Python that has a site folder and nothing else of this one."""
+    # -I: nothing of this environment but its packages; .pth files of the editable wheel are read by addsitedir
     code = (
         f"import site, sys; site.addsitedir({str(site)!r}); sys.path.insert(0, {str(site)!r})\n"
         "import hdassist\n"
@@ -36,42 +47,46 @@ def test_presets_are_found(tmp_path, target):
     others = os.pathsep.join(p for p in sys.path if p.endswith("site-packages"))
     result = subprocess.run(
         [sys.executable, "-I", "-c", f"import sys; sys.path.append({others!r})\n{code}"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
+        cwd=site, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
-    home, names, teeth = result.stdout.splitlines()
-    assert Path(home).is_relative_to(site if target == "build_wheel" else ROOT)
+    found, names, teeth = result.stdout.splitlines()
+    assert Path(found).is_relative_to(home)
     assert {"vzp160", "synthetic-160-162"} <= set(names.split())
     assert teeth == "200"
 
 
-def test_wheel_holds_the_presets_as_they_are(tmp_path):
-    site = build(tmp_path, "build_wheel")
-    shipped = {p.name: p.read_bytes() for p in (site / "hdassist/presets").glob("*.yaml")}
+def test_presets_are_found_in_a_wheel(wheel):
+    require_presets(wheel, wheel)
+
+
+def test_presets_are_found_in_an_editable_install(tmp_path):
+    require_presets(build(tmp_path, "build_editable"), ROOT)
+
+
+def test_wheel_holds_the_presets_as_they_are(wheel):
+    shipped = {p.name: p.read_bytes() for p in (wheel / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
     for folder in ("hdassist/mounting/templates", "hdassist/reporting/templates", "hdassist/terminal/languages"):
         data = [p.name for p in (ROOT / folder).iterdir()]
         assert data
-        assert all((site / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
-    assert (site / "hdassist/py.typed").exists()  # types of the package are for its users too
-    (metadata,) = site.glob("*.dist-info/METADATA")
+        assert all((wheel / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
+    assert (wheel / "hdassist/py.typed").exists()  # types of the package are for its users too
+    (metadata,) = wheel.glob("*.dist-info/METADATA")
     assert "Requires-Python: >=3.11" in metadata.read_text()
-    assert not list(site.glob("tests"))
+    assert not list(wheel.glob("tests"))
+    assert not (wheel / "hdassist/solve/stray.so").exists()
 
 
-@pytest.mark.parametrize("pure", [False, True])
-def test_a_wheel_is_compiled_where_there_is_a_compiler_and_pure_where_not(tmp_path, monkeypatch, pure):
-    monkeypatch.setenv("CC", "/bin/false" if pure else "cc")
-    stray = ROOT / "hdassist/solve/stray.so"  # not by a name that a process beside this one would load
-    stray.touch()
-    try:
-        site = build(tmp_path, "build_wheel")
-    finally:
-        stray.unlink()
-    (wheel,) = tmp_path.glob("*.whl")
-    compiled = not pure and shutil.which("cc") is not None
-    assert wheel.name.endswith("-py3-none-any.whl") is not compiled
-    libraries = list((site / "hdassist/solve").glob("_walk_*"))
-    assert not (site / "hdassist/solve/stray.so").exists()
-    assert bool(libraries) is compiled
+@pytest.mark.skipif(not shutil.which("cc"), reason="needs a compiler")
+def test_a_wheel_is_compiled_where_there_is_a_compiler(wheel):
+    assert [*wheel.parent.glob("*.whl")] and not [*wheel.parent.glob("*-py3-none-any.whl")]
+    libraries = list((wheel / "hdassist/solve").glob("_walk_*"))
+    assert libraries
     assert all(library.stat().st_size for library in libraries)
+
+
+def test_a_wheel_is_pure_where_there_is_no_compiler(tmp_path):
+    site = build(tmp_path, compiler="/bin/false")
+    assert [*tmp_path.glob("*-py3-none-any.whl")]
+    assert not list((site / "hdassist/solve").glob("_walk_*"))

@@ -116,13 +116,20 @@ class RecordKind(Generic[RecordT]):
 
 
 class Kept(Generic[RecordT]):
-    """An open file of records; done, how many it has. Made by `open_kept`."""
+    """An open file of records, made by `open_kept`."""
 
     def __init__(self, path: str | None, descriptor: int, owner: Owner, kind: RecordKind[RecordT]) -> None:
-        self.done = 0
+        self._done = 0
         self._path, self._descriptor, self._owner, self._kind = path, descriptor, owner, kind
         self._size = self._begin = 0
         self._checksum = self._first = b""
+
+    @property
+    def done(self) -> int:
+        """How many records the file has; in a stop also those that are just written and not yet counted."""
+        if self._descriptor < 0:
+            return self._done
+        return sum(line.endswith(b"\n") for line in _lines(self._descriptor, self._begin))
 
     def append(self, records: Iterable[RecordT]) -> None:
         """Write the records of the next items; when this returns they outlast a loss of power.
@@ -130,16 +137,16 @@ class Kept(Generic[RecordT]):
         Raises DataError: they cannot be written, or the file is not what this run has written.
         """
         lines, checksum = [], self._checksum
-        for item, record in enumerate(records, self.done):
+        for item, record in enumerate(records, self._done):
             lines.append(self._kind.line(item, record, checksum))
             checksum = _checksum_of(lines[-1])
         self._write(b"".join(lines))
-        self.done, self._checksum = self.done + len(lines), checksum
+        self._done, self._checksum = self._done + len(lines), checksum
 
     def records(self) -> Iterator[RecordT]:
         """The records that are there, in the order of the items. Raises DataError: one that does not hold."""
         read = self._kind.read(_lines(self._descriptor, self._begin), self._first, str(self._path))
-        for _ in range(self.done):
+        for _ in range(self._done):
             record, _ = next(read, (None, b""))
             if record is None:
                 raise self._lost()
@@ -158,7 +165,7 @@ class Kept(Generic[RecordT]):
             fresh.append(records)
         os.close(self._descriptor)
         self._descriptor, self._begin, self._size = fresh._descriptor, fresh._begin, fresh._size
-        self.done, self._first, self._checksum = fresh.done, fresh._first, fresh._checksum
+        self._done, self._first, self._checksum = fresh._done, fresh._first, fresh._checksum
 
     def require_there(self) -> None:
         """Raise DataError unless the file of this name is still the one that this run writes, and nothing is cut."""
@@ -197,7 +204,7 @@ class Kept(Generic[RecordT]):
         self._begin = self._size = len(first)
         self._first = self._checksum = above
         for _, line in self._kind.read(_lines(self._descriptor, self._begin), above, name):
-            self.done, self._size, self._checksum = self.done + 1, self._size + len(line), _checksum_of(line)
+            self._done, self._size, self._checksum = self._done + 1, self._size + len(line), _checksum_of(line)
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
         return None
@@ -240,6 +247,7 @@ def open_kept(
         kept.require_there()
     finally:
         os.close(kept._descriptor)  # and with it the lock
+        kept._descriptor = -1
 
 
 def read_kept(data: bytes, name: str, kind: RecordKind[RecordT]) -> list[RecordT] | None:

@@ -168,9 +168,7 @@ def test_ascii_option(plain, human):
     ] == numbers
 
 
-@pytest.mark.parametrize(
-    "env", [{"LC_ALL": "C"}, {"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}]
-)
+@pytest.mark.parametrize("env", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])
 def test_seven_bits_where_there_are_no_more(env):
     told = run_cold("presets", "list", env=env)
     assert (told.returncode, told.stdout) == (0, run("presets", "list", "--ascii").stdout)
@@ -178,7 +176,7 @@ def test_seven_bits_where_there_are_no_more(env):
     assert told.stdout != run("presets", "list").stdout
 
 
-@pytest.mark.parametrize("columns", [60, 80, 120])
+@pytest.mark.parametrize("columns", [60, 120])
 def test_on_a_terminal_nothing_is_cut(columns, human):
     code, page = on_terminal("check", TINY, "--torque", "4", columns=columns, env={"NO_COLOR": "1"})
     assert code == 0

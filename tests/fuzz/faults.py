@@ -33,6 +33,7 @@ GRACE = 5.0  # s for what was begun to end after its parent
 LONGEST = 300.0  # s of one run, on a machine that has other work
 # one line says it, behind those that any run says
 STOPPED = re.compile(r"(many.csv: 100 drives\n)?(warning: )?(interrupted|terminated|hung up)(: [^\n]+)?\n")
+TOLD = 20  # runs after which the count so far is printed
 SOON = 2.0  # s in which a command ends that is told to stop
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 CHANGES = re.compile(  # from run to run; a checksum is that of a time too
@@ -338,6 +339,8 @@ def _interrupt(case: Case, number: signal.Signals, moment: float, is_for_all: bo
 def record(tally: Tally, said: Sequence[str], where: str) -> None:
     """Count a run; said, what was wrong with it; where, of which run it is said."""
     tally.runs += 1
+    if tally.runs % TOLD == 0:
+        print(f"  {tally.runs} runs", flush=True)
     if said:
         tally.broken.append(f"{where}: {'; '.join(said)}")
         print(f"  {tally.broken[-1]}", flush=True)

@@ -39,7 +39,7 @@ def simulated(seed: int) -> tuple[np.ndarray, np.ndarray, Curve]:
 
 def test_known_ranges_lie_within_the_stated_uncertainty():
     hits, within, passed, raw_too_large = 0, 0, 0, 0
-    for seed in range(40):
+    for seed in range(20):
         turns, error, curve = simulated(seed)
         (found,) = measure(recorded(turns, error), ratio=RATIO).directions
         low, high = found.interval_arcsec
@@ -50,10 +50,10 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
         # a drive that stands just at its limit
         passed += decide(Limit(F_IOR, true), Value(found.range.value, u, "measured"), "guard", 0).verdict == "PASS"
         raw_too_large += found.raw_range_arcsec > high
-    assert hits >= 38
-    assert within >= 38
-    assert passed <= 2  # 5 % at most
-    assert raw_too_large > 20  # what the uncorrected range would have said
+    assert hits >= 19
+    assert within >= 19
+    assert passed <= 1  # 5 % at most
+    assert raw_too_large > 10  # what the uncorrected range would have said
 
 
 def test_the_uncertainty_is_not_idle():

@@ -87,6 +87,16 @@ def test_a_file_without_a_name_has_the_same_and_is_gone(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_stop_behind_a_write_knows_what_is_written(tmp_path, monkeypatch):
+    with open_kept(str(tmp_path / "rows.jsonl"), OWNER, KIND) as kept:
+        counts = []
+        monkeypatch.setattr("os.fsync", lambda _: counts.append(kept.done))  # as what a stop says
+        kept.append(RECORDS[:2])
+        kept.append(RECORDS[2:])
+    assert counts == [2, 5]
+    assert kept.done == 5
+
+
 def test_wherever_a_run_was_broken_off_the_next_one_makes_the_same_file(written, monkeypatch):
     monkeypatch.setattr("os.fsync", lambda _: None)  # here it would take a hundred times as long as the rest
     whole = written.read_bytes()

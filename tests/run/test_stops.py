@@ -168,9 +168,8 @@ def ignoring() -> None:
 
 def test_what_the_caller_ignores_stays_ignored_in_the_command_and_its_workers():
     with subprocess.Popen(
-        [*COMMAND, "check", *DRIVE, "--draws", "1", "-q", "--jobs", "2"],
-        env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        start_new_session=True, preexec_fn=ignoring,
+        [*COMMAND, "check", *DRIVE, "--draws", "1", "-q", "--jobs", "2"], env=CLEAN, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, start_new_session=True, preexec_fn=ignoring,
     ) as process:  # fmt: skip
         workers_of(process)
         for stop in (signal.SIGINT, signal.SIGHUP):

@@ -221,38 +221,47 @@ def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
         kinematic_error(reference, 80, states=states)
 
 
-@pytest.mark.parametrize("failing", ["warm", "warm and cold", "all"])
-def test_fallbacks_are_taken_and_counted(system, formulation, monkeypatch, failing):
-    delta_p = system.delta_p + np.linspace(0, 1, 4)[:, None] * (system.deviation_map[:, :4] @ [0.03, 0, 0.05, 0])
-    expected = Engine(formulation, 80e3).forces(delta_p)[1]
+def without_answers_of_calls(numbers, monkeypatch):
+    """Have the active set give up in its calls with some numbers, from 1; all states go to it."""
     run, calls = ActiveSet._run, []
 
     def stubborn(self):
-        # the third state is the one that the warm solver gives up
         calls.append(1)
-        give_up = {"warm": (3,), "warm and cold": (3, 4), "all": (3, 4)}[failing]
-        if len(calls) in give_up:
+        if len(calls) in numbers:
             self._model = None
             return None
         return run(self)
 
     monkeypatch.setattr(ActiveSet, "_run", stubborn)
     monkeypatch.setattr(ActiveSet, "_near", lambda self, q: None)  # all states go to the solver
-    if failing == "all":
 
-        def refuse(*_):
-            raise UntrustedError("no")
 
-        monkeypatch.setattr(activeset, "solve_through_cvxpy", refuse)
-    forces, free, fallbacks = Engine(formulation, 80e3).forces(delta_p)
+@pytest.fixture
+def four_states(system):
+    return system.delta_p + np.linspace(0, 1, 4)[:, None] * (system.deviation_map[:, :4] @ [0.03, 0, 0.05, 0])
+
+
+@pytest.mark.parametrize("failing", [(3,), (3, 4)], ids=["warm", "warm and cold"])  # calls for the third state
+def test_fallbacks_are_taken_and_counted(formulation, four_states, monkeypatch, failing):
+    expected = Engine(formulation, 80e3).forces(four_states)[1]
+    without_answers_of_calls(failing, monkeypatch)
+    _, free, fallbacks = Engine(formulation, 80e3).forces(four_states)
     assert fallbacks == 1
-    if failing == "all":
-        # nor is anything behind it tried: what makes one state hopeless makes its neighbours so
-        for found in (forces, free):
-            assert np.isnan(found[2:]).all()
-            assert not np.isnan(found[:2]).any()
-    else:
-        assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
+    assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
+
+
+def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulation, four_states, monkeypatch):
+    # what makes one state hopeless makes its neighbours so
+    def refuse(*_):
+        raise UntrustedError("no")
+
+    without_answers_of_calls((3, 4), monkeypatch)
+    monkeypatch.setattr(activeset, "solve_through_cvxpy", refuse)
+    forces, free, fallbacks = Engine(formulation, 80e3).forces(four_states)
+    assert fallbacks == 1
+    for found in (forces, free):
+        assert np.isnan(found[2:]).all()
+        assert not np.isnan(found[:2]).any()
 
 
 @pytest.mark.parametrize("C", [1e-6, 1e-10, 1e-30])
