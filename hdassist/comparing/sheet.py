@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from hdassist.design.check import DesignCheck, check
+from hdassist.design.check import DRAWS, DesignCheck, check
 from hdassist.design.check import estimate_states as check_states
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.error.unknown_range import DRAWS
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.advice import estimate_states as advice_states
 from hdassist.mounting.positions import seat_positions
