@@ -28,9 +28,8 @@ def drive(*overrides: str):
     return load_preset(TINY, overrides)
 
 
-@pytest.mark.parametrize("limits", ["{1: 2500, 4: 2050}", "{4: 100}"])
-def test_where_check_and_accept_hold_the_same_limit_they_say_the_same(limits):
-    there = drive(*OPEN, f"acceptance.F_ior={limits}", "acceptance.order_amplitude={2@4: 14}")
+def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
+    there = drive(*OPEN, "acceptance.F_ior={1: 2500, 4: 2050}", "acceptance.order_amplitude={2@4: 14}")
     told = check_json(check(there, draws=4), 0)
     mine = to_json(answer_of(Request(TINY), accept(there, draws=4), "fail"))
     points = {p["M_g_Nm"]: p for p in told["operating_points"]}
@@ -61,21 +60,21 @@ def drawn():
     """Limits on everything, and what is predicted of a drive whose deviations and clearance are open."""
     names = ("turn_range.4", "self_error.4", "lost_motion", "K_1")
     there = drive(*OPEN, *(f"acceptance.{name}=1000" for name in names), "acceptance.order_amplitude={2@4: 1000}")
-    return there, limits_of(there), predict(there, limits_of(there), draws=4)
+    return there, limits_of(there), predict(there, limits_of(there), draws=2)
 
 
 def test_other_values_are_those_of_each_sample(drawn):
     there, limits, found = drawn
     samples = found.samples
-    sampled = there.with_values(samples.prior.values(samples.shares)[3])
+    sampled = there.with_values(samples.prior.values(samples.shares)[1])
     own = quantities(sampled, limits)
     for limit in limits:
         expected = limit.check.predicted(own, limit.M_g or 0.0, limit.order or 0.0)
-        assert samples.figures[limit.label][3] == pytest.approx(expected, rel=1e-9)
+        assert samples.figures[limit.label][1] == pytest.approx(expected, rel=1e-9)
     # the second way: the error of that drive over every state
     error = kinematic_error(sampled, 4.0, cross_check=None).error_arcsec
     second = 2 * abs(np.mean(error * np.exp(-2j * np.pi * 20 * np.arange(len(error)) / len(error))))
-    assert samples.figures["amplitude of order 2 at 4 N·m"][3] == pytest.approx(second, rel=1e-6)
+    assert samples.figures["amplitude of order 2 at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
 
 
 def test_each_limit_is_decided_by_the_samples(drawn):

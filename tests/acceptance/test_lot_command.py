@@ -118,10 +118,8 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     ("rows", "code"),
     [
         (["PASS"], 0),
-        (["PASS", "INCONCLUSIVE"], 6),
         (["INCONCLUSIVE", "FAIL", "PASS"], 3),
         (["FAIL", "BROKEN", "INCONCLUSIVE"], 4),
-        (["BROKEN", "UNTRUSTED", "FAIL"], 5),
         (["UNTRUSTED", "BUG", "BROKEN", "PASS"], 1),
     ],
 )
@@ -148,7 +146,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
 
 
 def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
-    phases = [10 * n for n in range(9)]
+    phases = [10 * n for n in range(6)]
     lot = "serial,phases.xi_b\n" + "".join(f"d{n},{xi}\n" for n, xi in enumerate(phases))
     (tmp_path / "lot.csv").write_text(lot)
     args = ("accept", "lot.csv", "--preset", SMALL, "--limit", "F_ior@4=30", "--jobs", "1", "--jsonl", "a.jsonl")
@@ -163,18 +161,18 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
         _, said = process.communicate(timeout=120)
     kept = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert process.returncode == 130
-    assert 0 < len(kept) < 9
-    told = re.search(r"(\d) of 9 rows are kept in a\.jsonl: the same command with --resume goes on", said.decode())
+    assert 0 < len(kept) < 6
+    told = re.search(r"(\d) of 6 rows are kept in a\.jsonl: the same command with --resume goes on", said.decode())
     assert told is not None and len(kept) - int(told[1]) in (0, 1)  # a line may be on its way as the stop comes
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.jsonl", "lot.csv", "run.csv"]
     with (tmp_path / "a.jsonl").open("a") as stream:
         stream.write(kept[0].replace('"item":0', f'"item":{len(kept)}')[:200])  # a crash in the middle of a line
     result = run(*args, "--resume", "-q", cwd=tmp_path)
-    assert f"a.jsonl: {len(kept)} of 9 rows are known" in result.stderr
-    assert [line.split()[0] for line in result.stdout.splitlines()] == [f"d{n}" for n in range(9)]
+    assert f"a.jsonl: {len(kept)} of 6 rows are known" in result.stderr
+    assert [line.split()[0] for line in result.stdout.splitlines()] == [f"d{n}" for n in range(6)]
     lines = (tmp_path / "a.jsonl").read_text().splitlines()[1:]
     assert lines[: len(kept)] == kept
-    assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(9)]
+    assert [json.loads(line)["serial"] for line in lines] == [f"d{n}" for n in range(6)]
     code, _, told = here(*args, "--resume", "--seed", "1")
     assert code == 2
     assert "not one of its answers" in told
@@ -189,14 +187,6 @@ def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
     told = json.loads(out)
     assert (code, told["schema"], told["agrees"]) == (0, "hdassist.accept-replay/1", True)
     assert [one["recorded_sha256"] == one["sha256"] for one in told["inputs"]] == [True, True]
-    answer = json.loads((folder / "one.json").read_text())
-    answer["checks"][0]["value"] *= 1 + 1e-4
-    answer["verdict"] = "FAIL"
-    (folder / "two.json").write_text(json.dumps(answer))
-    code, out, _ = here("accept", "--replay", "two.json")
-    assert code == 3
-    for words in ("17-1: differs", "verdict: FAIL then, PASS now", "F_IOR 4.0, value: "):
-        assert words in out
     code, out, _ = here("accept", "--replay", "lot.jsonl")
     assert code == 0
     assert [line.split(":")[0] for line in out.splitlines()] == [f"17-{n}" for n in range(1, 6)]
@@ -298,8 +288,10 @@ def test_replay_compares_the_whole_answer(folder, here):
     assert all(found), [name for name, each in zip(FORGED, found, strict=True) if not each]
     assert [each.key for each in found[0]] == ["limit", "margin"]
     (folder / "two.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers[:2]}))
-    code, out, _ = here("accept", "--replay", "two.json", "--jobs", "1", "--json")
-    assert (code, [one["agrees"] for one in json.loads(out)["results"]]) == (3, [True, False])
+    code, out, _ = here("accept", "--replay", "two.json", "--jobs", "1")
+    assert code == 3
+    for words in ("17-1: agrees (", "17-1: differs (", "F_IOR 4.0, limit: 61 then, 60 now"):
+        assert words in out
 
 
 @pytest.mark.parametrize(
