@@ -20,11 +20,12 @@ from hdassist.acceptance.checks import (
 )
 from hdassist.acceptance.decision import Decision, Value, decide
 from hdassist.acceptance.limits import Limit, limits_of
-from hdassist.acceptance.predictions import DRAWS, Predictions, order_place, predict
+from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.belief.evidence import STIFFNESS_FIGURES
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.samples import Samples
+from hdassist.design.check import DRAWS
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR

@@ -24,7 +24,7 @@ from hdassist.terminal.answers import certificate_object
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.influence_words import influence_objects, measure_objects, samples_object
 from hdassist.terminal.wheels_page import pitch_object
-from hdassist.textfile import PART, STDIN, opened
+from hdassist.textfile import read_bytes
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
 from hdassist.visible import printable
@@ -283,30 +283,27 @@ def read_answers(path: str) -> list[Answer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file = _bytes_of(path)
+    data, file = read_bytes(path, MAX_BYTES)
     if (kept := read_kept(data, file, RecordKind(_ANSWER))) is not None:
         return kept
     text = data.decode("utf-8", "replace")
     try:
-        found = _parsed(text)
-    except ValueError:
-        return _answers_of_lines(text, file)
-    if isinstance(found, dict) and found.get("schema") == SCHEMA and isinstance(found.get("results"), list):
-        return [_answer(one, file, place) for place, one in enumerate(found["results"], 1)]
-    return [_answer(found, file, 1)]
-
-
-def _bytes_of(path: str) -> tuple[bytes, str]:
-    """Bytes of a file of answers, and its name. Raises DataError: one that cannot be read, or cannot be meant."""
-    with opened(path) as stream:
-        file, parts, size = STDIN if path == "-" else path, [], 0
-        while part := stream.read(PART):
-            parts.append(part)
-            size += len(part)
-            if b"\0" in part or size > MAX_BYTES:
-                fault = "a binary file" if b"\0" in part else f"larger than {MAX_BYTES / 1e6:g} MB"
-                raise DataError(f"{file}: {fault}", "a file of --json or --jsonl")
-    return b"".join(parts), file
+        whole = _parsed(text)
+    except ValueError:  # lines; what stands after the last end of a line was broken off
+        lines = [(number, line) for number, line in enumerate(text.split("\n")[:-1], 1) if line.strip()]
+        if not lines:
+            raise DataError(f"{file}: no answer of hdassist accept", "a file of --json or --jsonl") from None
+    else:
+        results = whole.get("results") if isinstance(whole, dict) and whole.get("schema") == SCHEMA else None
+        found = results if isinstance(results, list) else [whole]
+        return [_answer(one, file, place) for place, one in enumerate(found, 1)]
+    answers = []
+    for number, line in lines:
+        try:
+            answers.append(_answer(_parsed(line), file, number))
+        except ValueError as fault:
+            raise DataError(f"{file}:{number}: no JSON: {fault}", "an answer of hdassist accept a line") from None
+    return answers
 
 
 def _parsed(text: str) -> Any:
@@ -315,21 +312,6 @@ def _parsed(text: str) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("nested too deep") from None
-
-
-def _answers_of_lines(text: str, file: str) -> list[Answer]:
-    answers = []
-    *lines, last = text.split("\n")  # what stands after the last end of a line was broken off
-    for number, line in enumerate(lines, 1):
-        if line.strip():
-            try:
-                told = _parsed(line)
-            except ValueError as fault:
-                raise DataError(f"{file}:{number}: no JSON: {fault}", "an answer of hdassist accept a line") from None
-            answers.append(_answer(told, file, number))
-    if not answers and last.strip():
-        raise DataError(f"{file}: no answer of hdassist accept", "a file of --json or --jsonl")
-    return answers
 
 
 def _answer(told: Any, file: str, number: int) -> Answer:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from hdassist.acceptance.cells import NamedCell
 from hdassist.acceptance.limit_parser import LimitName, LimitText
@@ -22,7 +22,7 @@ from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near, shown
-from hdassist.readers.table import Cell, TextTable, few, read_texts
+from hdassist.readers.table import TextTable, few, read_texts
 from hdassist.textfile import STDIN, is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
@@ -63,10 +63,16 @@ class Lot:
 
 @dataclass(frozen=True)
 class Column:
-    """What the cells of a column are, and of what: the name of a limit, a torque, a wheel, the path of an override."""
+    """What the cells of a column are, of what (a torque, a wheel, the path of an override), and the name of a limit."""
 
     kind: Literal["serial", "preset", "measured", "pitch", "mark", "value", "limit", "override"]
-    of: LimitName | str = ""
+    of: str = ""
+    name: LimitName | None = None
+
+    @property
+    def is_text(self) -> bool:
+        """Whether its cells are taken as they stand, and have no numbers in them."""
+        return self.kind in (*PLAIN, "pitch")
 
 
 def is_lot(path: str) -> bool:
@@ -138,9 +144,9 @@ def _column(name: str) -> tuple[Column | None, str]:
         return (Column("measured", f"{float(at[1]):g}"), "") if is_number(at[1]) else (None, "like measured@80")
     try:
         if (limit := _LIMIT.fullmatch(name)) and (of := LimitName.of_column(limit[1], "--limit")):
-            return Column("limit", of), ""
+            return Column("limit", name=of), ""
         if of := LimitName.of_column(name, "--value"):
-            return Column("value", of), ""
+            return Column("value", name=of), ""
     except UsageError as error:
         return None, error.hint
     if ".".join(map(str, path_of(name)[:2])) in field_table():
@@ -155,8 +161,13 @@ def _row(
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
     numbered = not any(column and column.kind == "serial" for column in columns)
-    said = _Said(table, line, base, serial=f"line {line}" if numbered else "")
-    wrong = said.wrong
+    request, named, faults = replace(base, serial=f"line {line}" if numbered else ""), [], []
+    marked: dict[str, int] = {}  # columns of the line in which marks of wheels stand
+    folder = Path() if table.file == STDIN else Path(table.file).parent
+
+    def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+        faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
+
     for index, cell in enumerate(cells):
         if not cell.text:
             continue
@@ -167,96 +178,59 @@ def _row(
             if not table.names[index].text:
                 wrong(cell.column, "", "a cell in a column without a name", cell.text)
         else:
-            said.take(column, cell, table.names[index].text)
-    serial, request = said.serial, said.request
+            name, text = table.names[index].text, cell.text if column.is_text else table.with_points(cell.text)
+            if column.kind == "mark":
+                marked[column.of] = cell.column
+                if not is_number(text):
+                    wrong(cell.column, name, "must be an angle in deg", cell.text)
+                    continue
+            changes, known = _said(column, text, request, folder)
+            request = replace(request, **changes)
+            named.append(NamedCell(f"{table.file}:{line}:{cell.column}", name, cell.text, **known))
+            if known.get("file") == "-":
+                wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
+    serial = request.serial
     if not serial:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
     elif first.setdefault(serial, line) != line:
         wrong(1, "serial", f"stands in line {first[serial]} too", serial, "one row for each drive")
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    for wheel in said.marks.keys() - request.wheels.files.keys():
-        wrong(
-            said.marks[wheel][1],
-            f"mark_{wheel}",
-            "the mark of a wheel that is not measured",
-            hint=f"its file in pitch_{wheel}",
-        )
-    serial = serial or f"line {line}"
-    fault = PresetError(said.faults) if said.faults else None
-    return LotRow(serial, replace(request, serial=serial), f"{table.file}:{line}", fault, tuple(said.cells))
+    for wheel in marked.keys() - request.wheels.files.keys():
+        message = "the mark of a wheel that is not measured"
+        wrong(marked[wheel], f"mark_{wheel}", message, hint=f"its file in pitch_{wheel}")
+    request = replace(request, serial=serial or f"line {line}")
+    fault = PresetError(faults) if faults else None
+    return LotRow(request.serial, request, f"{table.file}:{line}", fault, tuple(named))
 
 
-class _Said:
-    """What a row of a table says of its drive, on top of what is asked of every drive; and which cell says it."""
+def _said(column: Column, text: str, request: Request, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """What a cell says: fields of a request that it changes, and how messages name it (fields of NamedCell).
 
-    def __init__(self, table: TextTable, line: int, base: Request, serial: str) -> None:
-        self._table, self._line, self._base = table, line, base
-        self._folder = Path() if table.file == STDIN else Path(table.file).parent
-        self.serial, self._preset = serial, base.preset
-        self._traces: list[TraceFile] = []
-        self._values: list[LimitText] = []
-        self._limits: list[LimitText] = []
-        self._overrides: list[str] = []
-        self._pitch: dict[str, str] = {}
-        self.marks: dict[str, tuple[float, int]] = {}  # and where they stand
-        self.cells: list[NamedCell] = []
-        self.faults: list[Finding] = []
-
-    def wrong(self, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
-        """Keep what is wrong with the row: where it stands in the line, what it is about, what was found."""
-        self.faults.append(Finding(self._table.file, self._line, column, path, message, shown(got), hint))
-
-    def take(self, column: Column, cell: Cell, name: str) -> None:
-        """Take up what a cell says; name, of its column."""
-        text = self._table.with_points(cell.text)
-        place = NamedCell(f"{self._table.file}:{self._line}:{cell.column}", name, cell.text)
-        if column.kind == "serial":
-            self.serial = cell.text
-        elif column.kind == "preset":
-            self._preset = cell.text if cell.text in ("-", *preset_names()) else self._path(cell.text)
-            place = replace(place, file=self._preset)
-        elif column.kind == "measured":
-            trace = TraceFile(str(column.of), cell.text) if column.of else TraceFile.parse(cell.text)
-            trace = replace(trace, file=self._path(trace.file))
-            self._traces.append(trace)
-            place = replace(place, said=f"--measured {trace}", file=trace.file)
-        elif column.kind == "pitch":
-            self._pitch[str(column.of)] = self._path(cell.text)
-            place = replace(place, file=self._path(cell.text))
-        elif column.kind == "mark":
-            if is_number(text):
-                self.marks[str(column.of)] = float(text), cell.column
-            else:
-                self.wrong(cell.column, name, "must be an angle in deg", cell.text)
-        elif column.kind == "value" and isinstance(column.of, LimitName):
-            self._values.append(LimitText(column.of, text))
-            place = replace(place, said=f"--value {self._values[-1]}")
-        elif column.kind == "limit" and isinstance(column.of, LimitName):
-            self._limits.append(LimitText(column.of, text))
-            place = replace(place, said=f"--limit {self._limits[-1]}", path=self._limits[-1].override.partition("=")[0])
-        else:
-            self._overrides.append(f"{column.of}={text}")
-            place = replace(place, said=f"--set {self._overrides[-1]}", path=str(column.of))
-        if place.file == "-":
-            self.wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
-        self.cells.append(place)
-
-    def _path(self, text: str) -> str:
-        """A path as it is seen from here: those of a table count from its folder."""
-        return text if text == "-" else str(self._folder / text)
-
-    @property
-    def request(self) -> Request:
-        """What is asked of the drive, still without its serial."""
-        base, pitch, marks = self._base, self._pitch, {wheel: mark for wheel, (mark, _) in self.marks.items()}
-        wheels = replace(
-            base.wheels, pitch_b=pitch.get("b"), pitch_g=pitch.get("g"), mark_b=marks.get("b"), mark_g=marks.get("g")
-        )
-        return replace(
-            base, preset=self._preset, measured=tuple(self._traces), values=tuple(self._values),
-            limits=(*base.limits, *self._limits), overrides=(*base.overrides, *self._overrides), wheels=wheels,
-        )  # fmt: skip
+    Arguments: column; text of the cell; request so far; folder from which paths count.
+    """
+    path = text if text == "-" else str(folder / text)
+    if column.kind == "serial":
+        return {"serial": text}, {}
+    if column.kind == "preset":
+        path = text if text in preset_names() else path
+        return {"preset": path}, {"file": path}
+    if column.kind == "measured":
+        trace = TraceFile(column.of, text) if column.of else TraceFile.parse(text)
+        trace = replace(trace, file=trace.file if trace.file == "-" else str(folder / trace.file))
+        return {"measured": (*request.measured, trace)}, {"said": f"--measured {trace}", "file": trace.file}
+    if column.kind in ("pitch", "mark"):
+        is_file = column.kind == "pitch"
+        value: dict[str, Any] = {f"{column.kind}_{column.of}": path if is_file else float(text)}
+        return {"wheels": replace(request.wheels, **value)}, {"file": path} if is_file else {}
+    if column.kind == "override":
+        said = f"{column.of}={text}"
+        return {"overrides": (*request.overrides, said)}, {"said": f"--set {said}", "path": column.of}
+    limit = LimitText(column.name or LimitName(""), text)
+    if column.kind == "value":
+        return {"values": (*request.values, limit)}, {"said": f"--value {limit}"}
+    known = {"said": f"--limit {limit}", "path": limit.override.partition("=")[0]}
+    return {"limits": (*request.limits, limit)}, known
 
 
 def _of_folder(folder: Path, base: Request) -> Lot:

@@ -25,6 +25,7 @@ from hdassist.belief.samples import (
     probability_of,
     weighted_quantile,
 )
+from hdassist.design.check import DRAWS
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.self_error import SelfError, self_error
@@ -40,8 +41,6 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
 from hdassist.verdict import SURE, is_settled
-
-DRAWS = 64  # effective samples, at least, as check has them
 
 
 @dataclass(frozen=True)

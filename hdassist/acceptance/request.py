@@ -16,7 +16,8 @@ from hdassist.acceptance.accept import AcceptanceResult, accept, without_values
 from hdassist.acceptance.decision import Value
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.limits import Limit, limits_of
-from hdassist.acceptance.predictions import DRAWS, Predictions, predict
+from hdassist.acceptance.predictions import Predictions, predict
+from hdassist.design.check import DRAWS
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of

@@ -203,14 +203,15 @@ def draw_samples(
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior; enough, whether samples suffice for what they are
     for; effort, limits of sampling; seed; executor, to spread the work over (the numbers do not depend on it);
-    progress, called with states solved. Raises UsageError for a drive with rolling balls, UntrustedError where too few
-    samples agree with the evidence, or too few draws are drives.
+    progress, called with states solved; seen, called with the samples so far. Raises UsageError for a drive with
+    rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
@@ -224,6 +225,8 @@ def draw_samples(
             if progress:
                 progress(each.certificate.states)
         samples = _collected(prior, tuple(torques), rotations, shares, draws, seed)
+        if seen:
+            seen(samples)
         effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
         if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
             return samples

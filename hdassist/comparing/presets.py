@@ -13,8 +13,8 @@ import numpy as np
 from hdassist.comparing.changes import PAIRS, TRIED, Changes, changes
 from hdassist.comparing.fields import Difference, differences, other_origins
 from hdassist.comparing.sheet import DriveSheet, at_torques, estimate_states, sheet_of
+from hdassist.design.check import DRAWS
 from hdassist.error.error_map import SEARCHED
-from hdassist.error.unknown_range import DRAWS
 from hdassist.errors import UsageError
 from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
 from operator import add
@@ -16,15 +17,16 @@ from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import ErrorBelief, Probability, Samples, SamplingEffort, draw_samples, limits_settled
 from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
 from hdassist.error.error_map import SEARCHED, extremes_of, searchable
-from hdassist.error.rests_on import reached
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
+from hdassist.errors import HdassistError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Certificate
+from hdassist.solve.answers import Certificate, Progress
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
@@ -237,21 +239,12 @@ def check(
     rows = zip(torques, errors, own, [drive.limit(M_g) for M_g in torques], strict=True)
     points = [OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows]
     if searchable(drive) and not measured:
-        if drive.number("supports.C_3"):
-            end, extremes = reached(drive, "supports.C_3", 0.0, partial(extremes_of, torques=torques))
-            if end == 0:
-                floating = [Floating(each.first, each.certificate) for each in extremes]
+        floating = _floating(drive) or floating
         slopes = sensitivity(drive, errors)
         if prior.fields and draws and not samples:
-            samples = draw_samples(
-                prior,
-                torques,
-                evidence=evidence_of(drive),
-                enough=partial(limits_settled, [point.left_arcsec for point in points], sure=sure),
-                effort=SamplingEffort.of(draws),
-                seed=seed,
-                executor=executor,
-                progress=progress,
+            left = [point.left_arcsec for point in points]
+            samples = drive_samples(
+                prior, left, draws=draws, sure=sure, seed=seed, executor=executor, progress=progress
             )
     found = [
         replace(point, sensitivity=slope, floating=floats)
@@ -262,6 +255,39 @@ def check(
 
 def _with_samples(points: Sequence[OperatingPoint], samples: Samples | None) -> tuple[OperatingPoint, ...]:
     return tuple(replace(p, belief=ErrorBelief(samples, k) if samples else None) for k, p in enumerate(points))
+
+
+def drive_samples(
+    prior: DrivePrior,
+    held_arcsec: Sequence[float | None],
+    *,
+    draws: int = DRAWS,
+    sure: float = SURE,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    seen: Callable[[Samples], None] | None = None,
+) -> Samples:
+    """Samples of a drive at its torques, until the Monte Carlo error reaches over no threshold of a verdict.
+
+    Arguments: prior of the drive; held_arcsec, limit less self error at each torque, None without one; the others as
+    those of check and draw_samples. Raises UntrustedError as check does.
+    """
+    drive = prior.drive
+    return draw_samples(
+        prior, drive.operation.M_g, evidence=evidence_of(drive),
+        enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws),
+        seed=seed, executor=executor, progress=progress, seen=seen,
+    )  # fmt: skip
+
+
+def _floating(drive: Drive) -> list[Floating]:
+    """F'_ior at each torque with a cam that aligns itself; none where the cam does so, or no such drive is computed."""
+    there = drive.with_values({"supports.C_3": 0.0})
+    if drive.number("supports.C_3") and not first_conflict(there):
+        with suppress(HdassistError):
+            return [Floating(each.first, each.certificate) for each in extremes_of(there, drive.operation.M_g)]
+    return []
 
 
 def _run(job: Callable[[], Any]) -> Any:

@@ -13,7 +13,6 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import ErrorBelief
 from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
-from hdassist.error.rests_on import LEAST
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import names
 from hdassist.solve.certificate import TOLERANCE
@@ -38,6 +37,7 @@ from hdassist.verdict import Verdict
 
 LABEL_WIDTH = 30  # columns of a table's words; numbers take 12 each
 NUMBER_WIDTH = 12
+LEAST = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 PLOTTED = 8  # rows of a plot
 

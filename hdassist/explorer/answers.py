@@ -100,21 +100,42 @@ class Curve:
 
 @dataclass(frozen=True)
 class Facts:
-    """What is not known and what is assumed of a drive: fields by path, and how many have an assumed range."""
+    """What is not known of a drive: deviations by path, how many fields have an assumed range or are open in all."""
 
     unknown: tuple[str, ...]
     any_hole: bool
     assumed: int = 0
+    open_: int = 0
 
 
 @dataclass(frozen=True)
-class Ranges:
-    """F'_ior over deviations that are not known or uncertain, with the wheel as it stands.
+class TorqueBelief:
+    """F'_ior at a torque M_g [N*m] over all that is not known exactly, with the wheel as it stands.
 
-    rows: torque [N*m], 5th and 95th percentile [arcsec]; none where all is known, or the cycle cannot be searched.
+    p5, p50, p95: percentiles [arcsec]; limit_arcsec, None without one; probability that F'_ior with the self error
+    keeps it; verdict, by the rule of `hdassist check`.
     """
 
-    rows: tuple[tuple[float, float, float], ...]
+    M_g: float
+    p5: float
+    p50: float
+    p95: float
+    limit_arcsec: float | None = None
+    probability: float | None = None
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class Believed:
+    """F'_ior over all that is not known exactly, a row a torque; rows: none where all is known, or nothing is drawn.
+
+    samples: effective ones so far; whole: whether there are as many as are needed; failed: why there are none.
+    """
+
+    rows: tuple[TorqueBelief, ...]
+    samples: float = 0.0
+    whole: bool = True
+    failed: str = ""
 
 
 @dataclass(frozen=True)
@@ -204,4 +225,4 @@ class Failed:
     hint: str = ""
 
 
-Answer = Facts | Curve | Ranges | Slopes | Advised | Turned | Compared | Rendered | Underway | Failed
+Answer = Facts | Curve | Believed | Slopes | Advised | Turned | Compared | Rendered | Underway | Failed

@@ -222,7 +222,7 @@ class Explorer(Writing):
         unknown = known.facts is not None and known.facts.any_hole
         empty = "no answer" if known.failed else "computing …"
         if unknown and not known.failed:
-            empty = "\n".join(["directions unknown: any hole", "", *(words.ranges(known) or [empty])])
+            empty = "\n".join(["directions unknown: any hole", "", *(words.belief(known) or [empty])])
         return Plotted(curve, session.turn_deg, ghost, limits, trials, torque, best, next_, empty)
 
     def _legend(self, plotted: Plotted) -> str:

@@ -15,6 +15,7 @@ from hdassist.explorer.pictures import Inks
 from hdassist.explorer.plain import SevenBits
 from hdassist.explorer.questions import (
     FULL,
+    BeliefQuestion,
     Effort,
     MountQuestion,
     ProofQuestion,
@@ -88,8 +89,9 @@ class Asking(App[int]):
 
     def show(self, session: Session) -> None:
         """Go on with another session: ask what is not known of it, and draw it."""
-        old, self.session = self.session, session
+        old, before, self.session = self.session, self.known, session
         if session.changes != old.changes:
+            self.known.old = before.belief or before.old
             self.ask_of_drive()
         if session.step != old.step:
             self.keep()
@@ -132,9 +134,12 @@ class Asking(App[int]):
         self.push_screen(Form(title, fields, hint, check), lambda values: take(values) if values else None)
 
     def ask_of_drive(self) -> None:
-        """Ask where the wheel of the drive is best, unless that is known."""
+        """Ask where the wheel of the drive is best, and what its error may be, unless that is known."""
         known = self.known
-        self.workers.cancel_group(self, "drive")
+        for group in ("drive", "belief"):
+            self.workers.cancel_group(self, group)
+        if known.belief is None or not known.belief.whole:
+            self.follow(BeliefQuestion(self.session.drive, self.effort), known.take, "belief")
         if known.advised is None:
             known.failed = None
             self.follow(MountQuestion(self.session.drive, self.effort), known.take, "drive")
@@ -185,4 +190,6 @@ class Asking(App[int]):
     @property
     def busy(self) -> bool:
         """Whether processes compute."""
-        return any(not worker.is_finished for worker in self.workers if worker.group in ("drive", "trials", "proof"))
+        return any(
+            not worker.is_finished for worker in self.workers if worker.group in ("drive", "belief", "trials", "proof")
+        )

@@ -16,28 +16,33 @@ from typing import Any
 
 import numpy as np
 
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import ErrorBelief, Samples
+from hdassist.design.check import drive_samples
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import Batch, ErrorMap, searchable
+from hdassist.error.self_error import self_error
 from hdassist.error.table import DEVIATIONS
-from hdassist.error.unknown_range import unknown_ranges
 from hdassist.errors import HdassistError
 from hdassist.explorer import trial_entry
 from hdassist.explorer.answers import (
     Advised,
     Answer,
+    Believed,
     Curve,
     Facts,
     Place,
-    Ranges,
     Rendered,
     Slopes,
     Sure,
+    TorqueBelief,
     Underway,
     Value,
 )
 from hdassist.explorer.compute_views import compared, turned
 from hdassist.explorer.levers import SETTINGS, stepped
 from hdassist.explorer.questions import (
+    BeliefQuestion,
     Effort,
     MountQuestion,
     ProofQuestion,
@@ -72,6 +77,7 @@ from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
 from hdassist.trials.cloud import MESH
 from hdassist.trials.prior import SAMPLES
+from hdassist.verdict import verdict_by_probability
 
 FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
 FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
@@ -89,6 +95,8 @@ def answers(question: Question, tell: Callable[[Answer], None] = lambda _: None)
     match question:
         case MountQuestion():
             return _mount(question.drive, question.effort)
+        case BeliefQuestion():
+            return _believed(question.drive, question.effort, tell)
         case TrialsQuestion():
             return _trials(question, tell)
         case ProofQuestion():
@@ -104,7 +112,7 @@ def answers(question: Question, tell: Callable[[Answer], None] = lambda _: None)
 
 
 def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
-    """What is known of a drive, its curve ever surer, ranges over unknown deviations, advice of `hdassist mount`."""
+    """What is known of a drive, its curve ever surer, advice of `hdassist mount`."""
     facts = _facts(drive)
     yield facts
     has_curve = searchable(drive) and not facts.any_hole
@@ -113,9 +121,6 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
     with workers(effort.jobs) as executor:
         if has_curve:
             yield from _refined(drive, executor)
-        ranges = partial(unknown_ranges, torques=drive.operation.M_g, draws=effort.draws, seed=SEED, executor=executor)
-        found = in_wide_enough_window(drive, ranges)
-        yield Ranges(tuple((each.M_g, each.low, each.high) for each in found))
         analysis = partial(
             advise,
             torques=drive.operation.M_g,
@@ -125,6 +130,44 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
             executor=executor,
         )
         yield _mount_advised(in_wide_enough_window(drive, analysis))
+
+
+def _believed(drive: Drive, effort: Effort, tell: Callable[[Answer], None]) -> Iterator[Answer]:
+    """F'_ior over all that is not known exactly, by the samples of `hdassist check`; told on the way, so far."""
+    with workers(effort.jobs) as executor:
+
+        def drawn(there: Drive) -> Believed:
+            prior, torques = prior_of(there), there.operation.M_g
+            if not (prior.fields and effort.draws):
+                return Believed(())
+            if not searchable(there):
+                return Believed((), failed="the cycle of rolling balls cannot be searched")
+            limits = [there.limit(M_g) for M_g in torques]
+            own = [each.range_arcsec for each in self_error(there, torques)] if any(limits) else [0.0] * len(torques)
+            held = [None if limit is None else limit - more for limit, more in zip(limits, own, strict=True)]
+
+            def row(samples: Samples, k: int) -> TorqueBelief:
+                at = ErrorBelief(samples, k)
+                if (limit := held[k]) is None:
+                    return TorqueBelief(torques[k], at.p5, at.p50, at.p95)
+                found = at.probability_within(limit)
+                verdict = verdict_by_probability(found.low, found.high)
+                return TorqueBelief(torques[k], at.p5, at.p50, at.p95, limits[k], found.value, verdict)
+
+            def believed(samples: Samples, whole: bool) -> Believed:
+                return Believed(tuple(row(samples, k) for k in range(len(torques))), samples.effective, whole)
+
+            def seen(samples: Samples) -> None:
+                if samples.effective:
+                    tell(believed(samples, whole=False))
+
+            found = drive_samples(prior, held, draws=effort.draws, seed=SEED, executor=executor, seen=seen)
+            return believed(found, whole=True)
+
+        try:
+            yield in_wide_enough_window(drive, drawn)
+        except HdassistError as error:
+            yield Believed((), failed=error.message)
 
 
 def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
@@ -210,7 +253,8 @@ def _rendered(asked: RenderQuestion) -> str:
 
 def _facts(drive: Drive) -> Facts:
     open_ = unknowns(drive)
-    return Facts(tuple(each.path for each in open_), bool(open_ and unknown_turn(drive)), len(list(assumptions(drive))))
+    paths, fields = tuple(each.path for each in open_), prior_of(drive).fields
+    return Facts(paths, bool(open_ and unknown_turn(drive)), len(list(assumptions(drive))), len(fields))
 
 
 def _places(drive: Drive) -> list[float]:

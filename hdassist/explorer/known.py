@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Ranges, Slopes, Underway
+from hdassist.explorer.answers import Advised, Answer, Believed, Curve, Facts, Failed, Slopes, Underway
 from hdassist.explorer.state import Step
 
 MOST = 64  # steps that are remembered
@@ -16,7 +16,8 @@ class Known:
 
     facts: Facts | None = None
     curve: Curve | None = None  # none where any hole may be the best: against holes it would mean nothing
-    ranges: Ranges | None = None
+    belief: Believed | None = None
+    old: Believed | None = None  # of the variant before, until there is one of this
     advised: Advised | None = None
     failed: Failed | None = None
     share: float = 0.0  # of what is under way
@@ -29,8 +30,8 @@ class Known:
                 self.facts = answer
             case Curve():
                 self.curve = merged(self.curve, answer)
-            case Ranges():
-                self.ranges = answer
+            case Believed():
+                self.belief = answer
             case Slopes():
                 self.slopes[answer.rotation_deg] = answer
             case Advised():

@@ -12,8 +12,9 @@ from hdassist.terminal.options import TrialOptions
 class Effort:
     """How much is computed.
 
-    turns: positions of each wheel that a coarse value rests on; draws of what is not known, as check and mount have
-    them; samples of trials (None: as many as the command takes); jobs: processes at work (0: one for each core).
+    turns: positions of each wheel that a coarse value rests on; draws, effective samples of what is not known, as check
+    and mount have them; samples of trials (None: as many as the command takes); jobs: processes at work (0: one for
+    each core).
     """
 
     turns: int = 8
@@ -28,6 +29,14 @@ FULL = Effort()
 @dataclass(frozen=True)
 class MountQuestion:
     """Where the fixed wheel of a drive is best."""
+
+    drive: Drive
+    effort: Effort = FULL
+
+
+@dataclass(frozen=True)
+class BeliefQuestion:
+    """F'_ior of a drive over all that is not known exactly."""
 
     drive: Drive
     effort: Effort = FULL
@@ -92,5 +101,12 @@ class RenderQuestion:
 
 
 Question = (
-    MountQuestion | TrialsQuestion | ProofQuestion | SlopesQuestion | TurnQuestion | TraceQuestion | RenderQuestion
+    MountQuestion
+    | BeliefQuestion
+    | TrialsQuestion
+    | ProofQuestion
+    | SlopesQuestion
+    | TurnQuestion
+    | TraceQuestion
+    | RenderQuestion
 )

@@ -105,7 +105,7 @@ class TurnView(Vertical, can_focus=True):
         )
         for name, zone in zip(("0°", "180°"), zones, strict=True):
             zone.border_title = f"mesh zone at {name}: force on each tooth"
-        lines = Text("".join(f"{line}\n" for line in words.ranges(cast("Asking", self.app).known)), inks.limit)
+        lines = Text("".join(f"{line}\n" for line in words.belief(cast("Asking", self.app).known)), inks.limit)
         for per_turn, amplitude, cause in found.orders:
             lines.append(f"{per_turn:6.2f} {amplitude:7.2f}  ", inks.text)
             first, *others = cause.split("; ")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.text import Text
 
-from hdassist.explorer.answers import Curve, Sure
+from hdassist.explorer.answers import Curve, Sure, TorqueBelief
 from hdassist.explorer.known import Known
 from hdassist.explorer.pictures import Inks
 from hdassist.explorer.state import Session
@@ -38,19 +38,32 @@ def head(session: Session, known: Known, inks: Inks) -> Text:
 
 def basis(known: Known, of_trials: Known | None) -> str:
     """What the curve rests on, in its title; empty where all is known."""
+    facts = known.facts if known.curve else None
     if of_trials and of_trials.advised:
         return " · 90 % band"
-    return " · unknown as 0" if known.curve and known.facts and known.facts.unknown else ""
+    return (
+        " · unknown as 0" if facts and facts.unknown else " · the preset's own numbers" if facts and facts.open_ else ""
+    )
 
 
-def ranges(known: Known) -> list[str]:
-    """F'_ior over deviations that are not known or uncertain, a line a torque."""
-    unknown = known.facts and known.facts.unknown
-    if known.ranges is None or not (known.ranges.rows or unknown):
+def belief(known: Known) -> list[str]:
+    """F'_ior over all that is not known exactly, a line a torque; what is old is said to be."""
+    found = known.belief or known.old
+    if found is None or not (found.rows or found.failed):
         return []
-    first = f"F'_ior over {'unknown' if unknown else 'uncertain'} deviations, 5 to 95 %; hdassist check: over all"
-    rows = [f"{M_g:g} N·m {low:.2f} to {high:.2f}″" for M_g, low, high in known.ranges.rows]
-    return [first, *(rows or ["none: the cycle of rolling balls cannot be searched"])]
+    if found.failed:
+        return [f"no range of F'_ior: {visible(found.failed)}"]
+    state = (
+        "old, computing …" if found is not known.belief else f"{found.samples:.0f} samples{' …' * (not found.whole)}"
+    )
+    return [f"F'_ior over all that is not known exactly, 5-50-95 % ({state})", *map(_row, found.rows)]
+
+
+def _row(row: TorqueBelief) -> str:
+    words = f"{row.M_g:g} N·m {row.p5:.2f} - {row.p50:.2f} - {row.p95:.2f}″"
+    if row.limit_arcsec is None or row.probability is None:
+        return words
+    return f"{words}, limit {row.limit_arcsec:g}: kept {100 * row.probability:.0f} %, {row.verdict}"
 
 
 def stage(known: Known, of_trials: Known | None, busy: bool, inks: Inks) -> Text:
@@ -98,7 +111,6 @@ def advice_text(session: Session, known: Known, of_trials: Known | None, inks: I
         text.append(visible(advised.words), f"{inks.text} bold" if advised.settled else inks.text)
         first = "c writes the card" if advised.settled else f"no card: {advised.why_not}"
         text.append(f"\n{visible(' · '.join([first, *advised.reasons]))}", inks.muted)
-        text.append("".join(f"\n{line}" for line in ranges(here) if here.curve), inks.muted)
         for warning in advised.warnings:
             text.append(f"\n{visible(warning)}", inks.trial)
     elif of_trials is not None:
@@ -110,6 +122,8 @@ def advice_text(session: Session, known: Known, of_trials: Known | None, inks: I
         text.append_text(_preview(session, known, known.curve, inks))
     else:
         text.append("Computing …", inks.muted)
+    if known.curve and of_trials is None and not here.failed:
+        text.append("".join(f"\n{line}" for line in belief(known)), inks.muted)
     return text
 
 

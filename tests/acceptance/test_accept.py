@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
@@ -82,6 +82,7 @@ def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict
     assert bool(found.reason) == (verdict == "INCONCLUSIVE")
 
 
+@settings(max_examples=40)
 @given(
     value=st.floats(1, 100), u=st.floats(0, 20), limit=st.floats(1, 100), rule=st.sampled_from(["guard", "simple"]),
     basis=st.sampled_from(["measured", "predicted"]),
@@ -101,7 +102,7 @@ def test_a_looser_limit_never_hurts_and_a_least_value_is_the_mirror_image(value,
 def test_the_guard_band_accepts_wrongly_once_in_twenty():
     rng, u = np.random.default_rng(0), 0.5
     true = 30.0  # at the limit: the worst that conforms
-    read = true + u * rng.standard_normal(20_000)
+    read = true + u * rng.standard_normal(10_000)
     accepted = np.mean([decide(UPPER, Value(value, u, "measured"), "guard", 0.95).verdict == "PASS" for value in read])
     assert accepted == pytest.approx(norm.sf(GUARD), abs=0.005)
     assert norm.sf(GUARD) == pytest.approx(0.05, abs=1e-3)
@@ -248,7 +249,7 @@ def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
 
 def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
     trace, limits = rig(CYCLE), ("F_ior@4=500", "turn_range@4=500", "order_2=500")
-    for missing in STATED:
+    for missing in ("encoder", "temperature"):
         stated_of = {name: 0.0 for name in STATED if name != missing}
         measured = {4.0: measure(trace, drive=small(), stated=stated_of)}
         found = accept(small(*limits), measured, measured_only=True)
@@ -300,7 +301,7 @@ def test_no_width_cuts_a_number():
     told = {a: stated(1876.54, 3.21) for a in limits_of(drive) if a.M_g != 1}
     found = accept(drive, stated=told, measured_only=True)
     for plain in (False, True):
-        for width in range(14, 90, 3):
+        for width in range(14, 90, 5):
             style = Style(plain, False, width)
             words = Output(style).page(render(found, style)).replace("|", " ").replace(",", " ").split()
             missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)

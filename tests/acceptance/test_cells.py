@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -56,15 +58,14 @@ SAID = {
 }
 
 
-@pytest.fixture
-def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Answer]:
-    """Answers to a row for each fault."""
-    monkeypatch.chdir(tmp_path)
-    Path("lot.csv").write_text(FAULTS, encoding="utf-8")
-    Path("short.csv").write_text("1;0\n2;1\n", encoding="utf-8")
-    rows = read_lot("lot.csv", Request(SMALL, limits=(LimitText.parse("F_ior@1=30", "--limit"),))).rows
-    with ThreadPoolExecutor(1) as executor:
-        return list(answer_rows(rows, executor, "fail", jobs=1))
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Answer]]:
+    """Answers to a row for each fault, in their folder."""
+    with contextlib.chdir(tmp_path_factory.mktemp("cells")), ThreadPoolExecutor(1) as executor:
+        Path("lot.csv").write_text(FAULTS, encoding="utf-8")
+        Path("short.csv").write_text("1;0\n2;1\n", encoding="utf-8")
+        rows = read_lot("lot.csv", Request(SMALL, limits=(LimitText.parse("F_ior@1=30", "--limit"),))).rows
+        yield list(answer_rows(rows, executor, "fail", jobs=1))
 
 
 def test_each_fault_is_said_of_its_cell(told: list[Answer]) -> None:
@@ -74,8 +75,8 @@ def test_each_fault_is_said_of_its_cell(told: list[Answer]) -> None:
     assert (codes["a"], codes["h"], codes["l"]) == (Fault.DATA, Fault.FILE_UNREADABLE, Fault.FILE_INVALID)
 
 
-def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Answer], tmp_path: Path) -> None:
-    (tmp_path / "a.jsonl").write_text(to_lines(told), encoding="utf-8")
+def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Answer]) -> None:
+    Path("a.jsonl").write_text(to_lines(told), encoding="utf-8")
     recorded = read_answers("a.jsonl")
     prepared = [prepare(answer) for answer in recorded]
     assert [before.left_out for _, before in prepared] == [a.serial in "jmn" for a in told]

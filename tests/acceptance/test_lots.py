@@ -27,6 +27,8 @@ from hdassist.acceptance.page import csv as figures
 from hdassist.acceptance.replay import RELATIVE, differences, still_stands
 from hdassist.acceptance.request import Reading, Request, TraceFile, Wheels
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 from tests.process import SMALL, TINY
@@ -72,7 +74,7 @@ def test_dialects_say_the_same(tmp_path, separator, mark, end, encoding):
     )  # fmt: skip
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(
     st.lists(st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1), min_size=1, unique=True)
 )
@@ -242,6 +244,14 @@ def test_summary_counts_and_spreads(told):
     assert (row["values"], row["of_part_only"], row["median"]) == (0, 1, None)
 
 
+@pytest.mark.parametrize("width", [60, 100])
+def test_lines_of_a_lot_fit_their_width(lot, told, width):
+    page = Output(Style(False, False, width)).page(report.render(lot, told, Style(False, False, width)))
+    assert max(map(len, page.splitlines())) <= width
+    for words in ("stated", "20.00", "21.00", "22.00", "≤ 30"):
+        assert words in page
+
+
 def test_csv_has_a_row_for_each_check_and_its_provenance(told):
     rows = list(csv.DictReader(io.StringIO(figures(told))))
     assert len(rows) == sum(len(a.checks) or 1 for a in told)
@@ -293,7 +303,7 @@ def test_names_of_files_that_are_no_text_come_back_too(tmp_path):
     assert read_answers(table(tmp_path, to_lines([answer]), "a.jsonl")) == [answer]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(REQUESTS)
 def test_requests_come_back_out_of_a_file(tmp_path, asked):
     answer = failure_of(asked, DataError("no"))

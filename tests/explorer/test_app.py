@@ -8,7 +8,7 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from hdassist.error.unknown_range import DRAWS, unknown_ranges
+from hdassist.design.check import DRAWS, check
 from hdassist.explorer import state
 from hdassist.explorer.answers import Sure
 from hdassist.explorer.app import Explorer
@@ -225,11 +225,11 @@ def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() 
 TURNABLE = ("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0")  # any hole may be the best
 
 
-def range_of_deviations(session: Session) -> str:
-    """F'_ior over unknown deviations, as the explorer writes it."""
-    [found] = unknown_ranges(session.drive, session.drive.operation.M_g, draws=QUICK.draws)
-    assert FULL.draws == DRAWS
-    return f"4 N·m {found.low:.2f} to {found.high:.2f}″"
+def range_of_check(session: Session) -> str:
+    """F'_ior over all that is not known exactly, as `hdassist check` has it and the explorer writes it."""
+    (point,) = check(session.drive, draws=QUICK.draws).points
+    assert FULL.draws == DRAWS and point.belief
+    return f"4 N·m {point.belief.p5:.2f} - {point.belief.p50:.2f} - {point.belief.p95:.2f}″"
 
 
 def test_unknown_directions_have_a_range_no_order_and_no_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,7 +238,7 @@ def test_unknown_directions_have_a_range_no_order_and_no_card(tmp_path: Path, mo
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         told = screen(app)
         assert "PHASES UNKNOWN" in told and "directions unknown" in told and "NO ORDER" in told and "PROVEN" not in told
-        assert app.known.curve is None and range_of_deviations(app.session) in told and told.count("″") == 1
+        assert app.known.curve is None and range_of_check(app.session) in told and told.count("″") == 1
         await pilot.press("c")
         await pilot.pause()
         assert "no card" in said(app) and not isinstance(app.screen, Form) and not list(tmp_path.iterdir())
@@ -261,7 +261,7 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
         assert curve is not None and {place.sure for place in curve.places} == {Sure.AT_ZERO}
         told = screen(app)
         assert "F'_ior, arcsec · unknown as 0" in told and "UNKNOWN AS 0 ─╯" in told and "◎ unknown as 0" in told
-        assert range_of_deviations(app.session) in told
+        assert range_of_check(app.session) in told
         low, high = curve.places[0].values[0].band or (0, 0)
         assert 0 < low < high and f"4 N·m {low:.1f}…{high:.1f}″" in told
         await pilot.press("right")
