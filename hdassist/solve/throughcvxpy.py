@@ -28,9 +28,9 @@ CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 # Solvers that take a quadratic programme, of those cvxpy knows.
 QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
 
-# Of those that come with cvxpy the quickest here: 11 ms a state (61 ms with five stations) where CLARABEL takes 41 and
-# 357, within 3e-5 arcsec (2e-4) of the engine over all presets; where it gives no answer, or another (stiff contacts
-# under little torque: 0.013 arcsec), CLARABEL decides.
+# Of those that come with cvxpy the quickest here: 20 ms a state with five stations where CLARABEL takes 70, within 2e-4
+# arcsec of the engine over all presets; where it gives no answer, or another (stiff contacts under little torque: 0.013
+# arcsec), CLARABEL decides.
 CROSS_SOLVER, SECOND_SOLVER = "HIGHS", "CLARABEL"
 
 LONGEST = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
