@@ -104,14 +104,19 @@ class ThroughCvxpy:
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
-        formulation, system = self._formulation, self._formulation.system
+        system = self._formulation.system
         delta_p = system.delta_p_of(gaps)
+        return StateSums.of(system, delta_p, self._torque, *self.forces(delta_p), pull=pull)
+
+    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces and free displacements as StateSolver says, none given up; errors as those of solve."""
+        formulation = self._formulation
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
         for k, at_state in enumerate(delta_p):
             forces[k], free[k] = solve_through_cvxpy(formulation, at_state, self._torque, self._solver)
-            if not proven(system, at_state, self._torque, forces[k], free[k]):
+            if not proven(formulation.system, at_state, self._torque, forces[k], free[k]):
                 break
-        return StateSums.of(system, delta_p, self._torque, forces, free, pull=pull)
+        return forces, free, 0
 
 
 @dataclass(frozen=True)
