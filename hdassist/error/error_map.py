@@ -40,7 +40,7 @@ SPREADS = 3.0  # standard deviations of what the table misses that a hill may be
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
-STRIDES = 2, 4  # steps to states of the first look around, of a grid of READ positions or more, and of a coarser one
+STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
 SEARCHED = 3800  # states that proposals solve of a drive, about
 

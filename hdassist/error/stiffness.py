@@ -14,11 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import WITHOUT_DEVIATIONS
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
+from hdassist.solve.answers import ARCSEC, N_MM, Certificate, Progress
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, solve_again
 
@@ -202,13 +201,8 @@ class Twist:
 
         Raises UntrustedError where an answer cannot be trusted.
         """
-        contact, proof = np.empty(len(torque)), EMPTY
-        for k, M_g in enumerate(torque.tolist()):
-            self.case.load(M_g)
-            answers = self.case.solve(WITHOUT_DEVIATIONS, partial(_place, [M_g]), progress)
-            contact[k] = answers.rotation_arcsec[0]
-            proof += answers.certificate
-        return contact, torque * N_MM / self._tube * ARCSEC, proof
+        answers = self.case.over(torque, partial(_place, torque.tolist()), progress)
+        return answers.rotation_arcsec, torque * N_MM / self._tube * ARCSEC, answers.certificate
 
     def tangent(self, torque: float, progress: Progress | None = None) -> tuple[Tangent, Certificate]:
         """The slope of torque over twist at a torque [N*m], with the certificate of its two states.

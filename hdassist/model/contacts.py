@@ -65,9 +65,8 @@ class ContactSystem:
 
     compliance of the structure between the places, shape (m, m), and local, that of each candidate by itself, shape
     (M,) [mm/N]; G, shape (M, 9), its rotation column in mm, the same for all candidates at a place; C [N/mm], shape
-    (9,), 0 where a freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations;
-    deviation_map, shape (M, 12), the gaps' change by a unit of each deviation scalar (deviations.py), the same for all
-    candidates at a place; face, the stations along each flank, which are rows of flanks of their own.
+    (9,), 0 where a freedom has no support; delta_p [mm], shape (M,), the gaps of a drive without deviations; face, the
+    stations along each flank, which are rows of flanks of their own.
     """
 
     geometry: Geometry
@@ -79,7 +78,6 @@ class ContactSystem:
     G: Array
     C: Array
     delta_p: Array
-    deviation_map: Array
     face: Face
 
     @property
@@ -132,8 +130,22 @@ class ContactSystem:
         """Moment [N*mm] that a unit of force at each flank candidate takes off the flexspline."""
         return -self.G[: self.n_flanks, ROTATION]
 
+    @cached_property
+    def deviation_map(self) -> Array:
+        """Change of the gaps by a unit of each deviation scalar (deviations.py), the same at a place, shape (M, 12)."""
+        flanks, x1 = self.flanks, self.flanks.theta + TO_X1
+        along, n = flanks.side * np.cos(flanks.alpha), self.n_flanks
+        change = np.zeros((len(self.delta_p), 6 + 2 * len(ORDERS)))
+        for column, order in zip((0, 6, 8, 10), (1, *ORDERS), strict=True):
+            change[:n, column : column + 2] = -along[:, None] * _radial(order * x1)[:, ::-1]
+        change[self.balls, 2:4] = -_radial(self.ball_theta + TO_X1)
+        change[:n, 4:6] = _normal(flanks) @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # x1 points along -y, y1 along x
+        return change
+
     def delta_p_of(self, gaps: StateGaps) -> Array:
         """Gaps without force delta_p [mm] of states, shape (states, M)."""
+        if not gaps.scalars.shape[1] and gaps.at_flanks is None:
+            return np.broadcast_to(self.delta_p, (len(gaps), len(self.delta_p)))
         delta_p = self.delta_p + gaps.scalars @ self.deviation_map[:, : gaps.scalars.shape[1]].T
         if gaps.at_flanks is not None:
             delta_p[:, : self.n_flanks] += gaps.at_flanks
@@ -188,7 +200,6 @@ class ContactSystems:
             G=_motion(geometry, flanks, bore, balls),
             C=_supports(drive),
             delta_p=_gaps(drive, geometry, flanks, face, bore, balls),
-            deviation_map=_deviation_map(flanks, bore, balls),
             face=face,
         )
 
@@ -269,17 +280,6 @@ def _gaps(drive: Drive, geometry: Geometry, flanks: Flanks, face: Face, bore: Ar
     at_flanks = flanks.gap + geometry.j_n + shape * (1 + _along(face.fall, flanks))
     at_balls = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
     return np.concatenate([at_flanks, np.zeros(len(bore)), at_balls])
-
-
-def _deviation_map(flanks: Flanks, bore: Array, balls: Array) -> Array:
-    s_cos, x1 = flanks.side * np.cos(flanks.alpha), flanks.theta + TO_X1
-    n1, n2 = len(flanks.theta), len(bore)
-    change = np.zeros((n1 + n2 + len(balls), 6 + 2 * len(ORDERS)))
-    for column, order in zip((0, 6, 8, 10), (1, *ORDERS), strict=True):
-        change[:n1, column : column + 2] = -s_cos[:, None] * np.stack([np.sin(order * x1), np.cos(order * x1)], axis=1)
-    change[n1 + n2 :, 2:4] = -_radial(balls + TO_X1)
-    change[:n1, 4:6] = _normal(flanks) @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # x1 points along -y, y1 along x
-    return change
 
 
 def _radial(theta: Array) -> Array:

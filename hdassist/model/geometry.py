@@ -117,19 +117,25 @@ class Flanks:
         return Flanks(**{part.name: getattr(self, part.name).repeat(times) for part in fields(self)})
 
 
-def flank_candidates(geometry: Geometry, window: float, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:
+def flank_candidates(
+    geometry: Geometry,
+    window: float,
+    tau: float = 0.0,
+    samples: int = FLANK_SAMPLES,
+    zones: tuple[int, ...] = (0, 1),
+) -> Flanks:
     """Every flank pair within the window of a mesh zone, with its least gap over the active height.
 
     Arguments: geometry; window [rad] on each side of a zone's axis, ends included; tau, the tooth phase in
-    tooth pitches; samples, heights tried on each flank. Pairs whose teeth do not overlap radially cannot touch and
-    are left out.
+    tooth pitches; samples, heights tried on each flank; zones, of which flanks are wanted. Pairs whose teeth do not
+    overlap radially cannot touch and are left out.
     """
     z_g = geometry.flexspline.z
     index = np.arange(-z_g, 2 * z_g)
     angle = 2 * np.pi * (index + tau) / z_g
-    near = [index[np.abs(angle - zone * np.pi) <= window + 1e-9] for zone in (0, 1)]
+    near = [index[np.abs(angle - zone * np.pi) <= window + 1e-9] for zone in zones]
     tooth = np.repeat(np.concatenate(near), 2)
-    zone = np.repeat(np.repeat([0, 1], [len(near[0]), len(near[1])]), 2)
+    zone = np.repeat(np.repeat(zones, [len(teeth) for teeth in near]), 2)
     side = np.tile([1.0, -1.0], len(tooth) // 2)
     edge = np.concatenate([np.isin(teeth, (teeth.min(), teeth.max())) for teeth in near]).repeat(2)
     theta = 2 * np.pi * (tooth + tau) / z_g

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 NominalCurve = Literal["linear", "inextensible"]
 Shape = tuple[Array, Array, Array]
 
-HARMONICS = 32  # of the arc length; the eighth is below 1e-16 of the first for any wave a drive could have
+HARMONICS = 32  # that the arc length is sampled for
+KEPT = 8  # of them: the eighth is below 1e-16 of the first for any wave a drive could have
 ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
 CONVERGED = 1e-15  # rad, the last change of an angle
 
@@ -41,7 +42,7 @@ def _linear(theta: Array, W_0: float, r_m: float) -> Shape:
 
 def _inextensible(theta: Array, W_0: float, r_m: float) -> Shape:
     r_0, wave, ripple = _closed_curve(W_0, r_m)
-    k = 2 * np.arange(1, HARMONICS)
+    k = 2 * np.arange(1, KEPT + 1)
     phi = np.asarray(theta, dtype=float)
     for _ in range(ROUNDS):
         # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
@@ -65,4 +66,4 @@ def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
         if abs(excess) < CONVERGED * r_m:
             break
     series = np.fft.rfft(speed).real / HARMONICS
-    return r_0, wave, series[1:HARMONICS] / (2 * np.arange(1, HARMONICS))
+    return r_0, wave, series[1 : KEPT + 1] / (2 * np.arange(1, KEPT + 1))

@@ -10,6 +10,7 @@ import inspect
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
@@ -34,10 +35,15 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
     """
     paths = {path.rpartition(".")[2]: path for path in values}
     for rule in RULES:
-        names = tuple(inspect.signature(rule).parameters)
+        names = _parameters(rule)
         if all(name in paths for name in names):
             involved = tuple(paths[name] for name in names)
             yield from ((conflict, involved) for conflict in rule(*(values[path] for path in involved)))
+
+
+@cache
+def _parameters(rule: Callable[..., Iterator[Conflict]]) -> tuple[str, ...]:
+    return tuple(inspect.signature(rule).parameters)
 
 
 def teeth_difference(z_b: int, z_g: int) -> Iterator[Conflict]:

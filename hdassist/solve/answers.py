@@ -30,6 +30,13 @@ class StateSolver(Protocol):
         """Go on with another torque [N*mm]."""
         ...
 
+    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M). States that nothing solves as solve has them.
+        """
+        ...
+
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Sums of states, and forces along the deviation scalars where asked for.
 
@@ -105,20 +112,37 @@ def solve_states(
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
+    chunks = (solver.solve(gaps[first : first + chunk], pull=pull) for first in range(0, len(gaps), chunk))
+    return proven_answers(system, torque, chunks, place, progress, pull=pull)
+
+
+def proven_answers(
+    system: ContactSystem,
+    torque: float | Array,
+    chunks: Iterable[StateSums],
+    place: Callable[[int], str],
+    progress: Progress | None = None,
+    *,
+    pull: bool = False,
+) -> Answers:
+    """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
+
+    Arguments: as those of solve_states; torque [N*mm], of all states, or of each where there is one chunk.
+    """
     parts: list[StateSums] = []
-    certificate = EMPTY
-    for first in range(0, len(gaps), chunk):
-        sums = solver.solve(gaps[first : first + chunk], pull=pull)
+    certificate, first = EMPTY, 0
+    for sums in chunks:
         _require_proof(sums.residuals, place, first)
         _require_linear(system, torque, sums, place, first)
         worst = {f.name: float(getattr(sums.residuals, f.name).max()) for f in fields(Residuals)}
         certificate += Certificate(len(sums.rotation), fallbacks=sums.given_up, **worst)
         parts.append(sums)
+        first += len(sums.rotation)
         if progress:
             progress(len(sums.rotation))
     return Answers(
         rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
-        zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / torque,
+        zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / np.reshape(torque, (-1, 1)),
         tooth_force_N=_joined(part.tooth_force for part in parts),
         pull_N=_joined(part.pull for part in parts if part.pull is not None) if pull else None,
         certificate=certificate,
@@ -143,7 +167,7 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
 
 
 def _require_linear(
-    system: ContactSystem, torque: float, sums: StateSums, place: Callable[[int], str], first: int
+    system: ContactSystem, torque: float | Array, sums: StateSums, place: Callable[[int], str], first: int
 ) -> None:
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
     k = int(np.argmax(np.abs(sums.rotation)))
@@ -155,8 +179,9 @@ def _require_linear(
             "the torque is too great for this drive",
             Fault.BEYOND_MODEL,
         )
-    k = int(np.argmax(sums.edge_force))
-    if sums.edge_force[k] > EDGE_SHARE * abs(torque) / system.geometry.r_m:
+    share = sums.edge_force / np.abs(torque)
+    k = int(np.argmax(share))
+    if share[k] > EDGE_SHARE / system.geometry.r_m:
         raise EdgeOfWindowError(
             f"outside the limits of the linear model at {place(first + k)}: {sums.edge_force[k]:.3g} N on the "
             "outermost tooth of the flank window",

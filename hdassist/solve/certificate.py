@@ -45,20 +45,21 @@ def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
     return a
 
 
-def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> Residuals:
+def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forces: Array, free: Array) -> Residuals:
     """Residuals of answers to system (1).
 
-    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm];
+    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm], of all or each;
     free, displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
     moved = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
     gaps = delta_p + forces * system.local + moved[:, system.place]
-    balance = forces @ system.G - a * system.C + system.load(torque)
+    balance = forces @ system.G - a * system.C
+    balance[:, ROTATION] += torque
     force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
     gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
     balance_scale = np.abs(forces) @ np.abs(system.G)
-    balance_scale[:, ROTATION] += abs(torque)
+    balance_scale[:, ROTATION] += np.abs(torque)
     rounding = np.finfo(float).eps * np.abs(forces).sum(axis=1)[:, None] * np.abs(system.G).max(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         # a freedom without any force on it is in balance: a ball on one axis pushes along the other by rounding alone

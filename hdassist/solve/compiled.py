@@ -1,9 +1,8 @@
 """The engines run the formulation's own data: proven to be, bit for bit, what cvxpy compiles of it.
 
-What cvxpy hands a solver is P, A, gaps and load as they were stated, whatever their numbers. So it is compiled and
-compared once for each version of cvxpy, of the statement, and of the set of free freedoms; that it held is kept in the
-user's cache.
-The tests compile every preset, `hdassist doctor` compiles anew.
+What cvxpy hands a solver is H, local, A, gaps and load as they were stated, whatever their numbers. So it is compiled
+and compared once for each version of cvxpy, of the statement, and of the set of free freedoms; that it held is kept in
+the user's cache. The tests compile every preset, `hdassist doctor` compiles anew.
 """
 
 from __future__ import annotations
@@ -58,13 +57,21 @@ def require_compiled_as_stated(formulation: Formulation, folder: Path | None = N
 
 def differences(formulation: Formulation) -> Iterator[str]:
     """Names of what cvxpy compiles to other data than stated, at two torques and gaps."""
-    stated = formulation.statement
+    stated, place = formulation.statement, formulation.system.place
+    M, m = len(formulation.local), len(formulation.H)
+    P = np.zeros((M + m, M + m))
+    P[:M, :M], P[M:, M:] = np.diag(formulation.local), formulation.H
+    A = np.zeros((len(formulation.A) + m, M + m))
+    A[: len(formulation.A), M:] = formulation.A_places
+    A[len(formulation.A) + place, np.arange(M)] = 1
+    A[len(formulation.A) + np.arange(m), M + np.arange(m)] = -1
+    lower = np.repeat([0.0, -np.inf], [M, m])
     for torque, gap in ((0.0, 0.0), (1e3, 1.0)):
-        stated.gaps.value = gaps = gap * np.arange(1.0, stated.gaps.size + 1)
+        stated.gaps.value = gaps = gap * np.arange(1.0, M + 1)
         stated.load.value = load = formulation.load(torque)
         data, _, _ = stated.problem.get_problem_data("DAQP")
-        expected: dict[str, Array | None] = {"P": formulation.P, "q": gaps, "A": formulation.A, "b": -load}
-        expected |= {"lower_bounds": np.zeros(len(gaps)), "upper_bounds": None}
+        expected: dict[str, Array | None] = {"P": P, "q": np.pad(gaps, (0, m)), "A": A, "b": np.pad(-load, (0, m))}
+        expected |= {"lower_bounds": lower, "upper_bounds": None}
         if data["F"].shape[0]:
             yield "further rows"
         for name, value in expected.items():

@@ -43,9 +43,10 @@ class Units:
 class Statement:
     """The programme in cvxpy, DPP in the parameters gaps and load.
 
-    forces: variable, shape (M,), in units.force; gaps: parameter delta_p, shape (M,), in units.gap;
-    load: parameter b_f, shape (free,), in units.force * units.load; equilibrium: the constraint whose dual
-    is the displacement of the free freedoms in units.gap / units.load.
+    forces: variable, shape (M,), in units.force, whose sums at the places are a variable of their own: the structure
+    knows no others, and M coupled variables take solvers three to five times as long; gaps: parameter delta_p, shape
+    (M,), in units.gap; load: parameter b_f, shape (free,), in units.force * units.load; equilibrium: the constraint
+    whose dual is the displacement of the free freedoms in units.gap / units.load.
     """
 
     problem: cp.Problem
@@ -59,8 +60,8 @@ class Statement:
 class Formulation:
     """The programme of one contact system: minimise 1/2 x' P x + gaps' x subject to A x + load = 0, x >= 0.
 
-    H, shape (m, m), compliance between the places of structure and supports together; local, shape (M,), that of each
-    candidate by itself; A, shape (free, M); all in units.
+    P is H, compliance between the places of structure and supports together, shape (m, m), and on the diagonal local,
+    that of each candidate by itself, shape (M,); A, shape (free, M); all in units.
     """
 
     system: ContactSystem
@@ -76,16 +77,26 @@ class Formulation:
         return np.asarray(self.H[np.ix_(place, place)] + np.diag(self.local))
 
     @cached_property
+    def A_places(self) -> Array:
+        """The columns of A at the places, of which candidates have copies, shape (free, m)."""
+        return np.ascontiguousarray(self.A[:, self.system.first])
+
+    @cached_property
     def statement(self) -> Statement:
         """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
         import cvxpy as cp
+        from scipy.sparse import csr_array, diags_array
 
-        forces = cp.Variable(len(self.local), name="F", nonneg=True)
-        gaps = cp.Parameter(len(self.local), name="delta_p")
+        M, m = len(self.local), len(self.H)
+        forces, at_places = cp.Variable(M, name="F", nonneg=True), cp.Variable(m, name="F_places")
+        gaps = cp.Parameter(M, name="delta_p")
         load = cp.Parameter(len(self.A), name="b")
-        energy = 0.5 * cp.quad_form(forces, cp.psd_wrap(self.P))
-        equilibrium = self.A @ forces + load == 0
-        problem = cp.Problem(cp.Minimize(energy + gaps @ forces), [equilibrium])
+        of_structure = 0.5 * cp.quad_form(at_places, cp.psd_wrap(self.H))
+        of_candidates = 0.5 * cp.quad_form(forces, cp.psd_wrap(diags_array(self.local)))
+        equilibrium = self.A_places @ at_places + load == 0
+        sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
+        constraints = [equilibrium, sums @ forces - at_places == 0]
+        problem = cp.Problem(cp.Minimize(of_candidates + of_structure + gaps @ forces), constraints)
         return Statement(problem, forces, gaps, load, equilibrium)
 
     def gaps(self, delta_p: Array) -> Array:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from hdassist.model.contacts import StateGaps, contact_system
+from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import N_MM, Answers, Progress, StateSolver, solve_states
+from hdassist.solve.answers import N_MM, Answers, Progress, StateSolver, proven_answers, solve_states
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import ThroughCvxpy
 
 
@@ -58,3 +62,17 @@ class LoadCase:
         UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
         return solve_states(self.system, self._solver, self._torque, gaps, place, progress, pull=pull)
+
+    def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
+        """Solve the state without deviations at torques M_g [N*m], each from the contacts of the one before.
+
+        Arguments and errors as those of solve.
+        """
+        found = []
+        for M_g in torques.tolist():
+            self.load(M_g)
+            found.append(self._solver.forces(self.system.delta_p[None]))
+        forces, free = (np.concatenate(each) for each in list(zip(*found, strict=True))[:2])
+        delta_p, given_up = np.repeat(self.system.delta_p[None], len(torques), axis=0), sum(each[2] for each in found)
+        sums = StateSums.of(self.system, delta_p, torques * N_MM, forces, free, given_up)
+        return proven_answers(self.system, torques * N_MM, [sums], place, progress)

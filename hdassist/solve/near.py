@@ -26,7 +26,7 @@ def solve_near(
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
     H, local, place, first = formulation.H, formulation.local, formulation.system.place, formulation.system.first
-    A = formulation.A[:, first]
+    A = formulation.A_places
     free, lowest = len(A), gaps[first]
     above = gaps - lowest[place]  # so that a place with one candidate has 0, not a difference of large numbers
     for _ in range(STEPS):

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 from scipy.linalg.blas import dger
 
 from hdassist.model.geometry import Array
@@ -75,15 +76,16 @@ class Reference:
         system[:n, n:] = A[:, inside].T
         coupling = np.vstack([P[np.ix_(inside, outside)], A[:, outside]])
         right = np.hstack([np.eye(n + free), coupling])
-        try:
-            # solved for and refined, not multiplied by the inverse: that cost two digits of the rotation
-            both = np.linalg.solve(system, right)
-            both += np.linalg.solve(system, right - system @ both)
-        except np.linalg.LinAlgError:
+        factors, rows, singular = lapack.dgetrf(system)
+        if singular:
             return None
+        # solved for and refined, not multiplied by the inverse: that cost two digits of the rotation
+        both, _ = lapack.dgetrs(factors, rows, right)
+        rest = right - system @ both
+        if not np.abs(rest[:, : n + free]).max(initial=0) <= INVERSE:
+            return None
+        both += lapack.dgetrs(factors, rows, rest)[0]
         inverse, across = both[:, : n + free], both[:, n + free :]
-        if not np.allclose(system @ inverse, np.eye(n + free), rtol=0, atol=INVERSE):
-            return None
         known = np.concatenate([inside, M + np.arange(free)])
         by_others, by_right = np.zeros((M + free, M)), np.zeros((M + free, free))
         by_others[np.ix_(known, inside)] = inverse[:, :n]

@@ -33,7 +33,7 @@ class PlaceReference:
         offset = np.add.reduceat(springs * above, first) / stiff
         # in series with the structure: springs in contact; the compliance of a candidate that stands alone and is open
         series = np.where(touching, 1 / stiff, np.where(alone, local[first], 0))
-        reference = Reference.at(formulation.H + np.diag(series), formulation.A[:, first], touching)
+        reference = Reference.at(formulation.H + np.diag(series), formulation.A_places, touching)
         if reference is None:
             raise ValueError("the contact set does not hold the parts in place")
         self.formulation, self._reference = formulation, reference

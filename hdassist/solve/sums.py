@@ -34,7 +34,7 @@ class StateSums:
         cls,
         system: ContactSystem,
         delta_p: Array,
-        torque: float,
+        torque: float | Array,
         forces: Array,
         free: Array,
         given_up: int = 0,
@@ -43,7 +43,7 @@ class StateSums:
     ) -> StateSums:
         """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm].
+        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm], of all or of each.
         """
         flank = system.on_flanks(forces)
         tangential = forces[:, : system.n_flanks] * system.lever

@@ -28,9 +28,9 @@ CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 # Solvers that take a quadratic programme, of those cvxpy knows.
 QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
 
-# Of those that come with cvxpy the quickest here: 11 ms a state (61 ms with five stations) where CLARABEL takes 41 and
-# 357, within 3e-5 arcsec (2e-4) of the engine over all presets; where it gives no answer, or another (stiff contacts
-# under little torque: 0.013 arcsec), CLARABEL decides.
+# Of those that come with cvxpy the quickest here: 20 ms a state with five stations where CLARABEL takes 70, within 2e-4
+# arcsec of the engine over all presets; where it gives no answer, or another (stiff contacts under little torque: 0.013
+# arcsec), CLARABEL decides.
 CROSS_SOLVER, SECOND_SOLVER = "HIGHS", "CLARABEL"
 
 LONGEST = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
@@ -104,14 +104,19 @@ class ThroughCvxpy:
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
-        formulation, system = self._formulation, self._formulation.system
+        system = self._formulation.system
         delta_p = system.delta_p_of(gaps)
+        return StateSums.of(system, delta_p, self._torque, *self.forces(delta_p), pull=pull)
+
+    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces and free displacements as StateSolver says, none given up; errors as those of solve."""
+        formulation = self._formulation
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
         for k, at_state in enumerate(delta_p):
             forces[k], free[k] = solve_through_cvxpy(formulation, at_state, self._torque, self._solver)
-            if not proven(system, at_state, self._torque, forces[k], free[k]):
+            if not proven(formulation.system, at_state, self._torque, forces[k], free[k]):
                 break
-        return StateSums.of(system, delta_p, self._torque, forces, free, pull=pull)
+        return forces, free, 0
 
 
 @dataclass(frozen=True)

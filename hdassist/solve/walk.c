@@ -563,16 +563,29 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
     return given_up;
 }
 
-/* Solve L x = b in place, and L' x = b; L (n, n) lower, its diagonal inverted. */
-static void forward(int n, const double *L, double *x) {
-    for (int i = 0; i < n; i++) x[i] = (x[i] - product(i, L + (size_t)i * n, x, NULL)) * L[(size_t)i * n + i];
+/* Factor a matrix U'U in place, of which the upper half is given; the diagonal of U is inverted. 0 where it is singular. */
+static int factor(int n, double *U) {
+    for (int k = 0; k < n; k++) {
+        double *row = U + (size_t)k * n;
+        if (!(row[k] > 0)) return 0;
+        row[k] = 1 / sqrt(row[k]);
+        for (int j = k + 1; j < n; j++) row[j] *= row[k];
+        for (int i = k + 1; i < n; i++) add_multiple(n - i, -row[i], row + i, U + (size_t)i * n + i);
+    }
+    return 1;
 }
 
-static void backward(int n, const double *L, double *x) {
-    for (int i = n - 1; i >= 0; i--) {
-        x[i] *= L[(size_t)i * n + i];
-        add_multiple(i, -x[i], L + (size_t)i * n, x);
+/* Solve U' x = b in place, and U x = b. */
+static void forward(int n, const double *U, double *x) {
+    for (int k = 0; k < n; k++) {
+        x[k] *= U[(size_t)k * n + k];
+        add_multiple(n - k - 1, -x[k], U + (size_t)k * n + k + 1, x + k + 1);
     }
+}
+
+static void backward(int n, const double *U, double *x) {
+    for (int k = n - 1; k >= 0; k--)
+        x[k] = (x[k] - product(n - k - 1, U + (size_t)k * n + k + 1, x + k + 1, NULL)) * U[(size_t)k * n + k];
 }
 
 /* Solve S x = b by elimination, S (n, n) symmetric and not negative; 0 where a pivot is nothing beside what it was. */
@@ -603,7 +616,7 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
     double *memory = bare_room((size_t)m * m + (size_t)m * (7 + rows), sizeof(double));
     int *inside = bare_room(m, sizeof(int)), taken = 0;
     if (!memory || !inside || rows > FREEDOMS) goto done;
-    double *L = memory, *closing = L + (size_t)m * m, *series = closing + m, *offset = series + m, *wanted = offset + m;
+    double *U = memory, *closing = U + (size_t)m * m, *series = closing + m, *offset = series + m, *wanted = offset + m;
     double *F = wanted + m, *rest = F + m, *scratch = rest + m, *Y = scratch + m;
     for (int step = 1; step <= steps; step++) {
         int n = 0;
@@ -617,19 +630,16 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
             n++;
         }
         for (int i = 0; i < n; i++) {
-            double *row = L + (size_t)i * n;
             const double *from = H + (size_t)inside[i] * m;
-            for (int j = 0; j < i; j++)
-                row[j] = (from[inside[j]] - product(j, row, L + (size_t)j * n, NULL)) * L[(size_t)j * n + j];
-            const double square = from[inside[i]] + series[i] - product(i, row, row, NULL);
-            if (!(square > 0)) goto done;
-            row[i] = 1 / sqrt(square);
+            for (int j = i; j < n; j++) U[(size_t)i * n + j] = from[inside[j]];
+            U[(size_t)i * n + i] += series[i];
         }
+        if (!factor(n, U)) goto done;
         double S[FREEDOMS * FREEDOMS], kept[FREEDOMS * FREEDOMS] = {0}, lambda[FREEDOMS] = {0}, change[FREEDOMS] = {0};
         for (int f = 0; f < rows; f++) {
             double *y = Y + (size_t)f * m;
             for (int i = 0; i < n; i++) y[i] = A[(size_t)f * m + inside[i]];
-            forward(n, L, y);
+            forward(n, U, y);
             for (int g = 0; g <= f; g++) kept[f * rows + g] = kept[g * rows + f] = product(n, y, Y + (size_t)g * m, NULL);
         }
         memcpy(S, kept, sizeof S);
@@ -637,9 +647,10 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
         for (int f = 0; f < rows; f++) kept[f * rows + f] += spring;
         memset(F, 0, sizeof(double) * n);
         memset(closing, 0, sizeof(double) * m);
-        for (int round = 0; round < 2; round++) { /* solved, and refined */
+        int moved = 0;
+        for (int round = 0; round < 2 && !moved; round++) { /* solved, and refined where no candidate changes sides */
             for (int i = 0; i < n; i++) scratch[i] = rest[i] = wanted[i] - closing[inside[i]] - series[i] * F[i];
-            forward(n, L, scratch);
+            forward(n, U, scratch);
             for (int f = 0; f < rows; f++) {
                 change[f] = product(n, Y + (size_t)f * m, scratch, NULL) - right[f] - spring * lambda[f];
                 for (int i = 0; i < n; i++) change[f] += A[(size_t)f * m + inside[i]] * F[i];
@@ -650,27 +661,26 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
                 lambda[f] += change[f];
                 for (int i = 0; i < n; i++) rest[i] -= A[(size_t)f * m + inside[i]] * change[f];
             }
-            forward(n, L, rest);
-            backward(n, L, rest);
+            forward(n, U, rest);
+            backward(n, U, rest);
             for (int i = 0; i < n; i++) F[i] += rest[i];
             memset(closing, 0, sizeof(double) * m);
             for (int i = 0; i < n; i++) add_multiple(m, F[i], H + (size_t)inside[i] * m, closing);
             for (int f = 0; f < rows; f++) add_multiple(m, lambda[f], A + (size_t)f * m, closing);
-        }
-        int moved = 0, finite = 1;
-        for (int r = 0, k = 0; r < m; r++) {
-            const int loaded = k < n && inside[k] == r;
-            const double approach = loaded ? F[k] * series[k] + offset[k] : 0.0;
-            k += loaded;
-            finite &= isfinite(closing[r]) && isfinite(approach);
-            for (int i = first[r]; i < first[r + 1]; i++) {
-                forces[i] = contact[i] ? (approach - (gaps[i] - gaps[first[r]])) / local[i] : 0.0;
-                const int changes = contact[i] ? forces[i] < -ZERO : gaps[i] + closing[r] < -ZERO;
-                contact[i] ^= changes;
-                moved |= changes;
+            moved = 0;
+            for (int r = 0, k = 0; r < m; r++) {
+                const int loaded = k < n && inside[k] == r;
+                const double approach = loaded ? F[k] * series[k] + offset[k] : 0.0;
+                k += loaded;
+                if (!isfinite(closing[r]) || !isfinite(approach)) goto done;
+                for (int i = first[r]; i < first[r + 1]; i++) {
+                    forces[i] = contact[i] ? (approach - (gaps[i] - gaps[first[r]])) / local[i] : 0.0;
+                    const int changes = contact[i] ? forces[i] < -ZERO : gaps[i] + closing[r] < -ZERO;
+                    contact[i] ^= changes;
+                    moved |= changes;
+                }
             }
         }
-        if (!finite) break;
         if (spring == 0 && !moved) {
             for (int i = 0; i < M; i++) forces[i] = forces[i] > 0 ? forces[i] : 0.0;
             memcpy(duals, lambda, sizeof(double) * rows);

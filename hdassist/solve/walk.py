@@ -134,9 +134,8 @@ def near(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[n
     """solve_near of activeset.py, compiled."""
     system = formulation.system
     ends = np.append(system.first, len(gaps)).astype(np.int32)
-    at_places = np.ascontiguousarray(formulation.A[:, system.first])
     held, forces, duals = contact.astype(np.uint8), np.empty(len(gaps)), np.empty(len(right))
-    data = (formulation.H, formulation.local, ends, at_places, np.ascontiguousarray(gaps), right)
+    data = (formulation.H, formulation.local, ends, formulation.A_places, np.ascontiguousarray(gaps), right)
     sizes = len(gaps), len(system.first), len(right)
     given, made = ([_address(array) for array in some] for some in (data, (held, forces, duals)))
     found = library()[0].walk_near(*sizes, *given, SOFT, STEPS, *made)

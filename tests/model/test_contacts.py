@@ -35,7 +35,7 @@ def two_teeth(reference, gaps: tuple[float, float]):
     return replace(
         system, flanks=flanks, bore_theta=np.zeros(0), ball_theta=np.zeros(0),
         compliance=np.zeros((2, 2)), local=np.full(2, C_TOOTH), G=G, C=C,
-        delta_p=np.array(gaps), deviation_map=np.zeros((2, 12)),
+        delta_p=np.array(gaps),
     )  # fmt: skip
 
 

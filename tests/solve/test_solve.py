@@ -82,8 +82,8 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
     elif part == "linear":
         objective = objective + 3.0 * (pick @ x)
     elif part == "equality":
-        (old,) = constraints
-        constraints = [old.args[0] - np.array([0.2, 0, 0]) * (pick @ x) == 0]
+        old, sums = constraints
+        constraints = [old.args[0] - np.array([0.2, 0, 0]) * (pick @ x) == 0, sums]
     else:
         constraints.append(x >= 0.001 * np.ones(n))
     problem = cp.Problem(cp.Minimize(objective), constraints)
