@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -23,6 +23,10 @@ from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, pre
 from hdassist.trials.prior import SAMPLES, Prior, Rig, prior_of
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
+STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
+SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
+STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
+SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
@@ -37,7 +41,8 @@ class TrialAdvice:
 
     next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
     prediction is of the outcome of an advice, and the wheel stands there; explained: whether anything explains that,
-    which then is the last trial too; needed: probability from which on it is settled.
+    which then is the last trial too; needed: probability from which on it is settled; without: probability that the
+    choice is good without each of the trials, empty of fewer than FEW.
     """
 
     prior: Prior
@@ -49,6 +54,8 @@ class TrialAdvice:
     verifies: bool = False
     explained: bool = True
     needed: float = NEEDED
+    without: tuple[float, ...] = ()
+    without: tuple[float, ...] = ()
 
     @property
     def drive(self) -> Drive:
@@ -89,9 +96,27 @@ class TrialAdvice:
         return tried.rotation_deg, 0.0 if place is None else float(self.losses.probability_good[place])
 
     @property
+    def hinges_on(self) -> Trial | None:
+        """The trial without which the choice is least probable to be good, where that is less than STABLE."""
+        if not self.without or self.outcome or min(self.without) >= STABLE:
+            return None
+        return self.trials[int(np.argmin(self.without))]
+
+    @property
+    def suspected(self) -> Trial | None:
+        """The trial whose value is more probably misread than not."""
+        misread = self.draws.misread
+        return self.trials[int(np.argmax(misread))] if len(misread) and misread.max() > SUSPECTED else None
+
+    @property
+    def sure(self) -> bool:
+        """Whether the position to be in is good with the probability needed, whichever of the trials is left out."""
+        return self.stay[1] >= self.needed and self.hinges_on is None
+
+    @property
     def settled(self) -> bool:
-        """Whether the position to be in is good with the probability needed, and no trial has to be repeated."""
-        return self.stay[1] >= self.needed and self.to_repeat is None
+        """Whether that is so, and no trial has to be repeated."""
+        return self.sure and self.to_repeat is None
 
     @property
     def unlike_told(self) -> bool:
@@ -101,10 +126,17 @@ class TrialAdvice:
 
     @property
     def to_repeat(self) -> Trial | None:
-        """The trial to measure again: values unlike the preset's drive settle nothing without a repeat."""
-        if not self.unlike_told or self.repeats:
+        """The trial to measure again where none was: values unlike the preset's drive settle nothing without it.
+
+        Before a fourth new position one is repeated too, the one that is suspected or that the choice hinges on.
+        """
+        if self.repeats:
             return None
-        return max(self.predictions[FEW - 1 :], key=lambda one: abs(one.surprise))
+        if self.unlike_told:
+            return max(self.predictions[FEW - 1 :], key=lambda one: abs(one.surprise))
+        if self.sure or self.outcome or len(self.trials) < FEW:
+            return None
+        return self.suspected or self.hinges_on or self.trials[0]
 
     @property
     def to_measure_next(self) -> tuple[float, float | None]:
@@ -182,5 +214,35 @@ def advise_from_trials(
         if not outcome:
             raise
         explained, (draws, losses) = False, here(every := tuple(trials))
+    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
+    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
     best = next_trial(draws, losses, seed)
-    return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed)
+    return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
+
+
+def _without_each(
+    trials: Sequence[Trial], best: int, teach: Callable[[Sequence[Trial]], tuple[Draws, PositionStatistics]]
+) -> tuple[float, ...]:
+    """Probability that a choice, by its place, is good, without each of the trials; 0 where nothing explains them."""
+    found = []
+    for k in range(len(trials)):
+        try:
+            _, left = teach([*trials[:k], *trials[k + 1 :]])
+            found.append(float(left.probability_good[best]))
+        except UntrustedError:
+            found.append(0.0)
+    return tuple(found)
+
+
+def _without_each(
+    trials: Sequence[Trial], best: int, teach: Callable[[Sequence[Trial]], tuple[Draws, PositionStatistics]]
+) -> tuple[float, ...]:
+    """Probability that a choice, by its place, is good, without each of the trials; 0 where nothing explains them."""
+    found = []
+    for k in range(len(trials)):
+        try:
+            _, left = teach([*trials[:k], *trials[k + 1 :]])
+            found.append(float(left.probability_good[best]))
+        except UntrustedError:
+            found.append(0.0)
+    return tuple(found)

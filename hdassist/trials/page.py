@@ -15,7 +15,7 @@ from hdassist.mounting.losses import GOOD
 from hdassist.mounting.losses_page import SHARES, kept_line, losses_object, losses_table
 from hdassist.mounting.positions import bare, hole_of
 from hdassist.mounting.seat_page import TRADE, wheel
-from hdassist.mounting.trial import Tried
+from hdassist.mounting.trial import Trial, Tried
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import facts, proof
@@ -65,6 +65,11 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     """What a reader should know beside the numbers."""
     yield from warnings_of(advice.drive, say)
     outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
+    if advice.suspected:
+        yield f"{_measured(advice, advice.suspected)} is probably misread ({_suspicion(advice)}): measure it again"
+    elif (hinge := advice.hinges_on) and advice.stay[1] >= advice.needed:
+        least = f"{100 * min(advice.without):.0f} %"
+        yield f"the choice hinges on {_measured(advice, hinge)}: {least} without it, 60 % are wanted: measure it again"
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
     if not advice.settled and not advice.to_repeat and not advice.back_to and advice.explained:
@@ -83,6 +88,15 @@ def warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
         yield f"{unlike}: check the preset, the noise and how the holes were counted{_repeat(advice)}"
 
 
+def _measured(advice: TrialAdvice, trial: Trial) -> str:
+    """A value and its position in words."""
+    return f"{trial.F_ior_arcsec:g} arcsec at {advice.where(trial.rotation_deg)}"
+
+
+def _suspicion(advice: TrialAdvice) -> str:
+    return f"{100 * float(advice.draws.misread.max()):.0f} %"
+
+
 def _repeat(advice: TrialAdvice) -> str:
     if not (trial := advice.to_repeat):
         return ""
@@ -93,7 +107,7 @@ def _chance(advice: TrialAdvice) -> str:
     here, good = advice.stay
     sure, needed = f"{good:.0%}", f"{advice.needed:.0%}"
     if sure == needed and not advice.settled:
-        sure = f"{np.floor(1000 * good) / 10:.1f}%"
+        sure, needed = f"{np.floor(1000 * good) / 10:.1f}%", f"{np.ceil(1000 * advice.needed) / 10:.1f}%"
     return f"{advice.where(here)} is good (loses below {GOOD:.0%}) with {sure}, and {needed} are wanted"
 
 
@@ -110,8 +124,11 @@ def instruction(advice: TrialAdvice) -> str:
         return f"{there if back else 'Keep it'}: {_outcome(advice, advice.outcome)}."
     if advice.settled:
         return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)} (--sure)."
-    if advice.to_repeat:
+    if advice.to_repeat and advice.unlike_told:
         return f"No order yet: the values came out unlike those of a drive as the preset has it{_repeat(advice)}."
+    if advice.to_repeat:
+        again = advice.where(advice.to_repeat.rotation_deg)
+        return f"No order yet: {_chance(advice)}. Before a new position measure {again} again: none was measured twice."
     return (
         f"No order yet: {_chance(advice)}. To decide, measure {advice.where(advice.next[0])} next. "
         f"{advice.next[1]:.0%} are expected after it. Five or six trials are normal."
@@ -179,7 +196,11 @@ def to_json(advice: TrialAdvice) -> Json:
             "noise_arcsec": rig.noise_arcsec,
             "noise_found_arcsec": advice.noise_arcsec,
             "reseat_um": rig.reseat_um,
-            "measured": [_place(advice, **asdict(trial)) for trial in advice.trials],
+            "measured": [
+                _place(advice, **asdict(trial), probability_misread=float(misread))
+                for trial, misread in zip(advice.trials, advice.draws.misread, strict=True)
+            ],
+            "probability_good_without": list(advice.without),
         },
         "prediction_errors": [_prediction(advice, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,

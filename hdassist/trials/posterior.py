@@ -5,7 +5,8 @@ goes smoothly from hole to hole, for no preset is the drive:
 
     y = f + SCALE u f + a GP + noise,  a^2 = (misfit mean(f))^2 + table^2,  GP ~ exp(-(2 sin(d/2) / LENGTH)^2 / 2)
 
-with the misfit among MISFITS and the noise about the told one, both weighed by what is measured.
+with the misfit among MISFITS and the noise about the told one, both weighed by what is measured. Any one value may be
+misread (MISREAD), so that one wrong value does not carry an order.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.special import softmax
+from scipy.special import logsumexp, softmax
 from scipy.stats import chi2, norm
 
 from hdassist.errors import UntrustedError
@@ -32,6 +33,12 @@ LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffness
 MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
 NOISES = tuple(2.0 ** (k / 2) for k in range(-2, 5))  # of the told noise
 KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]])  # pairs of them
+MISREAD = 0.05  # probability of one of the values to be misread
+MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
+ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
+MISREAD = 0.05  # probability of one of the values to be misread
+MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
+ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
@@ -45,7 +52,7 @@ class Draws:
 
     places among samples and directions of the prior; misfit, noise, over the told one, and scale, shape (draws,);
     F_ior_arcsec at the torque of the trials and the noise of a value there, shape (draws, rotations); effective samples
-    that they stand for.
+    that they stand for; misread, probability of each value to be misread, shape (trials,).
     """
 
     places: Places
@@ -55,6 +62,7 @@ class Draws:
     F_ior_arcsec: Array
     noise_arcsec: Array
     effective: float
+    misread: Array
 
 
 @dataclass(frozen=True)
@@ -127,7 +135,7 @@ def next_trial(draws: Draws, losses: PositionStatistics, seed: int = 0) -> tuple
 
 def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
     """What trials predict of another one, and how far that came out."""
-    draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in (KINDS, AS_TOLD))
+    draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in (None, AS_TOLD))
     noise = draws.noise_arcsec * np.random.default_rng([prior.seed, 2]).standard_normal((DRAWS, 1))
     expected, (low, high) = (
         float(draws.F_ior_arcsec.mean()),
@@ -139,22 +147,38 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 
-def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array = KINDS) -> Draws:
-    """Draw F'_ior in positions [deg] after trials, of which there may be none, for pairs of misfit and noise."""
+def drawn(
+    prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array | None = None
+) -> Draws:
+    """Draw F'_ior in positions [deg] after trials, of which there may be none.
+
+    Argument: kinds, pairs of misfit and noise that may be, by default KINDS, and then any one value may be misread.
+    """
     rng = np.random.default_rng(prior.seed)
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
-    told = prior.noise(y)
+    told, f = prior.noise(y), prior.at(tried) if trials else np.zeros((prior.weight.size, 0))
+    rows, doubts = (KINDS if kinds is None else kinds).tolist(), np.log(1 - MISREAD)
+    plain = [(s, factor, -1, -0.5 * (np.log(factor) / NOISE_SPREAD) ** 2) for s, factor in rows]
+    each_kind = plain
+    if kinds is None and trials:
+        shares = logsumexp([row[3] for row in plain])
+        each_kind = [(s, factor, -1, share - shares + doubts) for s, factor, _, share in plain]
+        doubt = np.log(MISREAD / len(trials) / len(MISFITS))
+        each_kind += [(s, 1.0, k, doubt) for k in range(len(trials)) for s in MISFITS]
+    spreads = np.array([_with_misread(told, y, k) for _, _, k, _ in each_kind])
     with np.errstate(divide="ignore"):
-        log = np.log(prior.weight.ravel()) - 0.5 * np.square(np.log(kinds[:, 1:]) / NOISE_SPREAD)
+        log = np.log(prior.weight.ravel()) + np.array([share for *_, share in each_kind])[:, None]
     if trials:
-        f = prior.at(tried)
-        log += [_likelihood(f, y, told, _variance(prior, s), tried, factor)[1] for s, factor in kinds]
+        log += [
+            _likelihood(f, y, spread, _variance(prior, s), tried, factor)[1]
+            for (s, factor, _, _), spread in zip(each_kind, spreads, strict=True)
+        ]
     weight = softmax(log)
     at = np.searchsorted(np.cumsum(weight), (np.arange(DRAWS) + 0.5) / DRAWS)
     kind, places = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
-    misfit, noise = kinds[kind].T
+    misfit, noise = np.array([row[:2] for row in each_kind])[kind].T
     # drawn without the values, then moved by what these differ from their own draw (Matheron's rule)
-    count, everywhere, spread = len(rotations_deg), [*rotations_deg, *tried], noise[:, None] * told
+    count, everywhere, spread = len(rotations_deg), [*rotations_deg, *tried], noise[:, None] * spreads[kind]
     f, variance = prior.at(everywhere, places), _variance(prior, misfit, places)
     scale = 1 + SCALE * rng.standard_normal(len(places))
     F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * _smooth(everywhere, len(places), rng)
@@ -166,7 +190,14 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
     # a normal distribution has no end, an error has
     F_ior = np.maximum((F_ior + (both @ moved)[..., 0])[:, :count], 0.1 * f[:, :count])
     effective = float(1 / np.square(weight.sum(axis=0)).sum())
-    return Draws(places, misfit, noise, scale, F_ior, noise[:, None] * prior.noise(F_ior), effective)
+    of_kind, doubted = weight.sum(axis=1), np.array([k for _, _, k, _ in each_kind])
+    misread = np.array([of_kind[doubted == k].sum() for k in range(len(trials))])
+    return Draws(places, misfit, noise, scale, F_ior, noise[:, None] * prior.noise(F_ior), effective, misread)
+
+
+def _with_misread(told: Array, y: Array, k: int) -> Array:
+    """Standard deviations of values [arcsec], shape (trials,), where the k-th is misread; -1: none of them."""
+    return np.where(np.arange(len(y)) == k, np.hypot(told, MISREAD_SHARE * y), told)
 
 
 def _variance(prior: Prior, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
@@ -216,6 +247,22 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     nearest = int(np.argmin(squares))
     if chi2.sf(squares[nearest], len(tried)) >= UNLIKELY:
         return
+    if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
+        if len(tried) > ANY_TWO:
+            return  # it may be misread, which is taken into account
+        where = hole_words(tried[alone], prior.drive.mounting.holes)
+        raise UntrustedError(
+            f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
+            "measure it again, and look how holes were counted",
+        )
+    if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
+        if len(tried) > ANY_TWO:
+            return  # it may be misread, which is taken into account
+        where = hole_words(tried[alone], prior.drive.mounting.holes)
+        raise UntrustedError(
+            f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
+            "measure it again, and look how holes were counted",
+        )
     told = ", ".join(
         f"{hole_words(rotation, prior.drive.mounting.holes)}: measured {value:g}, at best {best:.1f}"
         for rotation, value, best in zip(tried, y, f[nearest], strict=True)
@@ -228,3 +275,33 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
         f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )
+
+
+def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
+    """The one value without which a sample comes to the others; None where there is none, or several.
+
+    Arguments: F'_ior of the samples at the trials, shape (samples, trials); measured values; positions of them [deg].
+    """
+    found = []
+    for k in range(len(tried)):
+        rest = [j for j in range(len(tried)) if j != k]
+        variance = _variance(prior, MISFITS[-1], prior.possible)
+        squares, _ = _likelihood(f[:, rest], y[rest], prior.noise(y[rest]), variance, [tried[j] for j in rest])
+        if chi2.sf(squares.min(), len(rest)) >= UNLIKELY:
+            found.append(k)
+    return found[0] if len(found) == 1 else None
+
+
+def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
+    """The one value without which a sample comes to the others; None where there is none, or several.
+
+    Arguments: F'_ior of the samples at the trials, shape (samples, trials); measured values; positions of them [deg].
+    """
+    found = []
+    for k in range(len(tried)):
+        rest = [j for j in range(len(tried)) if j != k]
+        variance = _variance(prior, MISFITS[-1], prior.possible)
+        squares, _ = _likelihood(f[:, rest], y[rest], prior.noise(y[rest]), variance, [tried[j] for j in rest])
+        if chi2.sf(squares.min(), len(rest)) >= UNLIKELY:
+            found.append(k)
+    return found[0] if len(found) == 1 else None
