@@ -21,7 +21,9 @@ CLASS = 9  # of ISO 1328-1:2013: F_p of the coarsest teeth that a drive is taken
 # of the pitch diameter, um/mm, as the drive of Lyuminarsky et al. (2019) has them: 80 and 30 um at 160 mm
 STANDING, TURNING = 0.5, 0.2
 PILOT = 0.06  # of the pitch diameter, um/mm: 10 um at 160 mm, assumed
-EVEN, ODD = 0.08, 0.04  # of half of F'_i, of order 2 and of orders 3 and 4: 3 um of 37.5 and half of it, assumed
+# of half of F'_i, of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that catalogues promise
+# of size 20, half as much makes the one recorded drive one in fifty (docs/validation.md)
+EVEN, ODD = 0.08, 0.04
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,18 @@
-"""Pages of docs/ from the declarations of the code: `python -m tests.reference [--check]`."""
+"""Pages of docs/ from the code's declarations, drawings from the model: `python -m tests.reference [--check]`."""
 
 from __future__ import annotations
 
 import sys
 
-from tests.reference import pages
+from tests.reference import figures, pages
 
 
 def main() -> int:
     """Write the pages; with --check only say which of them is not what would be written."""
-    stale = [path for path, text in pages.made().items() if not path.exists() or path.read_text("utf-8") != text]
+    made = pages.made() | figures.made()
+    stale = [path for path, text in made.items() if not path.exists() or path.read_text("utf-8") != text]
     if "--check" not in sys.argv:
-        for path, text in pages.made().items():
+        for path, text in made.items():
             path.write_text(text, encoding="utf-8")
         return 0
     for path in stale:

@@ -14,6 +14,8 @@ class Kind(StrEnum):
     """What an agreement is worth."""
 
     PREDICTED = "predicted"
+    CHECK = "prior check"
+    READING = "reading"
     FITTED = "fitted"
     BOUND = "bound of the fit"
     CLOSED_FORM = "closed form"
@@ -26,6 +28,7 @@ class Case:
     """A quantity, where its expected range low..high comes from, why the range is so wide, and what we get.
 
     miss: the reason where the model is known to miss it. A case with a miss has to miss, one without has to agree.
+    spread: the range of what is got over parameter sets, in words.
     """
 
     quantity: str
@@ -40,6 +43,7 @@ class Case:
     miss: str = ""
     centre: float | None = None
     slow: bool = False
+    spread: Callable[[], str] | None = None
 
     @cached_property
     def got(self) -> float:

@@ -13,18 +13,15 @@ from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks
 
 TITLE = "The cam's support and the standing offset"
-ABOUT = """\
-Least and greatest F'_ior over twelve holes of `vzp160` with whole flanks, in arcsec, and their ratio. A cam that aligns
-itself (C_3 = 0, an Oldham coupling without friction) feels nothing that stands still with the seat: every hole is as
-good, and the error is at its floor. Turning pays most where the standing offset, through the cam's support, weighs
-about as much as the rigid wheel's deviation: on a ridge from a soft support with a large offset to a stiff one with a
-small offset (third table). On either side of it the ratio falls: to 1.00 without support or offset, to 1.3 with too
-much of both. So a stiff cam gains little at the paper's 80 µm, and 1.75 at the 15 µm of a good seat; all of its
-errors are large. C_3 of `vzp160` was identified from Fig. 3, and its plausible range is 1e3 to 1e5 N/mm.
-
-Nobody is known to have measured F'_ior hole by hole. Two papers, read second-hand and without figures, compared slider
-(Oldham) with solid cams and found that the slider improves the transmission error; nothing here was fitted to that.
-"""
+ABOUT = (
+    "A cam that aligns itself (C_3 = 0, an Oldham coupling without friction) feels nothing that stands still with "
+    "the seat: every hole is as good, and the error is at its floor. Turning pays most on a ridge from a soft "
+    "support with a large offset to a stiff one with a small offset (third table); on either side of it the ratio "
+    "falls, to 1.00 without support or offset, to 1.3 with too much of both. So a stiff cam gains little at the "
+    "paper's 80 µm, and 1.75 at the 15 µm of a good seat; all of its errors are large. C_3 of `vzp160` was "
+    "identified from Fig. 3; plausible is 1e3 to 1e5 N/mm. The two papers, read second-hand and without figures, "
+    "found that a slider (Oldham) improves the transmission error; nothing was fitted to that."
+)
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
 STIFFNESSES = (0, 500, 1000, 2000, 4000, 8400, 16000, 30000, 60000, 100000)
 OFFSETS = (0, 15, 30, 45, 60, 75, 100)
@@ -50,8 +47,12 @@ def cell(values: tuple[float, ...]) -> str:
 
 def table() -> str:
     """By C_3, by e_hb, and greatest over least by both, in Markdown."""
-    heads = ("| {} | 80 N·m | 800 N·m |", "| --- | --- | --- |")
-    lines = [heads[0].format("C_3, N/mm"), heads[1]]
+    heads = ("| {} | 80 N·m | 800 N·m |", "|---|---|---|")
+    lines = [
+        "Least and greatest F'_ior over twelve holes of `vzp160` with whole flanks, in arcsec, and their ratio.",
+        "",
+    ]
+    lines += [heads[0].format("C_3, N/mm"), heads[1]]
     lines += [
         f"| {C:g} | {cell(by_hole(80.0, SUPPORT, C))} | {cell(by_hole(800.0, SUPPORT, C))} |" for C in STIFFNESSES
     ]
@@ -61,7 +62,7 @@ def table() -> str:
     ]
     some, offsets = (0, 1000, 4000, 8400, 30000, 100000), (0, 15, 30, 60, 100)
     lines += ["", f"| greatest over least at 80 N·m, C_3 in N/mm | {' | '.join(f'e_h^b {e} µm' for e in offsets)} |"]
-    lines += [f"| --- |{' --- |' * len(offsets)}"]
+    lines += [f"|---|{'---|' * len(offsets)}"]
     for C in some:
         found = [by_hole(80.0, SUPPORT, C, e) for e in offsets]
         lines.append(f"| {C:g} | {' | '.join(f'{max(values) / min(values):.2f}' for values in found)} |")
@@ -97,7 +98,7 @@ CASES = [
         value=lambda: max(by_hole(80.0, None, None, 0)) / min(by_hole(80.0, None, None, 0)),
     ),
     Case(
-        "mean F'_ior over the holes, self-aligning over C_3 = 8400 N/mm, 80 N·m", "", PAPERS, low=0.0, high=0.95,
+        "mean F'_ior over the holes, self-aligning over C_3 = 8400 N/mm, 80 N·m", "", PAPERS, low=0.2, high=0.95,
         why="a trend without figures: an improvement that a test rig shows, 5 % or more", kind=Kind.PREDICTED,
         digits=".2f", value=lambda: mean(by_hole(80.0, SUPPORT, 0)) / mean(by_hole(80.0, SUPPORT, 8400)),
     ),

@@ -12,11 +12,8 @@ from tests.validation.case import Case, Kind, about, parameters
 TITLE = "A real drive"
 SOURCE = "star trails of a CSF-17-100-2UH on a telescope mount, open project polvinc/DHEM (P. Vincent), digitised"
 ABOUT = (
-    "Two and a half turns of the cam under an unknown, light load: order 2 per cam turn 21.6 arcsec, order 4 3.9, "
-    "order 1 3.5, peak to peak 55. First harmonics and cam offsets of any plausible size do not give so much of order "
-    "2; an ovality of the rigid wheel or its seat does. `hdassist compare` with `vzp160` scaled to the size (pitch "
-    "diameter 43 mm) and deviations of 20 µm found 2.1 ± 0.3 µm of it, which explain 74 % of what the record is off "
-    "beyond its noise; before, the same record was unexplained. Order 4 stays 3 arcsec off."
+    "The second order of the record in the next section. First harmonics and cam offsets of any plausible size do not "
+    "give so much of it; an ovality of the rigid wheel or its seat does."
 )
 ORDER_2 = 21.6  # arcsec, amplitude
 DIAMETER, MM_A_SIZE, SIZE = 160.0, 2.54, 17  # of vzp160; of the catalogue's sizes
