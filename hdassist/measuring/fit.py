@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -68,7 +69,7 @@ class Design:
         gram = np.zeros((columns, columns))
         self._moment = np.zeros(columns)
         for rows in self._parts:
-            matrix = self._rows(rows)
+            matrix = self._rows(rows.start)
             weighted = matrix * bins.weight[rows, None]
             gram += weighted.T @ matrix
             self._moment += weighted.T @ bins.error[rows]
@@ -83,8 +84,10 @@ class Design:
         # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
-    def _rows(self, rows: slice) -> Array:
-        bins = self.bins
+    @lru_cache(maxsize=2)  # noqa: B019 - of two parts in all: most records have one, of which fits ask several times
+    def _rows(self, start: int) -> Array:
+        """Rows of the design from a bin on, shape (CHUNK at most, columns)."""
+        bins, rows = self.bins, slice(start, start + CHUNK)
         levels = np.eye(bins.sweeps)[bins.sweep[rows]]
         drift = (bins.travel[rows, None] / self.reach) ** np.arange(1, self._degree + 1)
         return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, drift], axis=1)
@@ -102,11 +105,11 @@ class Design:
         return np.asarray(curves - self._at_bins(self.project(lambda rows: curves[rows])))
 
     def _at_bins(self, solution: Array) -> Array:
-        return np.concatenate([self._rows(rows) @ solution for rows in self._parts])
+        return np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
         """Unknowns that fit other curves best, shape (columns, curves), from their values at a slice of the bins."""
-        moments = [(self._rows(rows) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
+        moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return np.asarray(self.root @ (self.root.T @ sum(moments)))
 
     def split(self, solution: Array) -> tuple[Array, Array, Array]:
