@@ -28,7 +28,7 @@ DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the 
 VALUE_DIGITS = 4  # of a found value
 INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
 AT_BOUND = 0.01  # of the bounds' width: nearer than that a value stands at its bound
-BEYOND, GAIN = 0.1, 0.01  # of the width, of the sum of squares: what going on beyond a bound would have to bring
+BEYOND_BOUND, GAIN = 0.1, 0.01  # of the width, of the sum of squares: what going on beyond a bound would have to bring
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ def holding_bounds(
     Arguments: point of the unit cube, shape (unknowns,); residuals at it, shape (residuals,); jacobian, their change
     over the unit cube, shape (residuals, unknowns).
     """
-    gains, worth = 2 * residuals @ jacobian * BEYOND, GAIN * float(residuals @ residuals)
+    gains, worth = 2 * residuals @ jacobian * BEYOND_BOUND, GAIN * float(residuals @ residuals)
     bounds: list[float | None] = []
     for unknown, at, gain in zip(unknowns, point.tolist(), gains.tolist(), strict=True):
         low, high = at < AT_BOUND and gain > worth, at > 1 - AT_BOUND and -gain > worth
