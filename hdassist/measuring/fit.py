@@ -214,10 +214,6 @@ class TraceFit:
         """Cosine and sine parts."""
         return values[: len(self.orders)], values[len(self.orders) :]
 
-    def drift_at(self, travel: Array) -> Array:
-        """Drift that was taken off [arcsec] after so much travel [turns]."""
-        return self.design.drift_at(self.drift, travel)
-
 
 def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None = None) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and a drift of a degree (0: none) to a trace's bins.

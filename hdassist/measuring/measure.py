@@ -15,7 +15,7 @@ from hdassist.measuring.fit import BINS_PER_COLUMN, TraceDesign, TraceFit, fit_o
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import DEFAULT_ORDERS, WHOLE_TURN, MeasuredOrder, order_grid, order_table
 from hdassist.measuring.range import Range, ranges_of, visited_angles
-from hdassist.measuring.spikes import spikes
+from hdassist.measuring.spikes import without_spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
     RANGE_SOURCES,
@@ -165,13 +165,12 @@ def measure(
         bins = bins_of(trace, sweeps, declared[-1])
 
         fit = _fit(bins, declared, gearing, DRIFTS[drift], notes)
-        off = spikes(trace, sweeps, fit)
-        if len(off.rows):
+        if cleaned := without_spikes(trace, sweeps, fit):
             rest = measure(
-                trace.without(off.rows), drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
+                cleaned[0], drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
                 together=together,
             )  # fmt: skip
-            return replace(rest, trace=trace, warnings=(off.require_few(trace), *rest.warnings))
+            return replace(rest, trace=trace, warnings=(cleaned[1], *rest.warnings))
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit, finest)
@@ -289,7 +288,7 @@ def _sweep_result(
         )
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
-    raw = float(np.ptp(trace.error_arcsec[rows] - fit.drift_at(travel_of(trace)[rows])))
+    raw = float(np.ptp(trace.error_arcsec[rows] - fit.design.drift_at(fit.drift, travel_of(trace)[rows])))
     visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
     return SweepResult(sign, fit, grid, extent, revolution, raw, order_table(fit, drive, gearing), visits, sources)
 
