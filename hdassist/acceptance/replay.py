@@ -13,7 +13,7 @@ from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
 from hdassist.preset.library import read_preset
-from hdassist.readers.trace import MAX_BYTES
+from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.textfile import read_bytes
 
 RELATIVE = 1e-6  # of a value or its limit: how far numbers may lie apart that agree
@@ -126,7 +126,7 @@ def preset_sha256(name: str) -> str | None:
 def file_sha256(path: str) -> str | None:
     """SHA-256 of a trace as the reader takes it; None where it cannot be read."""
     try:
-        return hashlib.sha256(read_bytes(path, MAX_BYTES + 1)[0]).hexdigest()
+        return hashlib.sha256(read_bytes(path, MAX_TRACE_BYTES + 1)[0]).hexdigest()
     except DataError:
         return None
 

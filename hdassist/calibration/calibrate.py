@@ -1,4 +1,4 @@
-"""Values of a preset found from targets: a global search, then least squares from its best, distant points.
+"""Values of a preset found from targets: least squares from the best, distant points of a Sobol set.
 
 Targets are few and unknowns many, so there is seldom one answer: every set that meets the targets and lies far
 from the others is kept, and each value has an interval that says whether the targets have determined it.
@@ -8,43 +8,43 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from scipy.optimize import OptimizeResult, differential_evolution, least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import qmc
 
-from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, Level, fault_of
-from hdassist.calibration.quantities import FINE, MEDIUM, Quantities
-from hdassist.calibration.shortfall import holding, in_the_way
-from hdassist.calibration.targets import Targets, Unknown
+from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, computing_fault
+from hdassist.calibration.quantities import REPORTING, SEARCHING, Quantities
+from hdassist.calibration.targets import CalibrationTarget, SoughtField, Targets
 from hdassist.errors import Fault, HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
+from hdassist.preset.kinds import plain
 from hdassist.solve.window import in_wide_enough_window
 
-POPULATION = 4  # points of the global search's generation for each unknown
-STARTS = 4  # points that least squares starts from by default
-APART = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
-STEP = 0.02  # of the range: step of difference quotients, above the roughness of a coarse scan
-ROUNDS = 12  # steps of a least-squares run at most
-DIGITS = 4  # of a found value
+DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
+DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a coarse scan
+VALUE_DIGITS = 4  # of a found value
 INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
+AT_BOUND = 0.01  # of the bounds' width: nearer than that a value stands at its bound
+BEYOND_BOUND, GAIN = 0.1, 0.01  # of the width, of the sum of squares: what going on beyond a bound would have to bring
 
 
 @dataclass(frozen=True)
 class Fit:
     """One set of found values, in the order of the unknowns.
 
-    off: how far from each target, in its tolerances (0 inside a range); found: the quantity of each target,
-    in its unit; best_deg: per torque of the preset, the mounting phase with the least F'_ior, None where that cannot be
-    computed; met: which targets are.
+    deviations: from each target, in its tolerances (0 inside a range; rms of a trace); predictions: the quantity of
+    each target, in its unit; met: whether each target is; best_deg: mounting phase with the least F'_ior per torque of
+    the preset, None where it cannot be computed.
     """
 
     values: tuple[float, ...]
-    off: tuple[float, ...]
-    found: tuple[float, ...]
-    best_deg: tuple[float | None, ...]
+    deviations: tuple[float, ...]
+    predictions: tuple[float, ...]
     met: tuple[bool, ...]
+    best_deg: tuple[float | None, ...] = ()
 
     @property
     def all_met(self) -> bool:
@@ -54,7 +54,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Found values, the best set first.
+    """Found values, the best set first, then others, far from it, that meet every target too.
 
     start: values of the preset; half_width: of the interval of each value of the best set, in the sense in which
     the tolerances are half-widths, cut to the bounds; determined: share of the bounds' width by which the targets
@@ -79,21 +79,21 @@ class Calibration:
         return self.fits[0]
 
     @property
-    def alternatives(self) -> tuple[Fit, ...]:
-        """Other sets, far from the best, that meet every target too."""
-        return self.fits[1:]
-
-    @property
     def indistinct(self) -> list[tuple[str, str, float]]:
         """Pairs of unknowns that these targets cannot tell apart, with their correlation."""
         names = [unknown.path for unknown in self.targets.unknowns]
         rows, columns = np.nonzero(np.triu(np.abs(self.correlation), 1) > INDISTINCT)
         return [(names[i], names[k], float(self.correlation[i, k])) for i, k in zip(rows, columns, strict=True)]
 
+    @property
+    def shortfall(self) -> str:
+        """Targets that the best set misses and bounds that hold it back, in words; empty where all targets are met."""
+        return shortfall(self.targets, self.best, self.held)
 
-def estimate_drives(targets: Targets, budget: int) -> int:
+
+def estimate_drives(targets: Targets, points: int, starts: int = 4, iterations: int = 12) -> int:
     """Number of drives that a calibration computes, about, for a progress bar."""
-    return budget + STARTS * ROUNDS // 2 * (len(targets.unknowns) + 2)
+    return points + starts * iterations // 2 * (len(targets.unknowns) + 2)
 
 
 def calibrate(
@@ -101,156 +101,144 @@ def calibrate(
     targets: Targets,
     evaluations: Evaluations,
     *,
-    budget: int = 400,
-    starts: int = STARTS,
+    points: int = 64,
+    starts: int = 4,
+    iterations: int = 12,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> Calibration:
     """Find the unknowns of a drive from its targets.
 
-    Arguments: evaluations, which computes drives and remembers them; budget, drives that the global search may
-    compute; starts, its best points, far from each other, that least squares starts from; seed, of the search;
-    progress, told how many drives were computed or remembered.
-    Raises UntrustedError where nothing could be computed or least squares did not come to rest.
+    Arguments: evaluations, which computes drives and remembers them; points of the Sobol set; starts, its best points,
+    far from each other, that least squares starts from; iterations of a least-squares run at most; seed, of the set;
+    progress, called with how many drives were computed or remembered.
+    Raises UntrustedError where no drive could be computed or least squares did not come to rest.
     """
-    unit = _Unit(targets.unknowns)
+    cube = _UnitCube(targets.unknowns)
     start = tuple(u.start for u in targets.unknowns)
-    seen: dict[tuple[float, ...], float] = {}
 
-    def off(points: Iterable[Array], level: Level) -> list[Array]:
-        points = list(points)
-        rows = evaluations.off([unit.values(p) for p in points], level)
+    def residuals(at: Sequence[Array]) -> Array:
+        rows = evaluations.residuals([cube.values(point) for point in at])
         if progress:
-            progress(len(points))
-        if level == "rough":
-            seen.update({tuple(p.tolist()): float(row @ row) for p, row in zip(points, rows, strict=True)})
+            progress(len(at))
         return rows
 
-    _search(unit, start, off, budget, seed)
-    if min(seen.values()) >= IMPOSSIBLE**2:
-        fault = fault_of(drive.with_values(targets.by_path(start)), targets.targets)
+    sobol = qmc.Sobol(len(start), seed=seed).random(1 << (points - 1).bit_length())[:points]
+    sobol[0] = cube.point(start)
+    costs = (residuals(list(sobol)) ** 2).sum(axis=1)
+    order = [k for k in np.argsort(costs, kind="stable") if costs[k] < IMPOSSIBLE**2]
+    if not order:
+        fault = computing_fault(drive.with_values(targets.by_path(start)), targets.targets)
         why = f"; as the preset has it: {fault}" if fault else ""
         hint = "look at the bounds, and check the preset"
         raise UntrustedError(f"no drive within the bounds could be computed{why}", hint, Fault.FIT_UNSETTLED)
-    runs = sorted((_settle(point, off) for point in _distant(seen, starts)), key=lambda run: run.cost)
+    first = [sobol[order[k]] for k in _distant(sobol[order])[:starts]]
+    runs = sorted((_settle(point, residuals, iterations) for point in first), key=lambda run: run.cost)
     at_rest = runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1
-    sets = [unit.values(run.x) for run in (runs if at_rest else runs[:1])]
-    answers = evaluations.run(_fit, [(drive.with_values(targets.by_path(v)), targets, v) for v in sets])
+    sets = [cube.values(run.x) for run in (runs if at_rest else runs[:1])]
     # a coarse scan may not have come to what a fine one does
-    fits = [fit for fit in answers if fit is not None]
+    fits = [fit for fit in evaluations.run(partial(_fit, drive, targets), sets) if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds", Fault.FIT_UNSETTLED)
-    kept = _far_apart(sorted(fits, key=lambda fit: float(np.sum(np.square(fit.off)))), unit)
-    point = unit.point(kept[0].values)
-    jacobian = _jacobian(point, off)
-    held = holding(targets.unknowns, point, off([point], "medium")[0], jacobian)
+    best, *others = sorted(fits, key=lambda fit: float(np.sum(np.square(fit.deviations))))
+    fits = [best, *(fit for fit in others if fit.all_met)]
+    kept = [fits[k] for k in _distant([cube.point(fit.values) for fit in fits])]
+    point = cube.point(best.values)
+    jacobian = _jacobian(point, residuals)
+    held = holding_bounds(targets.unknowns, point, residuals([point])[0], jacobian)
     if not at_rest:
-        words = in_the_way(targets.unknowns, targets.targets, kept[0].found, kept[0].met, held)
-        raise UntrustedError(
-            f"the fit did not come to rest: {words or 'its nearest set meets the targets all the same'}",
-            "run again with the same --state and more --evaluations: what was computed is kept",
-            Fault.FIT_UNSETTLED,
-        )
-    best = evaluations.run(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
-    kept = [replace(fit, best_deg=phases) for fit, phases in zip(kept, best, strict=True)]
-    half, determined, correlation = _intervals(jacobian, unit, kept[0].values)
-    count = evaluations.computed
-    return Calibration(drive, targets, start, tuple(kept), half, determined, correlation, held, count, seed)
+        words = shortfall(targets, best, held) or "its nearest set meets the targets all the same"
+        hint = "run again with the same --state and more --evaluations: what was computed is kept"
+        raise UntrustedError(f"the fit did not come to rest: {words}", hint, Fault.FIT_UNSETTLED)
+    phases = evaluations.run(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
+    kept = [replace(fit, best_deg=best_deg) for fit, best_deg in zip(kept, phases, strict=True)]
+    # equation (12) of docs/theory.md; half the bounds' width is the half-width of a value that no target sees
+    covariance = np.linalg.inv(jacobian.T @ jacobian + 4 * np.eye(len(start)))
+    deviation = np.sqrt(np.diag(covariance))
+    return Calibration(
+        drive,
+        targets,
+        start,
+        tuple(kept),
+        tuple((deviation * cube.slope(best.values)).tolist()),
+        tuple((1 - 2 * deviation).tolist()),
+        covariance / np.outer(deviation, deviation),
+        held,
+        evaluations.computed,
+        seed,
+    )
 
 
-class _Unit:
-    """Points of the unit cube and values of the unknowns."""
+class _UnitCube:
+    """Values of the unknowns as points of the unit cube, shape (unknowns,), and back."""
 
-    def __init__(self, unknowns: Sequence[Unknown]) -> None:
+    def __init__(self, unknowns: Sequence[SoughtField]) -> None:
         self.log = np.array([u.log for u in unknowns])
-        ends = np.array([(u.low, u.high) for u in unknowns])
-        self.low, self.high = self._flat(ends[:, 0]), self._flat(ends[:, 1])
+        self.low, self.high = (self._flat([getattr(u, end) for u in unknowns]) for end in ("low", "high"))
 
-    def _flat(self, values: Array) -> Array:
-        return np.where(self.log, np.log(np.where(self.log, values, 1.0)), values)
+    def _flat(self, values: Sequence[float]) -> Array:
+        flat = np.array(values, dtype=float)
+        return np.asarray(np.log(flat, out=flat, where=self.log))
 
     def values(self, point: Array) -> tuple[float, ...]:
         flat = self.low + (self.high - self.low) * np.clip(point, 0, 1)
         # what is printed and written is what was computed
-        return tuple(float(f"{v:.{DIGITS}g}") for v in np.where(self.log, np.exp(np.where(self.log, flat, 0.0)), flat))
+        return tuple(float(f"{v:.{VALUE_DIGITS}g}") for v in np.exp(flat, out=flat, where=self.log))
 
     def point(self, values: Sequence[float]) -> Array:
-        return np.clip((self._flat(np.array(values)) - self.low) / (self.high - self.low), 0.0, 1.0)
+        return np.clip((self._flat(values) - self.low) / (self.high - self.low), 0.0, 1.0)
 
     def slope(self, values: Sequence[float]) -> Array:
         """Change of each value over its coordinate."""
         return np.where(self.log, np.array(values), 1.0) * (self.high - self.low)
 
 
-_Off = Callable[[Iterable[Array], Level], list[Array]]
+_Residuals = Callable[[Sequence[Array]], Array]
 
 
-def _search(unit: _Unit, start: Sequence[float], off: _Off, budget: int, seed: int) -> None:
-    """Global search; what it sees is remembered by off."""
-    count = len(start)
-    size = max(8, POPULATION * count)
-    first = qmc.Sobol(count, seed=seed).random(1 << (size - 1).bit_length())[:size]
-    first[0] = unit.point(start)
-
-    def costs(_: object, points: Iterable[Array]) -> list[float]:
-        return [float(row @ row) for row in off(points, "rough")]
-
-    differential_evolution(
-        lambda point: float(np.sum(np.square(off([point], "rough")[0]))),
-        [(0.0, 1.0)] * count,
-        init=first,
-        maxiter=max(0, budget // size - 1),
-        tol=0.0,
-        seed=seed,
-        polish=False,
-        updating="deferred",
-        workers=costs,
-    )
+def _distant(points: Iterable[Array]) -> list[int]:
+    """Places of the points, in their order, that lie far from those before them."""
+    chosen: dict[int, Array] = {}
+    for k, point in enumerate(points):
+        if all(np.abs(point - other).max() > DISTANT for other in chosen.values()):
+            chosen[k] = point
+    return list(chosen)
 
 
-def _distant(seen: dict[tuple[float, ...], float], count: int) -> list[Array]:
-    """The best points that lie apart, so many at most."""
-    chosen: list[Array] = []
-    for point in sorted(seen, key=lambda p: seen[p]):
-        here = np.array(point)
-        if len(chosen) < count and all(np.abs(here - other).max() > APART for other in chosen):
-            chosen.append(here)
-    return chosen
-
-
-def _settle(point: Array, off: _Off) -> OptimizeResult:
-    """Least squares from a point; status above 0 where it came to rest."""
+def _settle(point: Array, residuals: _Residuals, iterations: int) -> OptimizeResult:
+    """Least squares (11) from a point; status above 0 where it came to rest."""
     return least_squares(
-        lambda p: off([p], "medium")[0],
-        np.clip(point, STEP, 1 - STEP),
-        jac=lambda p: _jacobian(p, off),
+        lambda p: residuals([p])[0],
+        np.clip(point, DIFFERENCE_STEP, 1 - DIFFERENCE_STEP),
+        jac=lambda p: _jacobian(p, residuals),
         bounds=(0.0, 1.0),
         xtol=3e-3,  # of the bounds' width
         ftol=0.03,  # of the sum of squares: better is not worth the time
         gtol=1e-3,
-        max_nfev=ROUNDS,
+        max_nfev=iterations,
     )
 
 
-def _jacobian(point: Array, off: _Off) -> Array:
-    """Change of what is off over the unit cube, shape (targets, unknowns), by differences towards its middle."""
-    steps = np.where(point < 0.5, STEP, -STEP)
-    here, *ends = off([point, *(point + np.diag(steps))], "medium")
-    return np.stack([(end - here) / step for end, step in zip(ends, steps, strict=True)], axis=1)
+def _jacobian(point: Array, residuals: _Residuals) -> Array:
+    """Change of the residuals over the unit cube, shape (residuals, unknowns), by differences towards its middle."""
+    steps = np.where(point < 0.5, DIFFERENCE_STEP, -DIFFERENCE_STEP)
+    center, *ends = residuals([point, *(point + np.diag(steps))])
+    return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)
 
 
-def _fit(task: tuple[Drive, Targets, tuple[float, ...]]) -> Fit | None:
-    drive, targets, values = task
+def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit | None:
+    """A set of values computed closely; None where it cannot be."""
 
-    def found(there: Drive) -> Fit:
-        fine = Quantities(there, FINE)
-        rows = [fine.off(target) for target in targets.targets]
-        off = tuple(float(row[0]) if len(row) == 1 else float(np.sqrt(row @ row)) for row in rows)
-        met = tuple(t.is_met(x) for t, x in zip(targets.targets, off, strict=True))
-        return Fit(values, off, tuple(fine.value(target) for target in targets.targets), (), met)
+    def fit(windowed: Drive) -> Fit:
+        fine = Quantities(windowed, REPORTING)
+        predicted = [fine.predict(target) for target in targets.targets]
+        rows = [target.residuals(each) for target, each in zip(targets.targets, predicted, strict=True)]
+        deviations = tuple(float(row[0] if len(row) == 1 else np.linalg.norm(row)) for row in rows)
+        sizes = tuple(float(p[0] if len(p) == 1 else np.sqrt(np.mean(p**2))) for p in predicted)
+        return Fit(values, deviations, sizes, tuple(map(CalibrationTarget.is_met, targets.targets, deviations)))
 
     try:
-        return in_wide_enough_window(drive, found)
+        return in_wide_enough_window(drive.with_values(targets.by_path(values)), fit)
     except HdassistError:
         return None
 
@@ -260,33 +248,45 @@ def _best_phases(drive: Drive) -> tuple[float | None, ...]:
 
     def best(M_g: float) -> float | None:
         try:
-            return in_wide_enough_window(drive, lambda there: Quantities(there, MEDIUM).best_deg(M_g))
+            return in_wide_enough_window(drive, lambda windowed: Quantities(windowed, SEARCHING).scan(M_g).best_deg)
         except HdassistError:
             return None
 
     return tuple(map(best, drive.operation.M_g))
 
 
-def _far_apart(fits: list[Fit], unit: _Unit) -> list[Fit]:
-    """The first, and of the others those that meet all targets and lie far from what is kept."""
-    kept = fits[:1]
-    for fit in fits[1:]:
-        point = unit.point(fit.values)
-        if fit.all_met and all(np.abs(point - unit.point(other.values)).max() > APART for other in kept):
-            kept.append(fit)
-    return kept
+def holding_bounds(
+    unknowns: Sequence[SoughtField], point: Array, residuals: Array, jacobian: Array
+) -> tuple[float | None, ...]:
+    """For each unknown the bound at which it stands and beyond which the fit would go on; None where there is none.
 
-
-def _intervals(
-    jacobian: Array, unit: _Unit, values: Sequence[float]
-) -> tuple[tuple[float, ...], tuple[float, ...], Array]:
-    """Half-widths of the values, how far they are determined, and correlations.
-
-    The bounds count as knowledge too: half their width is the half-width of a value that no target sees.
+    Arguments: point of the unit cube, shape (unknowns,); residuals at it, shape (residuals,); jacobian, their change
+    over the unit cube, shape (residuals, unknowns).
     """
-    information = jacobian.T @ jacobian + 4 * np.eye(jacobian.shape[1])
-    covariance = np.linalg.inv(information)
-    deviation = np.sqrt(np.diag(covariance))
-    half = deviation * unit.slope(values)
-    correlation = covariance / np.outer(deviation, deviation)
-    return tuple(half.tolist()), tuple((1 - 2 * deviation).tolist()), correlation
+    gains, worth = 2 * residuals @ jacobian * BEYOND_BOUND, GAIN * float(residuals @ residuals)
+    bounds: list[float | None] = []
+    for unknown, at, gain in zip(unknowns, point.tolist(), gains.tolist(), strict=True):
+        low, high = at < AT_BOUND and gain > worth, at > 1 - AT_BOUND and -gain > worth
+        bounds.append(unknown.low if low else unknown.high if high else None)
+    return tuple(bounds)
+
+
+def shortfall(targets: Targets, fit: Fit, held: Sequence[float | None]) -> str:
+    """Targets that a fit misses and bounds that hold it back, in words; empty where all targets are met."""
+    if fit.all_met:
+        return ""
+    met = zip(targets.targets, fit.predictions, fit.met, strict=True)
+    at = [f"{path} stands at its bound {plain(b)}" for path, b in targets.by_path(held).items() if b is not None]
+    return "; ".join([*(_missed(t, value) for t, value, ok in met if not ok), *(at or ["no bound is in the way"])])
+
+
+def _missed(target: CalibrationTarget, value: float) -> str:
+    """By how much a value misses a target, in words."""
+    words = f"{target.words} {plain(float(f'{value:.3g}'))} {target.unit}"
+    if target.trace:
+        return f"{words} rms off the trace, {target.tolerance:g} allowed"
+    end = target.low if value < target.low else target.high
+    wanted = end if target.value is None else target.value
+    side = "above" if value > wanted else "below"
+    by = f"{100 * abs(value / wanted - 1):.2g} %" if wanted else f"{abs(value):.2g} {target.unit}"
+    return f"{words} is still {by} {side} its target {plain(wanted)}"

@@ -21,9 +21,11 @@ def command(
     state: Annotated[
         Path | None, typer.Option("--state", metavar="FILE", help="Remember what was computed; go on from there.")
     ] = None,
-    evaluations: Annotated[int, typer.Option(min=8, help="Drives that the global search may compute.")] = 400,
+    evaluations: Annotated[
+        int, typer.Option(min=8, help="Drives that least squares is started from the best of.")
+    ] = 128,
     jobs: o.Jobs = 0,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the global search.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of these drives.")] = 0,
     drives: o.DriveOptions,
     options: o.AnswerOptions,
 ) -> None:
@@ -47,10 +49,10 @@ def command(
         - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 
     Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), revolution_range, self_error, K_1, K_2,
-    K_3 and lost_motion (as hdassist stiffness has them), torsional_stiffness, trace. A global search, then least
-    squares from its best points that lie apart; every set that meets the targets is kept, and where none does, targets
-    and bounds in the way are named. Ctrl-C keeps the --state file, from which the same command goes on. Exit code 5:
-    the fit did not come to rest.
+    K_3 and lost_motion (as hdassist stiffness has them), torsional_stiffness, trace. Drives spread evenly over the
+    bounds, then least squares from the best ones that lie apart; every set that meets the targets is kept, and where
+    none does, targets and bounds in the way are named. Ctrl-C keeps the --state file, from which the same command
+    goes on. Exit code 5: the fit did not come to rest.
     """
     from hdassist.calibration.calibrate import calibrate, estimate_drives
     from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
@@ -96,7 +98,7 @@ def command(
             known = Evaluations(drive, wanted, executor, kept)
             if known.remembered:
                 note(f"going on from {state}: {known.remembered} drives are known")
-            result = calibrate(drive, wanted, known, budget=evaluations, seed=seed, progress=progress)
+            result = calibrate(drive, wanted, known, points=evaluations, seed=seed, progress=progress)
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
             ref = f"hdassist calibrate, {wanted.name or targets.name}"

@@ -1,6 +1,6 @@
-"""Drives computed against targets, over processes, each once; remembered in a file, so that work can go on.
+"""Residuals of drives against targets, over processes, each computed once; kept in a file, so that work can go on.
 
-A search that chooses its points by a seed asks for the same ones again, and finds them there.
+A search that chooses its points by a seed asks for the same ones again, and finds them in the file.
 """
 
 from __future__ import annotations
@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from hdassist.calibration.quantities import MEDIUM, ROUGH, Accuracy, Quantities
-from hdassist.calibration.targets import Target, Targets
+from hdassist.calibration.quantities import SEARCHING, Quantities
+from hdassist.calibration.targets import CalibrationTarget, Targets
 from hdassist.errors import DataError, HdassistError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -22,9 +23,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Kept, Number, Owner, RecordKind
 from hdassist.solve.window import in_wide_enough_window
 
-Level = Literal["rough", "medium"]
-LEVELS: dict[Level, Accuracy] = {"rough": ROUGH, "medium": MEDIUM}
-IMPOSSIBLE = 1e6  # tolerances off each target, where a drive cannot be computed
+IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
 
 Values = tuple[float, ...]
 _Task = TypeVar("_Task")
@@ -33,20 +32,19 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True)
 class Evaluation(ClosedRecord):
-    """A drive that was computed: values of the unknowns, and how far it is off the targets, in tolerances."""
+    """A drive that was computed: values of the unknowns, and its residuals [tolerances]."""
 
-    level: Level
     values: tuple[Number, ...]
-    off: tuple[Number, ...]
+    residuals: tuple[Number, ...]
 
 
 def evaluations_kind(targets: Targets) -> RecordKind[Evaluation]:
-    """What evaluations of drives against targets are in a file."""
-    count = sum(target.residuals for target in targets.targets)
+    """Records of drives computed against targets, and how they are checked."""
+    count = sum(target.residual_count for target in targets.targets)
 
     def fault(_: int, record: Evaluation) -> str:
-        if len(record.values) != len(targets.unknowns) or len(record.off) != count:
-            return f"expected values of {len(targets.unknowns)} unknowns, off {count} targets"
+        if len(record.values) != len(targets.unknowns) or len(record.residuals) != count:
+            return f"expected values of {len(targets.unknowns)} unknowns, {count} residuals"
         for unknown, value in zip(targets.unknowns, record.values, strict=True):
             if not unknown.allows(value):
                 return f"{unknown.path}: expected {unknown.low:g} to {unknown.high:g}"
@@ -56,7 +54,7 @@ def evaluations_kind(targets: Targets) -> RecordKind[Evaluation]:
 
 
 def evaluations_owner(drive: Drive, targets: Targets) -> Owner:
-    """What decides the evaluations of a drive against targets."""
+    """All that decides the residuals of a drive against targets."""
     return Owner(
         command="calibrate",
         preset=drive.name,
@@ -66,9 +64,10 @@ def evaluations_owner(drive: Drive, targets: Targets) -> Owner:
 
 
 class Evaluations:
-    """Computes how far drives are off targets, and remembers.
+    """Computes residuals of drives, and remembers them.
 
-    Arguments: drive and targets; executor, to spread the work over; kept, a file to remember in.
+    Arguments: drive and targets; executor, to spread the work over; kept, a file to remember in. computed: drives
+    computed so far; remembered: drives that the file had.
     """
 
     def __init__(
@@ -80,57 +79,48 @@ class Evaluations:
     ) -> None:
         self.computed = 0
         self._drive, self._targets, self._executor, self._kept = drive, targets, executor, kept
-        self._known = {(known.level, known.values): known.off for known in (kept.records() if kept else ())}
+        self._known = {known.values: known.residuals for known in (kept.records() if kept else ())}
+        self.remembered = len(self._known)
 
-    @property
-    def remembered(self) -> int:
-        """Number of drives that are known."""
-        return len(self._known)
-
-    def off(self, points: Sequence[Values], level: Level) -> list[Array]:
-        """How far drives are off the targets, in tolerances, one row each.
-
-        Arguments: points, values of the unknowns; level, a name in LEVELS.
-        """
-        fresh = list(dict.fromkeys(p for p in points if (level, p) not in self._known))
-        tasks = [(self._drive, self._targets.by_path(p), self._targets.targets, LEVELS[level]) for p in fresh]
-        for point, row in zip(fresh, self.run(_off, tasks), strict=True):
-            self._known[level, point] = row
+    def residuals(self, points: Sequence[Values]) -> Array:
+        """Residuals [tolerances] at values of the unknowns, shape (points, residuals)."""
+        fresh = [point for point in dict.fromkeys(points) if point not in self._known]
+        tasks = [self._drive.with_values(self._targets.by_path(point)) for point in fresh]
+        for point, row in zip(fresh, self.run(partial(_residuals, self._targets.targets), tasks), strict=True):
+            self._known[point] = row
             self.computed += 1
             if self._kept is not None:
-                self._kept.append([Evaluation(level, point, row)])
-        return [np.array(self._known[level, p]) for p in points]
+                self._kept.append([Evaluation(point, row)])
+        return np.array([self._known[point] for point in points])
 
     def run(self, function: Callable[[_Task], _Result], tasks: Sequence[_Task]) -> Iterator[_Result]:
         """Results of a function over tasks, on the executor."""
         return self._executor.map(function, tasks) if self._executor else map(function, tasks)
 
 
-def _off(task: tuple[Drive, dict[str, float], tuple[Target, ...], Accuracy]) -> tuple[float, ...]:
-    drive, values, targets, accuracy = task
-    there = drive.with_values(values)
+def _residuals(targets: Sequence[CalibrationTarget], drive: Drive) -> Values:
     try:
-        return _computed(there, targets, accuracy)
+        return _computed(targets, drive)
     except HdassistError:
-        return (IMPOSSIBLE,) * sum(target.residuals for target in targets)
+        return (IMPOSSIBLE,) * sum(target.residual_count for target in targets)
 
 
-def fault_of(drive: Drive, targets: Sequence[Target]) -> str:
+def computing_fault(drive: Drive, targets: Sequence[CalibrationTarget]) -> str:
     """Why a drive cannot be computed; empty where it can."""
     try:
-        _computed(drive, targets, ROUGH)
+        _computed(targets, drive)
     except HdassistError as error:
         return error.message
     return ""
 
 
-def _computed(drive: Drive, targets: Sequence[Target], accuracy: Accuracy) -> tuple[float, ...]:
-    """How far a drive is off targets, in their tolerances. Raises HdassistError where there is no such drive."""
+def _computed(targets: Sequence[CalibrationTarget], drive: Drive) -> Values:
+    """Residuals [tolerances] of a drive. Raises HdassistError where there is no such drive."""
     if (conflict := first_conflict(drive)) is not None:
         raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
 
-    def off(there: Drive) -> tuple[float, ...]:
-        quantities = Quantities(there, accuracy)
-        return tuple(float(x) for target in targets for x in quantities.off(target))
+    def residuals(windowed: Drive) -> Values:
+        quantities = Quantities(windowed, SEARCHING)
+        return tuple(float(x) for target in targets for x in quantities.residuals(target))
 
-    return in_wide_enough_window(drive, off)
+    return in_wide_enough_window(drive, residuals)

@@ -18,13 +18,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path as Folder
-from typing import Annotated, Any, Literal
+from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, create_model
-from pydantic_core import ErrorDetails, PydanticCustomError
 
 from hdassist.errors import DataError, PresetError
+from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, field_table, measures
@@ -33,55 +32,48 @@ from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import Findings, Path, Unread, in_order, near
 from hdassist.readers.trace import read_trace
 
-SCHEMA = "hdassist.targets/1"
-LEAST_POINTS = 10  # of a trace
+TARGETS_SCHEMA = "hdassist.targets/1"
+FEWEST_READINGS = 10  # of a trace
 RANGE_SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
-ROUNDED = 1e-3  # of a bound: how far beyond it a found value may be, as it has four digits
-CLOSED = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+ROUNDED_BOUND = 1e-3  # of a bound: how far beyond it a value of four digits may be
+_Value = TypeVar("_Value")
+TEXT = "text"  # in place of a unit
+SHARE_HINT = "a number, or a share like 5 %"
 
 
 @dataclass(frozen=True)
 class TargetKind:
-    """A quantity that can be a target: its unit and meaning, and what it is asked with (key: unit)."""
+    """A quantity that can be a target: its unit, and units of the keys that it needs and takes, or TEXT."""
 
     unit: str
-    meaning: str
     needs: Mapping[str, str]
     takes: Mapping[str, str]
 
     @property
     def keys(self) -> dict[str, str]:
-        """All that it is asked with."""
+        """Units of all keys that it is asked with."""
         return {**self.needs, **self.takes}
 
 
-TORQUE = {"M_g": "N*m"}
-ENDS = {"T_1": "N*m", "T_2": "N*m"}  # of the first and the second segment, where a data sheet has its own
-KINDS: dict[str, TargetKind] = {
-    "F_ior": TargetKind(
-        "arcsec", "F'_ior, full cycle; at a mounting phase, or as the wheel stands", TORQUE, {"phase": "deg"}
-    ),
-    "F_ior_max": TargetKind("arcsec", "greatest F'_ior over the mounting phase", TORQUE, {}),
-    "F_ior_min": TargetKind("arcsec", "least F'_ior over the mounting phase", TORQUE, {}),
-    "revolution_range": TargetKind("arcsec", "range within one cam revolution", TORQUE, {"phi_g0": "deg"}),
-    "self_error": TargetKind("arcsec", "self error", TORQUE, {}),
-    "torsional_stiffness": TargetKind(
-        "N*m/rad", "chord of the stiffness curve, the shell's tube included", {"from": "N*m", "to": "N*m"}, {}
-    ),
-    "K_1": TargetKind("N*m/rad", "stiffness of the first segment, on the weaker side", {}, ENDS),
-    "K_2": TargetKind("N*m/rad", "stiffness of the second segment, on the weaker side", {}, ENDS),
-    "K_3": TargetKind("N*m/rad", "stiffness of the third segment, on the weaker side", {}, ENDS),
-    "lost_motion": TargetKind(
-        "arcsec", "twist between minus and plus a torque, by default 4 % of the rated torque", {}, TORQUE
-    ),
-    "trace": TargetKind(
-        "arcsec", "error over the cam angle, in a file that measure takes", {**TORQUE, "file": ""}, {"phi_g0": "deg"}
-    ),
+_AT_TORQUE = {"M_g": "N*m"}
+_STIFFNESS = TargetKind("N*m/rad", {}, {"T_1": "N*m", "T_2": "N*m"})  # on the weaker side; ends of the segments
+TARGET_KINDS: dict[str, TargetKind] = {
+    "F_ior": TargetKind("arcsec", _AT_TORQUE, {"phase": "deg"}),
+    "F_ior_max": TargetKind("arcsec", _AT_TORQUE, {}),  # over the mounting phase
+    "F_ior_min": TargetKind("arcsec", _AT_TORQUE, {}),
+    "revolution_range": TargetKind("arcsec", _AT_TORQUE, {"phi_g0": "deg"}),
+    "self_error": TargetKind("arcsec", _AT_TORQUE, {}),
+    "torsional_stiffness": TargetKind("N*m/rad", {"from": "N*m", "to": "N*m"}, {}),  # chord, tube of the shell included
+    "K_1": _STIFFNESS,
+    "K_2": _STIFFNESS,
+    "K_3": _STIFFNESS,
+    "lost_motion": TargetKind("arcsec", {}, _AT_TORQUE),  # by default at 4 % of the rated torque
+    "trace": TargetKind("arcsec", {**_AT_TORQUE, "file": TEXT}, {"phi_g0": "deg"}),
 }
 
 
 @dataclass(frozen=True)
-class Unknown:
+class SoughtField:
     """A preset field to be found between two bounds, in its unit; log: searched by its logarithm.
 
     start: the preset's value or its default, or, of a field that has none, the middle between the bounds.
@@ -95,7 +87,7 @@ class Unknown:
 
     def allows(self, value: float) -> bool:
         """Whether a value lies between the bounds, to the digits of a found value."""
-        return self.low - ROUNDED * abs(self.low) <= value <= self.high + ROUNDED * abs(self.high)
+        return self.low - ROUNDED_BOUND * abs(self.low) <= value <= self.high + ROUNDED_BOUND * abs(self.high)
 
     @property
     def unit(self) -> str:
@@ -104,11 +96,11 @@ class Unknown:
 
 
 @dataclass(frozen=True)
-class Target:
-    """A quantity that should be a value, or lie in low..high; tolerance is how far off counts as one.
+class CalibrationTarget:
+    """A quantity that should be a value, or lie in low..high, in its unit; tolerance is a deviation that counts as one.
 
-    asked: the keys of its kind, in their units; trace: cam angles [deg], ascending, and errors [arcsec] measured there;
-    trace_sha256, of its file.
+    asked: values of the keys of its kind; trace: cam angles [deg], ascending, and errors [arcsec] measured there, empty
+    for any other quantity; trace_sha256: of its file.
     """
 
     quantity: str
@@ -117,39 +109,52 @@ class Target:
     low: float
     high: float
     tolerance: float
-    trace: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    trace: tuple[tuple[float, ...], ...] = ()
     trace_sha256: str = ""
 
     @property
-    def residuals(self) -> int:
-        """Number of values that say how far off a drive is: one for each row of a trace."""
+    def residual_count(self) -> int:
+        """Number of residuals: one, or one for each reading of a trace."""
         return len(self.trace[0]) if self.trace else 1
 
     @property
     def unit(self) -> str:
         """Unit of the quantity."""
-        return KINDS[self.quantity].unit
+        return TARGET_KINDS[self.quantity].unit
 
-    def is_met(self, off: float) -> bool:
-        """Whether a drive that is so many tolerances off meets it: within the tolerance, or inside the range."""
-        return abs(off) <= 1 if self.value is not None else off == 0
+    def residuals(self, predicted: Array, margin: float = 0.0) -> Array:
+        """Deviations in tolerances, 0 inside a range made narrower by a margin [tolerances]; of a trace over sqrt(n).
+
+        Argument: predicted, the quantity, shape (1,), or what a trace is off, shape (readings,).
+        """
+        wanted = self.value
+        if wanted is None:
+            inside = min(margin * self.tolerance, (self.high - self.low) / 2)
+            wanted = float(np.clip(predicted[0], self.low + inside, self.high - inside))
+        return np.asarray((predicted - wanted) / self.tolerance / np.sqrt(len(predicted)))
+
+    def is_met(self, deviation: float) -> bool:
+        """Whether a deviation [tolerances] meets it: within the tolerance, or inside the range."""
+        return abs(deviation) <= 1 if self.value is not None else deviation == 0
 
     @property
     def words(self) -> str:
         """The target in short: quantity and what it is asked with."""
-        keys = KINDS[self.quantity].keys
-        parts = (f"{key} {value:g} {keys[key]}" if keys[key] else str(value) for key, value in self.asked.items())
+        keys = TARGET_KINDS[self.quantity].keys
+        parts = (
+            str(value) if keys[key] == TEXT else f"{key} {value:g} {keys[key]}" for key, value in self.asked.items()
+        )
         return ", ".join([self.quantity, *parts])
 
 
 @dataclass(frozen=True)
 class Targets:
-    """What to find and what is known; name and sha256 say where that comes from."""
+    """Fields to find and targets to meet; name and sha256 of the text that states them."""
 
     name: str
     sha256: str
-    unknowns: tuple[Unknown, ...]
-    targets: tuple[Target, ...]
+    unknowns: tuple[SoughtField, ...]
+    targets: tuple[CalibrationTarget, ...]
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -157,7 +162,7 @@ class Targets:
         traces = {f"trace {t.asked['file']}": t.trace_sha256 for t in self.targets if t.trace}
         return {"targets": self.sha256, **traces}
 
-    def by_path(self, values: Iterable[float]) -> dict[str, float]:
+    def by_path(self, values: Iterable[_Value]) -> dict[str, _Value]:
         """Values of the unknowns, in their order, by the path of each."""
         return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
 
@@ -169,7 +174,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     Raises PresetError with every finding.
     """
     document = yamltext.read(text, file)
-    reader = _Reader(Findings(document, file), drive, Folder(file).parent)
+    reader = _TargetsReader(Findings(document, file), drive, Folder(file).parent)
     result = reader.read(document.data) if document.complete else None
     if reader.findings.items or result is None:
         raise PresetError(in_order(reader.findings.items))
@@ -177,108 +182,58 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     return Targets(name, hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
 
 
-class Percent(float):
-    """A tolerance as a share of the value, or of the width of the range."""
-
-
-def _number(value: Any, unit: str) -> float:
-    """A finite number in a unit, from a number or a text with a unit."""
-    number = read_number(value, unit)
-    if isinstance(number, Unread):
-        raise PydanticCustomError("unread", "no number", {"unread": number})
-    return number
-
-
-def _tolerance(value: Any, unit: str) -> float:
-    if isinstance(value, str) and value.strip().endswith("%"):
-        share = yamltext.resolve(value.strip()[:-1].strip())
-        # what is no number is not above 0 either, and is told so
-        return Percent(share if isinstance(share, int | float) and not isinstance(share, bool) else 0)
-    return float(_number(value, unit))
-
-
-def _in(unit: str) -> Any:
-    return Annotated[float, PlainValidator(lambda value: _number(value, unit))]
-
-
-class _Head(BaseModel):
-    model_config = CLOSED
-
-    stated_schema: Literal["hdassist.targets/1"] = Field(alias="schema")
-    name: str = ""
-    unknowns: Any = None
-    targets: Any = None
-
-
-def _bounds(unit: str) -> type[BaseModel]:
-    """Model of the bounds of a field in a unit."""
-    scale = Literal["linear", "log"]
-    return create_model(
-        "Bounds", __config__=CLOSED, low=(_in(unit), ...), high=(_in(unit), ...), scale=(scale, "linear")
-    )
-
-
-def _written(kind: TargetKind) -> type[BaseModel]:
-    """Model of a target as it is written."""
-    keys: dict[str, Any] = {key: (_in(unit) if unit else str, ...) for key, unit in kind.needs.items()}
-    keys |= {key: (_in(unit), None) for key, unit in kind.takes.items()}
-    if "file" not in keys:  # the difference between a trace and the computed one should be none
-        keys |= {key: (_in(kind.unit), None) for key in ("value", "low", "high")}
-    tolerance = Annotated[float, PlainValidator(lambda value: _tolerance(value, kind.unit))]
-    return create_model("Target", __config__=CLOSED, quantity=(str, ...), **keys, tolerance=(tolerance, None))
-
-
-class _Reader:
-    """Data of a targets text to what they mean; what is wrong is added to findings."""
+class _TargetsReader:
+    """Data of a targets text to targets; faults are added to findings."""
 
     def __init__(self, findings: Findings, drive: Drive, folder: Folder) -> None:
         self.findings, self.drive, self.folder = findings, drive, folder
 
-    def read(self, data: Any) -> tuple[str, list[Unknown], list[Target]] | None:
+    def read(self, data: Any) -> tuple[str, list[SoughtField], list[CalibrationTarget]] | None:
+        add = self.findings.add
         if not isinstance(data, dict):
-            self.findings.add((), "targets must be a table of keys", f"schema: {SCHEMA}, unknowns, targets", "")
+            add((), "targets must be a table of keys", f"schema: {TARGETS_SCHEMA}, unknowns, targets", "")
             return None
-        head = self._checked((), {"schema": None, **data}, _Head)
+        head = self._values((), {"schema": None, **data}, {"name": TEXT, "unknowns": None, "targets": None}, ["schema"])
+        if head and data.get("schema") != TARGETS_SCHEMA:
+            add(("schema",), f"must be {TARGETS_SCHEMA}")
         unknowns, targets = data.get("unknowns"), data.get("targets")
         if not isinstance(unknowns, dict) or not unknowns:
-            self.findings.add(("unknowns",), "needs at least one field", "like gears.j_n: {low: 0, high: 20}", "")
+            add(("unknowns",), "needs at least one field", "like gears.j_n: {low: 0, high: 20}", "")
             unknowns = {}
         if not isinstance(targets, list) or not targets:
             hint = "like - {quantity: F_ior_max, M_g: 80, value: 31, tolerance: 7 %}"
-            self.findings.add(("targets",), "needs at least one target", hint, "")
+            add(("targets",), "needs at least one target", hint, "")
             targets = []
         sought = [self._unknown(key, value) for key, value in unknowns.items()]
         known = [self._target(("targets", index), item) for index, item in enumerate(targets)]
         return head.get("name", ""), list(filter(None, sought)), list(filter(None, known))
 
-    def _checked(self, path: Path, table: dict[str, Any], model: type[BaseModel], needed: str = "") -> dict[str, Any]:
-        """Keys given, with their values; none where something is wrong. Arguments: needed, words on a missing key."""
-        try:
-            found = model.model_validate(table)
-        except ValidationError as error:
-            for problem in error.errors(include_url=False):
-                self._add((*path, str(problem["loc"][0])), problem, model, needed)
-            return {}
-        return {key: getattr(found, key) for key in found.model_fields_set}
+    def _values(
+        self, path: Path, table: dict[str, Any], units: Mapping[str, str | None], needs: Iterable[str], need: str = ""
+    ) -> dict[str, Any]:
+        """Values of the keys of a table, numbers in their units; none where one of them is wrong.
 
-    def _add(self, path: Path, problem: ErrorDetails, model: type[BaseModel], needed: str) -> None:
-        """Add what pydantic found, in the words of somebody who writes targets."""
-        keys, context = [info.alias or key for key, info in model.model_fields.items()], problem.get("ctx", {})
-        unread = context.get("unread", problem["input"])
-        if problem["type"] == "missing":
-            self.findings.add(path, f"missing key{needed}", got="")
-        elif problem["type"] == "extra_forbidden":
-            self.findings.add(
-                path, "unknown key", near(str(path[-1]), keys) or f"known: {', '.join(keys)}", "", key=True
-            )
-        elif isinstance(unread, Unread):
-            self.findings.refuse(path, unread)
-        elif problem["type"] == "literal_error":
-            self.findings.add(path, f"must be {context['expected'].replace(chr(39), '')}")
-        else:
-            self.findings.add(path, "must be the name of a file" if path[-1] == "file" else "must be text")
+        Arguments: units by key, TEXT for a text and None for a value as it stands; needs, keys that must be given;
+        need, words behind "missing key".
+        """
+        values: dict[str, Any] = {}
+        units = {**units, **{key: None for key in needs if key not in units}}
+        for key in needs:
+            if key not in table:
+                self.findings.add((*path, key), f"missing key{need}", got="")
+        for key, value in table.items():
+            at, unit = (*path, key), units.get(key)
+            if key not in units:
+                self.findings.add(at, "unknown key", near(key, units) or f"known: {', '.join(units)}", "", key=True)
+            elif isinstance(read := value if unit in (TEXT, None) else read_number(value, unit), Unread):
+                self.findings.refuse(at, read)
+            elif unit == TEXT and not isinstance(value, str):
+                self.findings.add(at, "must be the name of a file" if key == "file" else "must be text")
+            else:
+                values[key] = read
+        return values if values.keys() == {*table, *needs} else {}
 
-    def _unknown(self, key: str, value: Any) -> Unknown | None:
+    def _unknown(self, key: str, value: Any) -> SoughtField | None:
         path, add = ("unknowns", key), self.findings.add
         if key not in measures():
             add(path, "names no measure of a preset", near(key, measures()) or "like gears.j_n", "", key=True)
@@ -288,12 +243,17 @@ class _Reader:
             return None
         source = self.drive.source.get(key)
         plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
-        lacking = "" if plausible else f", and no range at source.{key} of the preset"
-        bounds = self._checked(path, {**plausible, **(value or {})}, _bounds(unit_of(measures()[key])), lacking)
+        unit = unit_of(measures()[key])
+        need = "" if plausible else f", and no range at source.{key} of the preset"
+        units = {"low": unit, "high": unit, "scale": None}
+        bounds = self._values(path, {**plausible, **(value or {})}, units, ["low", "high"], need)
         if not bounds:
             return None
-        low, high, log = bounds["low"], bounds["high"], bounds.get("scale") == "log"
-        got, start = f"{low:g} to {high:g}", self.drive.value(key)
+        low, high, scale = bounds["low"], bounds["high"], bounds.get("scale", "linear")
+        if scale not in ("linear", "log"):
+            add((*path, "scale"), "must be linear or log")
+            return None
+        got, start, log = f"{low:g} to {high:g}", self.drive.value(key), scale == "log"
         if not low < high or (log and low <= 0):
             add(path, f"low must be {'above 0, ' if log else ''}below high", got=got)
             return None
@@ -303,60 +263,61 @@ class _Reader:
             add(path, "the preset's value lies outside the bounds", got=f"{start:g}, not in {got}")
         elif not (self.drive.allows(key, low) and self.drive.allows(key, high)):
             add(path, "the bounds reach beyond what a preset allows", got=got)
-        return Unknown(key, low, high, log, start)
+        return SoughtField(key, low, high, log, start)
 
-    def _target(self, path: Path, item: Any) -> Target | None:
+    def _target(self, path: Path, item: Any) -> CalibrationTarget | None:
         if not isinstance(item, dict):
             hint = "like {quantity: F_ior, M_g: 80, value: 20, tolerance: 1}"
             self.findings.add(path, "must be a table of keys", hint)
             return None
         quantity = item.get("quantity")
-        if not isinstance(quantity, str) or quantity not in KINDS:
-            hint = near(str(quantity), KINDS) or f"known: {', '.join(KINDS)}"
+        if not isinstance(quantity, str) or quantity not in TARGET_KINDS:
+            hint = near(str(quantity), TARGET_KINDS) or f"known: {', '.join(TARGET_KINDS)}"
             self.findings.add((*path, "quantity"), "names no quantity", hint)
             return None
-        kind = KINDS[quantity]
-        given = self._checked(path, item, _written(kind), f": {quantity} is asked with it")
+        kind, is_trace = TARGET_KINDS[quantity], quantity == "trace"
+        # a trace has no value: its difference from the computed one should be none
+        limits = {} if is_trace else dict.fromkeys(("value", "low", "high"), kind.unit)
+        units = {"quantity": TEXT, **kind.keys, **limits, "tolerance": None}
+        given = self._values(path, item, units, kind.needs, f": {quantity} is asked with it")
         for key in ("M_g", "from", "to", "T_1", "T_2"):
             if given.get(key) == 0 and quantity != "torsional_stiffness":
                 self.findings.add((*path, key), "a torque of 0 leaves the rotation undetermined")
-        trace, sha256 = None, ""
-        if "file" in given:
-            trace, sha256 = self._trace((*path, "file"), given["file"]) or (None, "")
-            given["value"] = 0.0
-        limits = self._limits(path, given) if given else None
+        if not given:
+            return None
+        curve, sha256 = self._trace((*path, "file"), given["file"]) if is_trace else ((), "")
+        wanted = self._limits(path, {"value": 0.0, **given} if is_trace else given, kind.unit)
         asked = {key: given[key] for key in kind.keys if key in given}
-        return Target(quantity, asked, *limits, trace, sha256) if limits else None
+        return CalibrationTarget(quantity, asked, *wanted, curve, sha256) if wanted else None
 
-    def _trace(self, path: Path, name: str) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], str] | None:
+    def _trace(self, path: Path, name: str) -> tuple[tuple[tuple[float, ...], ...], str]:
         """Cam angles [deg], ascending, and errors [arcsec] of a file of a trace, and its SHA-256."""
         u = Kinematics.of(self.drive).u
         try:
-            trace = read_trace(self.folder / name, ratio=abs(u), fewest=LEAST_POINTS)
+            trace = read_trace(self.folder / name, ratio=abs(u), fewest=FEWEST_READINGS)
         except DataError as error:
             faults = map(str, error.findings) if isinstance(error, PresetError) else (error.message,)
             for fault in faults:
                 self.findings.add(path, f"cannot be read: {fault}", error.hint)
-            return None
+            return (), ""
         rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in trace.sweeps])
         rows = rows[np.argsort(trace.cam_deg[rows], kind="stable")]
         if trace.cam_deg[rows[0]] < 0:
             self.findings.add(path, f"needs cam angles from 0 on, not {trace.cam_deg[rows[0]]:g} deg")
-            return None
         # two encoders give the opposite of F_kpp where both count the same way round, as they do if sense is that of u
         sign = -trace.sense * np.sign(u) if trace.sense else 1.0
         curve = tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
         return curve, trace.sha256
 
-    def _limits(self, path: Path, given: dict[str, Any]) -> tuple[float | None, float, float, float] | None:
+    def _limits(self, path: Path, given: dict[str, Any], unit: str) -> tuple[float | None, float, float, float] | None:
         """Value, low, high and tolerance of a target."""
-        value, low, high, tolerance = map(given.get, ("value", "low", "high", "tolerance"))
+        value, low, high, stated = map(given.get, ("value", "low", "high", "tolerance"))
         at = (*path, "tolerance")
         if (value is None) == (low is None and high is None):
             self.findings.add(path, "needs either a value with its tolerance, or low, high or both", got="")
             return None
-        if value is not None and tolerance is None:
-            self.findings.add(at, "missing key", "a number, or a share like 5 %", "")
+        if value is not None and stated is None:
+            self.findings.add(at, "missing key", SHARE_HINT, "")
             return None
         if low is not None and high is not None and not low < high:
             self.findings.add(path, "low must be below high", got=f"{low:g} to {high:g}")
@@ -364,13 +325,18 @@ class _Reader:
         whole: float = value or 0.0  # what a share is of
         if value is None:
             whole = high - low if low is not None and high is not None else low or high or 0.0
-        if tolerance is None:
-            tolerance = RANGE_SHARE * abs(whole) or 1.0
-        elif isinstance(tolerance, Percent):
-            tolerance = tolerance / 100 * abs(whole)
-        if not 0 < tolerance < inf:
-            self.findings.add(at, "must be above 0: a number, or a share like 5 %")
+        tolerance: float | Unread = RANGE_SHARE * abs(whole) or 1.0
+        if stated is not None:
+            is_share = isinstance(stated, str) and stated.strip().endswith("%")
+            tolerance = read_number(stated, "%" if is_share else unit)
+            if isinstance(tolerance, Unread) and not is_share:
+                self.findings.refuse(at, tolerance)
+                return None
+            if is_share and not isinstance(tolerance, Unread):
+                tolerance = tolerance / 100 * abs(whole)
+        if isinstance(tolerance, Unread) or not 0 < tolerance < inf:
+            self.findings.add(at, f"must be above 0: {SHARE_HINT}")
             return None
         if value is not None:
-            return value, value - tolerance, value + tolerance, tolerance
-        return None, -inf if low is None else low, inf if high is None else high, tolerance
+            return value, value - tolerance, value + tolerance, float(tolerance)
+        return None, -inf if low is None else low, inf if high is None else high, float(tolerance)

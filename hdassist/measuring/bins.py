@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array
-from hdassist.readers.sweeps import Sweep
+from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
@@ -51,7 +51,7 @@ def travel_of(trace: MeasuredTrace) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
 
 
-def bins_of(trace: MeasuredTrace, sweeps: Sequence[Sweep], highest: float) -> Bins:
+def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) -> Bins:
     """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
     travel, per_turn = travel_of(trace), PER_PERIOD * highest
     parts = []

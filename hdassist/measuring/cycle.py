@@ -12,9 +12,9 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 
 LEAST_RATIO, GREATEST_RATIO = 10.0, 1000.0
-ROUNDING = 1e-9
+RATIO_ROUNDING = 1e-9
 CELLS_PER_TURN = 36  # of the cam
-FULL = 0.95  # share from which the cycle counts as visited
+FULL_SHARE = 0.95  # share from which the cycle counts as visited
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Coverage:
     @property
     def is_full(self) -> bool:
         """Whether F'_ior of the record is that of the cycle, not a lower bound only."""
-        return self.share >= FULL
+        return self.share >= FULL_SHARE
 
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
@@ -75,7 +75,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
         return None
     ratio = abs(ratio)
     doubled = round(2 * ratio) if ratio <= GREATEST_RATIO else 0
-    if not LEAST_RATIO <= ratio <= GREATEST_RATIO or abs(2 * ratio - doubled) > ROUNDING:
+    if not LEAST_RATIO <= ratio <= GREATEST_RATIO or abs(2 * ratio - doubled) > RATIO_ROUNDING:
         hint = "half the number of teeth of the wheel that turns, such as 100 or 99.5"
         span = f"from {LEAST_RATIO:g} to {GREATEST_RATIO:g}"
         raise UsageError(f"--ratio must be a multiple of 0.5 {span}, not {ratio:g}", hint)
@@ -89,6 +89,6 @@ def coverage(turns: Array, readings: Array, gearing: Gearing) -> Coverage:
     turns.
     """
     total = gearing.cycle * CELLS_PER_TURN
-    cells = np.mod(np.floor(np.concatenate([turns, readings]) * CELLS_PER_TURN + ROUNDING), total)
+    cells = np.mod(np.floor(np.concatenate([turns, readings]) * CELLS_PER_TURN + RATIO_ROUNDING), total)
     step = 360 * float(np.median(np.abs(np.diff(readings))))
     return Coverage(total, len(np.unique(cells)), 360 / CELLS_PER_TURN, 360 / gearing.ratio, step)

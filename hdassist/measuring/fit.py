@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -20,8 +21,8 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.bins import Bins
 from hdassist.model.geometry import Array
 
-Indices = NDArray[np.int64]
-CHUNK = 8192  # rows of the design that stand in memory at once
+OrderIndices = NDArray[np.int64]
+DESIGN_CHUNK = 8192  # rows of the design that stand in memory at once
 WORST_CONDITION = 1e8  # of the normal equations
 BINS_PER_COLUMN = 1.5
 LAGS = 2000
@@ -30,7 +31,7 @@ FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the
 FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
 FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
-APART = 0.75  # of the resolution: a line nearer to an order cannot be told from it
+RESOLVED_GAP = 0.75  # of the resolution: a line nearer to an order cannot be told from it
 MOMENTS = 3  # of where readings lie in their places
 NEIGHBOURS = 10.0  # bins: readings closer than that show what goes on from one to the next
 
@@ -43,11 +44,11 @@ def order_columns(turns: Array, orders: Array) -> Array:
 
 def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
     """Curves [arcsec] of coefficients, shape (2 orders, ...), at cam angles [turns], shape (angles, ...)."""
-    parts = range(0, len(turns), CHUNK)
-    return np.concatenate([order_columns(turns[k : k + CHUNK], orders) @ coefficients for k in parts])
+    parts = range(0, len(turns), DESIGN_CHUNK)
+    return np.concatenate([order_columns(turns[k : k + DESIGN_CHUNK], orders) @ coefficients for k in parts])
 
 
-class Design:
+class TraceDesign:
     """Normal equations of orders, levels of the sweeps and drift on the bins of a trace, factored once.
 
     columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; root: times
@@ -64,11 +65,11 @@ class Design:
             raise UntrustedError(
                 message, "record more densely, or declare fewer orders: --orders 1,2,4", Fault.ORDERS_UNTOLD
             )
-        self._parts = [slice(k, min(k + CHUNK, len(bins))) for k in range(0, len(bins), CHUNK)]
+        self._parts = [slice(k, min(k + DESIGN_CHUNK, len(bins))) for k in range(0, len(bins), DESIGN_CHUNK)]
         gram = np.zeros((columns, columns))
         self._moment = np.zeros(columns)
         for rows in self._parts:
-            matrix = self._rows(rows)
+            matrix = self._rows(rows.start)
             weighted = matrix * bins.weight[rows, None]
             gram += weighted.T @ matrix
             self._moment += weighted.T @ bins.error[rows]
@@ -83,8 +84,10 @@ class Design:
         # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
-    def _rows(self, rows: slice) -> Array:
-        bins = self.bins
+    @lru_cache(maxsize=2)  # noqa: B019 - of two parts in all: most records have one, of which fits ask several times
+    def _rows(self, start: int) -> Array:
+        """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
+        bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
         levels = np.eye(bins.sweeps)[bins.sweep[rows]]
         drift = (bins.travel[rows, None] / self.reach) ** np.arange(1, self._degree + 1)
         return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, drift], axis=1)
@@ -102,11 +105,11 @@ class Design:
         return np.asarray(curves - self._at_bins(self.project(lambda rows: curves[rows])))
 
     def _at_bins(self, solution: Array) -> Array:
-        return np.concatenate([self._rows(rows) @ solution for rows in self._parts])
+        return np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
         """Unknowns that fit other curves best, shape (columns, curves), from their values at a slice of the bins."""
-        moments = [(self._rows(rows) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
+        moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return np.asarray(self.root @ (self.root.T @ sum(moments)))
 
     def split(self, solution: Array) -> tuple[Array, Array, Array]:
@@ -130,7 +133,7 @@ class TraceFit:
     unmodelled: size of what is no noise of reading [arcsec].
     """
 
-    design: Design
+    design: TraceDesign
     coefficients: Array
     factor: Array
     lines: Array
@@ -160,10 +163,10 @@ class TraceFit:
         return np.asarray(np.sqrt((along**2).sum(axis=1)))
 
     @property
-    def groups(self) -> list[Indices]:
+    def groups(self) -> list[OrderIndices]:
         """Places of the orders, those together that the record does not tell from a line."""
         line = np.isin(self.orders, self.lines)
-        near = np.diff(self.orders) < APART / self.design.bins.span
+        near = np.diff(self.orders) < RESOLVED_GAP / self.design.bins.span
         ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
         return np.split(np.arange(len(self.orders)), ends)
 
@@ -172,7 +175,7 @@ class TraceFit:
         """Whether an order stands in a group with others, shape (orders,)."""
         return np.concatenate([np.full(len(own), len(own) > 1) for own in self.groups])
 
-    def wave(self, own: Indices) -> tuple[float, float, float, float]:
+    def wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
         """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of what orders of some places make.
 
         Of several: the amplitude of a wave of the same mean square over the record, and its mean order.
@@ -211,10 +214,6 @@ class TraceFit:
         """Cosine and sine parts."""
         return values[: len(self.orders)], values[len(self.orders) :]
 
-    def drift_at(self, travel: Array) -> Array:
-        """Drift that was taken off [arcsec] after so much travel [turns]."""
-        return self.design.drift_at(self.drift, travel)
-
 
 def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None = None) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and a drift of a degree (0: none) to a trace's bins.
@@ -223,7 +222,7 @@ def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None =
     """
     lines = np.sort(lines) if lines is not None else np.array([])
     orders = np.sort(np.concatenate([orders, lines]))
-    design = Design(bins, orders, degree)
+    design = TraceDesign(bins, orders, degree)
     solution = design.solution()
     residual, columns = design.residual(solution), design.columns
     variance = float((bins.weight * residual**2).sum()) / (len(bins) - columns)
@@ -235,7 +234,7 @@ def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None =
     return TraceFit(design, coefficients, factor, lines, level, drift, residual, correlated, unmodelled)
 
 
-def linear_drift(design: Design, residual: Array) -> tuple[float, float]:
+def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
     """Linear drift over a record that residuals of a design show, and its standard uncertainty [arcsec].
 
     It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as

@@ -2,8 +2,8 @@
 
 A line that is left out makes the range too small, never too large. So the residuals of the fit are searched for lines,
 the strongest first, and each is taken into the fit with an order of its own, until none is significant: its power over
-the mean of its neighbours has to be one that noise alone brings once in 1/FALSE_ALARM records. For power of noise that
-is even over the neighbourhood that ratio has an F distribution with 2 and 2 m degrees of freedom, m places told apart.
+the mean of its neighbours has to be one that noise alone brings once in 1/LINE_FALSE_ALARM records. For a noise power
+even over the neighbourhood that ratio has an F distribution with 2 and 2 m degrees of freedom, m places told apart.
 Slow noise is not even but falls with the order: the side of the neighbours counts that makes the line less significant.
 """
 
@@ -16,20 +16,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
-from hdassist.measuring.fit import APART, BINS_PER_COLUMN, TraceFit, distance, fit_orders, order_columns, residual_power
+from hdassist.measuring.fit import (
+    BINS_PER_COLUMN,
+    RESOLVED_GAP,
+    TraceFit,
+    distance,
+    fit_orders,
+    order_columns,
+    residual_power,
+)
 from hdassist.model.geometry import Array
 
-FALSE_ALARM = 0.01  # of a record without lines
-PROBED = 2.5  # places probed, over those that the record tells apart: a peak between them is found too
+LINE_FALSE_ALARM = 0.01  # of a record without lines
+PROBES_PER_PLACE = 2.5  # places probed, over those that the record tells apart: a peak between them is found too
 NEIGHBOURHOOD = 32  # places told apart, on each side, that stand for the noise
-FEWEST = 2  # of them
-OWN = 1.5  # of the resolution, to either side: the line's own peak
-CLOSEST = 0.4  # of the resolution: no order is fitted nearer to another
-LOWEST = 3.0  # periods in the record: below, it drifts
-HIGHEST = 4.0  # times the highest order: beyond, averages over bins make lines smaller
-SMALLEST = 0.01  # of the greatest amplitude: a smaller line is left in the noise
-MOST = 8  # lines
-ROUNDS = 2  # of Gauss and Newton for the order of a line
+FEWEST_NEIGHBOURS = 2  # of them
+LINE_WIDTH = 1.5  # of the resolution, to either side: the line's own peak
+CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
+FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
+HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
+SMALLEST_LINE = 0.01  # of the greatest amplitude: a smaller line is left in the noise
+MAX_LINES = 8  # lines
+ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
 
 
 @dataclass(frozen=True)
@@ -44,9 +52,9 @@ class Peak:
 def with_lines(fit: TraceFit, orders: Array, degree: int, finest: float) -> TraceFit:
     """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
     bins = fit.design.bins
-    while len(fit.lines) < MOST and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
-        peak = highest_peak(fit, min(finest, HIGHEST * float(orders[-1])))
-        if peak is None or peak.chance > FALSE_ALARM or peak.amplitude < SMALLEST * fit.amplitude.max():
+    while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
+        peak = highest_peak(fit, min(finest, HIGHEST_LINE * float(orders[-1])))
+        if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
             break
         try:
             fit = _settled(fit, orders, degree, peak.order)
@@ -62,31 +70,31 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     if not variance:
         return None
     probes, power = residual_power(bins, fit.residual, variance)
-    told = 1 / bins.span
+    resolution = 1 / bins.span
     each = bins.per_turn * bins.span / len(probes) / 2  # places told apart, for each probe
-    free = (distance(probes, fit.orders) >= APART * told) & (probes <= highest)
-    if not (free & (probes >= LOWEST * told)).any():
+    free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
+    if not (free & (probes >= FEWEST_PERIODS * resolution)).any():
         return None
-    place, tail = _least_likely(probes[free], power[free], power[free], told, each)
+    place, tail = _least_likely(probes[free], power[free], power[free], resolution, each)
     order = float(probes[free][place])
     # in a short record side lobes of a line reach its neighbours: they are looked at without it
-    rest = fit.residual - _taken(fit, np.array([order]))[0][:, 0]
+    rest = fit.residual - _line_curves(fit, np.array([order]))[0][:, 0]
     _, others = residual_power(bins, rest, variance)
-    near = np.abs(probes[free] - order) < OWN * told
-    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], told, each)
-    chance = PROBED * int(free.sum()) * each * float(np.exp(min(tail, alone)))
+    near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
+    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, each)
+    chance = PROBES_PER_PLACE * int(free.sum()) * each * float(np.exp(min(tail, alone)))
     top = 2 * np.sqrt(power[free][place] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
     return Peak(order, float(top), chance)
 
 
-def _least_likely(probes: Array, power: Array, others: Array, told: float, each: float) -> tuple[int, float]:
+def _least_likely(probes: Array, power: Array, others: Array, resolution: float, each: float) -> tuple[int, float]:
     """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours."""
     total = np.concatenate([[0.0], np.cumsum(others)])
     reach, at = max(1, int(NEIGHBOURHOOD / each)), np.arange(len(probes))
-    below, above = np.searchsorted(probes, probes - OWN * told), np.searchsorted(probes, probes + OWN * told)
+    below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
     sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
     tail = np.max([_tail(power, total, first, last, each) for first, last in sides], axis=0)
-    tail = np.where(probes >= LOWEST * told, tail, np.inf)
+    tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
     best = int(tail.argmin())
     return best, float(tail[best])
 
@@ -100,11 +108,11 @@ def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np
     mean = (total[np.maximum(first, last)] - total[first]) / np.maximum(count, 1)
     places = count * each
     ratio = power / np.maximum(mean * places, 1e-300)
-    return np.asarray(np.where(places >= FEWEST, -places * np.log1p(ratio), 0.0))
+    return np.asarray(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
 
 
-def _taken(fit: TraceFit, orders: Array) -> tuple[Array, Array]:
-    """What a line of each order, by itself, takes of the residuals: curves, shape (bins, orders), and their squares."""
+def _line_curves(fit: TraceFit, orders: Array) -> tuple[Array, Array]:
+    """Curves that lines of single orders fit to the residuals, shape (bins, orders), and their squares."""
     bins = fit.design.bins
     own = fit.design.rest(order_columns(bins.turns, orders))
     curves = np.empty((len(bins), len(orders)))
@@ -122,23 +130,24 @@ def _settled(fit: TraceFit, orders: Array, degree: int, order: float) -> TraceFi
     of them, or half the resolution beside one, where it takes most of the residuals: together they fit what is there,
     and stand for it together. Raises UntrustedError where there is no room.
     """
-    bins, told = fit.design.bins, 1 / fit.design.bins.span
+    bins, resolution = fit.design.bins, 1 / fit.design.bins.span
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
     with suppress(UntrustedError):  # it came to where an order is
         trial = fit_orders(bins, orders, degree, np.append(fit.lines, order))
-        for _ in range(ROUNDS):
+        for _ in range(ORDER_ITERATIONS):
             free = ~np.isin(trial.lines, fit.lines[held])
-            trial = fit_orders(bins, orders, degree, trial.lines + free * np.clip(_step(trial), -told / 2, told / 2))
+            step = np.clip(_step(trial), -resolution / 2, resolution / 2)
+            trial = fit_orders(bins, orders, degree, trial.lines + free * step)
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
     every = fit.orders
-    gaps = np.diff(every) < 2 * APART * told
-    places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - told / 2, every + told / 2])
-    places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST * told)])
+    gaps = np.diff(every) < 2 * RESOLVED_GAP * resolution
+    places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - resolution / 2, every + resolution / 2])
+    places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST_ORDERS * resolution)])
     if not len(places):
         raise UntrustedError("no room for a line", "")
-    _, taken = _taken(fit, places)
-    return fit_orders(bins, orders, degree, np.append(fit.lines, places[int(taken.argmax())]))
+    _, squares = _line_curves(fit, places)
+    return fit_orders(bins, orders, degree, np.append(fit.lines, places[int(squares.argmax())]))
 
 
 def _step(fit: TraceFit) -> Array:

@@ -11,39 +11,39 @@ import numpy as np
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
-from hdassist.measuring.fit import BINS_PER_COLUMN, Design, TraceFit, fit_orders, linear_drift
+from hdassist.measuring.fit import BINS_PER_COLUMN, TraceDesign, TraceFit, fit_orders, linear_drift
 from hdassist.measuring.lines import with_lines
-from hdassist.measuring.orders import DEFAULT, WHOLE, MeasuredOrder, order_grid, order_table
+from hdassist.measuring.orders import DEFAULT_ORDERS, WHOLE_TURN, MeasuredOrder, order_grid, order_table
 from hdassist.measuring.range import Range, ranges_of, visited_angles
-from hdassist.measuring.spikes import spikes
+from hdassist.measuring.spikes import without_spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
-    OF_THE_RANGE,
-    OF_THE_RECORD,
+    RANGE_SOURCES,
+    RECORD_SOURCES,
     UncertaintySource,
     budget,
     combined,
 )
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.readers.sweeps import Sweep
+from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
-SHORTEST = 1.0  # cam turns
+SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
 DRIFT_LEFT = "linear drift of {:.3g} arcsec over the record left in (--drift linear), if it is no part of a slow order"
 DRIFT_OFF = "the cycle does not close: linear drift of {:.3g} arcsec taken off; with it the curve spans {:.1f} arcsec"
 DRIFTED = 0.05  # of F'_ior: a drift left in that is said
 DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
-COARSE = 1 / 4  # of F'_ior: a step in time with the turns from which on the error is not told from it
+COARSE_STEP = 1 / 4  # of F'_ior: a step in time with the turns from which on the error is not told from it
 UNMODELLED = 1 / 5  # of F'_ior: error beyond the orders that is said
 
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """What a trace says of one direction: 1 for growing cam angles, -1 for falling ones, 0 for both as one.
+    """One direction of a trace: 1 for growing cam angles, -1 for falling ones, 0 for both as one.
 
     fit: see there; range: over the visited angles, grid_turns, shape (angles,); revolution: the greatest within one
     turn of the cam; raw_range_arcsec: of the readings themselves, drift taken off where asked; coverage: None where
@@ -74,8 +74,8 @@ class SweepResult:
     def revolution_uncertainty_arcsec(self) -> float:
         """Combined standard uncertainty of the range within one cam turn: its own noise, the other sources alike."""
         own = self.revolution.spread, self.revolution.bias_uncertainty
-        drift = (self.sources[OF_THE_RANGE - 1].arcsec or 0.0) / self.bins.span
-        return hypot(*own, drift, combined(self.sources[OF_THE_RANGE:]))
+        drift = (self.sources[RANGE_SOURCES - 1].arcsec or 0.0) / self.bins.span
+        return hypot(*own, drift, combined(self.sources[RANGE_SOURCES:]))
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
@@ -157,7 +157,7 @@ def measure(
     for sign in (0,) if together else (1, -1):
         sweeps = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
-        if longest < SHORTEST - 0.01:
+        if longest < SHORTEST_TURNS - 0.01:
             if sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
@@ -165,22 +165,21 @@ def measure(
         bins = bins_of(trace, sweeps, declared[-1])
 
         fit = _fit(bins, declared, gearing, DRIFTS[drift], notes)
-        off = spikes(trace, sweeps, fit)
-        if len(off.rows):
+        if cleaned := without_spikes(trace, sweeps, fit):
             rest = measure(
-                trace.without(off.rows), drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
+                cleaned[0], drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
                 together=together,
             )  # fmt: skip
-            return replace(rest, trace=trace, warnings=(off.require_few(trace), *rest.warnings))
-        left = 0.0
+            return replace(rest, trace=trace, warnings=(cleaned[1], *rest.warnings))
+        drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
-            fit, left = _with_lines_or_drift(fit, finest)
-            if left and gearing and bins.span >= WHOLE * gearing.cycle:
-                warnings.append(DRIFT_OFF.format(left, float(np.ptp(fit.curve(bins.turns)))))
-                fit, left = _with_lines_or_drift(_fit(bins, declared, gearing, 1, notes), finest)
-            elif left:
-                warnings.append(DRIFT_LEFT.format(left))
-        result = _sweep_result(sign, trace, sweeps, fit, left, gearing, drive, stated or {}, seed)
+            fit, drift_left = _with_lines_or_drift(fit, finest)
+            if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
+                warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
+                fit, drift_left = _with_lines_or_drift(_fit(bins, declared, gearing, 1, notes), finest)
+            elif drift_left:
+                warnings.append(DRIFT_LEFT.format(drift_left))
+        result = _sweep_result(sign, trace, sweeps, fit, drift_left, gearing, drive, stated or {}, seed)
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -200,7 +199,7 @@ def require_drift(kind: str) -> None:
         raise UsageError(f"--drift must be none, linear or quadratic, not {kind}")
 
 
-def drift_of(design: Design, residual: Array, extent: float) -> float:
+def drift_of(design: TraceDesign, residual: Array, extent: float) -> float:
     """Linear drift [arcsec] over the record that residuals show clearly beside a range; 0 where there is none."""
     size, uncertainty = linear_drift(design, residual)
     return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
@@ -214,13 +213,13 @@ def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]
 
 
 def _declared(
-    trace: MeasuredTrace, sweeps: Sequence[Sweep], orders: Sequence[float] | None, notes: list[str]
+    trace: MeasuredTrace, sweeps: Sequence[AngleSweep], orders: Sequence[float] | None, notes: list[str]
 ) -> tuple[Sequence[float], float]:
     """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead.
 
     And the highest order per cam turn that the steps resolve.
     """
-    declared = orders or DEFAULT
+    declared = orders or DEFAULT_ORDERS
     steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
     highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
@@ -253,9 +252,9 @@ def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, degree:
 def _sweep_result(
     sign: int,
     trace: MeasuredTrace,
-    sweeps: Sequence[Sweep],
+    sweeps: Sequence[AngleSweep],
     fit: TraceFit,
-    left: float,
+    drift_left: float,
     gearing: Gearing | None,
     drive: Drive | None,
     stated: Mapping[str, float],
@@ -263,31 +262,33 @@ def _sweep_result(
 ) -> SweepResult:
     """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage.
 
-    left: linear drift [arcsec] that the fit has in it.
+    drift_left: linear drift [arcsec] that the fit has in it.
     """
     bins = fit.design.bins
-    again = gearing is not None and bins.span >= WHOLE * gearing.ratio and not len(fit.lines)
+    again = gearing is not None and bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines)
     cycle = gearing.cycle if gearing and again else None
     grid = visited_angles(bins, float(fit.orders[-1]), cycle)
     extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
     scatter = float(np.sqrt(np.mean(bins.rows * fit.residual**2)))
     step = trace.step_arcsec
     # one that was left in may be none at all; one that was taken off may be bent
-    drift = abs(left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
+    drift = abs(drift_left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
     sources = budget(
         extent.spread, extent.bias_uncertainty, drift / sqrt(3), fit.unmodelled, step, scatter, stated,
         in_time=trace.in_time, ratio=gearing.ratio if gearing else None,
     )  # fmt: skip
-    if trace.in_time and step > COARSE * extent.value:
+    if trace.in_time and step > COARSE_STEP * extent.value:
         message = f"the output is read in steps of {step:.2g} arcsec at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
-    alone = combined(sources[:OF_THE_RECORD])
+    alone = combined(sources[:RECORD_SOURCES])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
-        hint = "it drifts: --drift linear" if left else "record longer or with less noise; is it the right column?"
+        hint = (
+            "it drifts: --drift linear" if drift_left else "record longer or with less noise; is it the right column?"
+        )
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
-    raw = float(np.ptp(trace.error_arcsec[rows] - fit.drift_at(travel_of(trace)[rows])))
+    raw = float(np.ptp(trace.error_arcsec[rows] - fit.design.drift_at(fit.drift, travel_of(trace)[rows])))
     visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
     return SweepResult(sign, fit, grid, extent, revolution, raw, order_table(fit, drive, gearing), visits, sources)
 

@@ -16,23 +16,23 @@ import numpy as np
 from hdassist.error.orders import UNKNOWN, known_causes
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import Gearing
-from hdassist.measuring.fit import Indices, TraceFit
+from hdassist.measuring.fit import OrderIndices, TraceFit
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
-DEFAULT = tuple(float(order) for order in range(1, 13))
-HIGHEST = 200.0
+DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
+HIGHEST_ORDER = 200.0
 BEATS = 6
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
-WHOLE = 0.97  # of an output turn: a record that has its beats
-LINE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
-TOGETHER = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
-RIG = {  # what of the rig comes round so often in a turn of the output
+WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
+LINE_CAUSE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
+TOGETHER_CAUSE = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
+RIG_CAUSES = {  # what of the rig comes round so often in a turn of the output
     1.0: "once per output turn: also encoder graduation and coupling",
     2.0: "twice per output turn: also encoder graduation and coupling",
 }
-CAM = "once per cam turn: also the cam's encoder"
+CAM_CAUSE = "once per cam turn: also the cam's encoder"
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         if match is None:
             raise UsageError(f"no orders: {text}", 'write them like "1-12" or "1,2,4"')
         first, last = float(match[1]), float(match[2] or match[1])
-        if not 0 < first <= last <= HIGHEST or (match[2] and not first.is_integer()):
-            raise UsageError(f"orders must rise, above 0 and up to {HIGHEST:g}: {text}")
+        if not 0 < first <= last <= HIGHEST_ORDER or (match[2] and not first.is_integer()):
+            raise UsageError(f"orders must rise, above 0 and up to {HIGHEST_ORDER:g}: {text}")
         found.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
     return tuple(sorted(found))
 
@@ -77,7 +77,7 @@ def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, 
     """
     base = 1 / (ratio or USUAL_RATIO)
     width = BEATS * base
-    step = base if turns * base >= WHOLE else 1 / turns
+    step = base if turns * base >= WHOLE_TURN else 1 / turns
     count = max(int(width / step + 1e-9), int(turns >= DRIFTING)) if beats else 0
     around = np.arange(-count, count + 1) * step
     every = np.concatenate([around[around > 0], *(order + around for order in declared)])
@@ -99,15 +99,16 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
         if abs(orders[place] - order) <= width + 1e-9:
             causes[place].append((abs(k_g) + abs(k_b), words))
 
-    def cause(own: Indices) -> str:
+    def cause(own: OrderIndices) -> str:
         known = [each for place in own for each in causes[place]]
         words = [text for degree, text in known if degree == min(known)[0]]
-        for order in orders[own] if gearing else ():
-            reach = min(width * gearing.ratio, 0.5) if gearing else 0.0
-            words += [text for often, text in RIG.items() if gearing and abs(order * gearing.ratio - often) < reach]
-            words += [CAM] * bool(abs(order - 1) < 1e-9)
+        if gearing:
+            reach = min(width * gearing.ratio, 0.5)
+            per_output = orders[own] * gearing.ratio
+            words += [text for often, text in RIG_CAUSES.items() if (abs(per_output - often) < reach).any()]
+            words += [CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
         if np.isin(orders[own], fit.lines).any():
-            words.append(LINE if len(own) == 1 else TOGETHER.format(orders[own[0]], orders[own[-1]]))
+            words.append(LINE_CAUSE if len(own) == 1 else TOGETHER_CAUSE.format(orders[own[0]], orders[own[-1]]))
         return "; ".join(dict.fromkeys(words)) or (UNKNOWN if drive else "")
 
     found = []

@@ -22,12 +22,12 @@ from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.textfile import STDIN
 
-SHOWN, NAMED = 12, 3  # orders in the table, and in a line: the greatest
-MANY = 8  # cam turns from which on their least and greatest values are drawn
+SHOWN_ORDERS, NAMED_ORDERS = 12, 3  # orders in the table, and in a line: the greatest
+MANY_TURNS = 8  # cam turns from which on their least and greatest values are drawn
 ENVELOPE = "error, arcsec: least and greatest around each cam turn"
-NAMES = {1: "growing cam angle", -1: "falling cam angle"}
+DIRECTION_NAMES = {1: "growing cam angle", -1: "falling cam angle"}
 
-ORDER: tuple[Quantity[MeasuredOrder], ...] = (
+ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
     Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f", lambda o: o.amplitude_arcsec),
     Quantity("amplitude_uncertainty_arcsec", "+/-", "arcsec", ".3f", lambda o: o.uncertainty_arcsec),
@@ -37,18 +37,18 @@ ORDER: tuple[Quantity[MeasuredOrder], ...] = (
 
 
 def answer(result: Measurement, drive: Drive | None, *, plots: bool, details: bool = False) -> Answer:
-    """What there is to say of a measured trace; plots, whether it is drawn; details, whether all tables are shown."""
+    """A measured trace as a page, JSON, CSV and a line; plots: whether it is drawn; details: with all tables."""
     return Answer(
-        to_json=lambda: to_json(result, drive),
-        page=lambda style: render(result, drive, style, plots=plots, details=details),
-        summary_line=lambda: summary_line(result),
-        figures=lambda: figures(result),
+        to_json=lambda: _to_json(result, drive),
+        page=lambda style: _render(result, drive, style, plots=plots, details=details),
+        summary_line=lambda: _summary_line(result),
+        figures=lambda: _figures(result),
         about=result.trace.file,
         warnings=result.warnings,
     )
 
 
-def render(
+def _render(
     result: Measurement, drive: Drive | None, style: Style, *, plots: bool = True, details: bool = False
 ) -> RenderableType:
     """F'_ior in each direction and what it takes to read it right; with details all orders and the budget."""
@@ -63,17 +63,17 @@ def render(
 
 
 def _direction(found: SweepResult, style: Style, plots: bool) -> list[RenderableType]:
-    heading = Text(f"{NAMES[found.direction]}: {_value(found)}", style="bold")
+    heading = Text(f"{DIRECTION_NAMES[found.direction]}: {_value(found)}", style="bold")
     if not plots:
         return [heading]
     first = found.bins.sweep == 0
     x, y = found.bins.turns[first], found.bins.error[first] - found.fit.level[0]
-    over, label = (1.0, ENVELOPE) if np.ptp(x) > MANY else (0.0, "error, arcsec")
+    over, label = (1.0, ENVELOPE) if np.ptp(x) > MANY_TURNS else (0.0, "error, arcsec")
     return [heading, Text(""), Text(curve(style, x, y, x_label="cam angle, turns", y_label=label, over=over)), Text("")]
 
 
 def _facts(result: Measurement, found: SweepResult, *, details: bool) -> Iterator[tuple[str, str]]:
-    """What is to be known of a direction, a label and a text each."""
+    """Facts on a direction, a label and a text each."""
     if details:
         raw = f"{found.raw_range_arcsec:.2f} arcsec as read; limited to the orders {found.range.fitted:.2f}"
         yield "range", f"{raw}, of which noise adds {found.range.bias:.2f}"
@@ -82,7 +82,7 @@ def _facts(result: Measurement, found: SweepResult, *, details: bool) -> Iterato
         yield "lines", _lines(found)
     yield "visited", _visited(result, found, details=details)
     if not details:
-        greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:NAMED]
+        greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:NAMED_ORDERS]
         yield "orders", "; ".join(map(_order, greatest))
         missing = [source.name for source in found.sources if source.arcsec is None]
         yield "not in u", f"{', '.join(missing)}: --budget {missing[0]}=ARCSEC says them" if missing else ""
@@ -131,12 +131,14 @@ def _visited(result: Measurement, found: SweepResult, *, details: bool) -> str:
 
 
 def _orders(found: SweepResult, style: Style) -> Table:
-    grid = table(style, f"orders: amplitude·cos(order·angle + phase), the {SHOWN} greatest of {len(found.orders)}")
-    shown = ORDER if any(order.cause for order in found.orders) else ORDER[:-1]
+    grid = table(
+        style, f"orders: amplitude·cos(order·angle + phase), the {SHOWN_ORDERS} greatest of {len(found.orders)}"
+    )
+    shown = ORDER_COLUMNS if any(order.cause for order in found.orders) else ORDER_COLUMNS[:-1]
     for quantity in shown:
-        left = quantity is ORDER[-1]
+        left = quantity is ORDER_COLUMNS[-1]
         grid.add_column(style.text(quantity.words), justify="left" if left else "right", overflow="fold")
-    greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:SHOWN]
+    greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:SHOWN_ORDERS]
     for order in sorted(greatest, key=lambda o: o.per_cam_rev):
         grid.add_row(*(style.text(quantity.text(order)) for quantity in shown))
     return grid
@@ -154,7 +156,7 @@ def _budget(found: SweepResult, style: Style) -> Table:
     return grid
 
 
-def summary_line(result: Measurement) -> str:
+def _summary_line(result: Measurement) -> str:
     """The answer alone: F'_ior with its expanded uncertainty."""
     found = result.directions[0]
     bound = ">= " if found.is_bound else ""
@@ -163,7 +165,7 @@ def summary_line(result: Measurement) -> str:
     return f"{bound}{found.range.value:.2f} {spread} arcsec"
 
 
-def to_json(result: Measurement, drive: Drive | None) -> Json:
+def _to_json(result: Measurement, drive: Drive | None) -> Json:
     """The measurement as a JSON object."""
     trace, gearing, reversal = result.trace, result.gearing, result.reversal
     return {
@@ -181,7 +183,7 @@ def to_json(result: Measurement, drive: Drive | None) -> Json:
 
 
 def _sweep(found: SweepResult) -> Json:
-    """What one direction says as a JSON object."""
+    """One direction as a JSON object."""
     fit, c = found.fit, found.coverage
     return {
         "direction": found.direction,
@@ -216,15 +218,15 @@ def _sweep(found: SweepResult) -> Json:
             "cell_cam_deg": c.cam_deg,
             "cell_output_deg": c.output_deg,
         },
-        "orders": [as_object(ORDER, order) for order in found.orders],
-        "lines": [as_object(ORDER, line) for line in found.lines],
+        "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
+        "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
         "budget": [
             {"source": s.name, "standard_uncertainty_arcsec": s.arcsec, "origin": s.origin} for s in found.sources
         ],
     }
 
 
-def figures(result: Measurement) -> Figures:
+def _figures(result: Measurement) -> Figures:
     """One row per step of the angle, in each direction: error less its level and drift, and the fitted curve."""
     rows: list[list[Any]] = []
     for found in result.directions:

@@ -3,8 +3,8 @@
 Noise makes the range of a curve too large: the greatest value is looked for among values that err. The bias is
 estimated by a parametric bootstrap: coefficients shrunk towards nothing as far as they are noise stand for the true
 ones, and get noise as the fit says; by how much the range of their curves is greater, on the mean, is taken off.
-The standard uncertainty is the spread of those ranges, WIDER because the correction repeats the noise of the
-estimate, and a THIRD of the correction. Both numbers were found by simulation (tests/measuring/test_measure.py).
+The standard uncertainty is the spread of those ranges, SPREAD_FACTOR because the correction repeats the noise of the
+estimate, and a BIAS_SHARE of the correction. Both numbers were found by simulation (tests/measuring/test_measure.py).
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdassist.measuring.bins import Bins
-from hdassist.measuring.fit import CHUNK, TraceFit, order_columns
+from hdassist.measuring.fit import DESIGN_CHUNK, TraceFit, order_columns
 from hdassist.model.geometry import Array
 
-DRAWS = 200  # of the bootstrap
 POINTS_PER_PERIOD = 16  # points in a period of the highest order
-GAP = 0.5  # periods of the highest order: what lies between readings further apart was not visited
-WIDER = 1.15
-THIRD = 1 / 3
+GAP_PERIODS = 0.5  # periods of the highest order: what lies between readings further apart was not visited
+SPREAD_FACTOR = 1.15
+BIAS_SHARE = 1 / 3
 TURN_PARTS = 24  # of a turn, in steps of which single turns begin
 SHRINK = 2.0  # times the power of noise, taken off the power of each order
 CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
@@ -47,7 +46,7 @@ class Range:
     @property
     def bias_uncertainty(self) -> float:
         """Standard uncertainty of the correction."""
-        return THIRD * self.bias
+        return BIAS_SHARE * self.bias
 
 
 def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
@@ -58,14 +57,14 @@ def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
         turns = bins.turns[bins.sweep == index]
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
         after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
-        found.append(grid[turns[after] - turns[after - 1] <= GAP / highest])
+        found.append(grid[turns[after] - turns[after - 1] <= GAP_PERIODS / highest])
     every = np.concatenate(found)
     if cycle is not None:
         every = np.mod(every, cycle * per_turn)
     return np.asarray(np.unique(every) / per_turn)
 
 
-def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: int = DRAWS) -> tuple[Range, Range]:
+def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: int = 200) -> tuple[Range, Range]:
     """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
     best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
@@ -79,8 +78,8 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
     begins = range(int(part[-1]) + 1)
     high = np.full((len(begins) - 1 + TURN_PARTS, curves.shape[1]), -np.inf)
     low = -high
-    for start in range(0, len(turns), CHUNK):
-        rows = slice(start, start + CHUNK)
+    for start in range(0, len(turns), DESIGN_CHUNK):
+        rows = slice(start, start + DESIGN_CHUNK)
         values = order_columns(turns[rows], fit.orders) @ curves
         found, first = np.unique(part[rows], return_index=True)
         high[found] = np.maximum(high[found], np.maximum.reduceat(values, first))
@@ -96,7 +95,7 @@ def _range(extents: Array, lines: float) -> Range:
     lines: what they add to the curve's own range where the greatest of each meets that of the curve [arcsec].
     """
     (fitted, own, without), drawn = extents[:3].tolist(), extents[3:]
-    bias, spread = max(0.0, float(drawn.mean()) - without), WIDER * float(drawn.std(ddof=1))
+    bias, spread = max(0.0, float(drawn.mean()) - without), SPREAD_FACTOR * float(drawn.std(ddof=1))
     return Range(fitted, bias, spread, max(0.0, own + lines - fitted) if lines else 0.0)
 
 

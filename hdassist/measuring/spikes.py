@@ -7,46 +7,30 @@ fault of the rig that an answer must not hide.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit
-from hdassist.readers.sweeps import Sweep
+from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
-OFF = 10.0  # robust standard deviations of the readings around the fit
-OF_THE_RANGE = 0.1  # of the fitted curve: a smaller spike changes nothing
-LONGEST = 2  # readings: what lasts longer may be the drive
+SPIKE_SIGMAS = 10.0  # robust standard deviations of the readings around the fit
+SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike changes nothing
+LONGEST_SPIKE = 2  # readings: what lasts longer may be the drive
 TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
-MOST = 1 / 200  # of the readings: with more of them the rig is at fault
-NAMED = 3  # lines in a message
-FEW = 3  # spikes that are no fault of the rig in a short record either
+MAX_SPIKE_SHARE = 1 / 200  # of the readings: with more of them the rig is at fault
+NAMED_LINES = 3  # lines in a message
+FEW_SPIKES = 3  # spikes that are no fault of the rig in a short record either
 
 
-@dataclass(frozen=True, eq=False)
-class Spikes:
-    """Rows of a trace that are spikes, rising; how far the farthest is off; the range of the fit with them [arcsec]."""
+def without_spikes(
+    trace: MeasuredTrace, sweeps: Sequence[AngleSweep], fit: TraceFit
+) -> tuple[MeasuredTrace, str] | None:
+    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; None if there are none.
 
-    rows: NDArray[np.int64]
-    farthest_arcsec: float
-    range_arcsec: float
-
-    def require_few(self, trace: MeasuredTrace) -> str:
-        """The warning that they are left out. Raises UntrustedError where they are too many for that."""
-        count, named = len(self.rows), ", ".join(map(str, trace.line[self.rows[:NAMED]]))
-        where = f"line{'s' * (count > 1)} {named}{f' and {count - NAMED} more' if count > NAMED else ''}"
-        words = f"{where}: {self.farthest_arcsec:.2g} arcsec off all readings around"
-        if count > max(FEW, MOST * len(trace.line)):
-            hint = "look at the encoders' cables and counters, or leave out these rows"
-            raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
-        return f"{words}, left out; else the curve would span {self.range_arcsec:.1f} arcsec"
-
-
-def spikes(trace: MeasuredTrace, sweeps: Sequence[Sweep], fit: TraceFit) -> Spikes:
-    """Spikes of a trace, beside a fit to its sweeps."""
+    Raises UntrustedError: too many to leave out.
+    """
     bins, fitted = fit.design.bins, fit.design.bins.error - fit.residual
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
     fits = [
@@ -55,8 +39,17 @@ def spikes(trace: MeasuredTrace, sweeps: Sequence[Sweep], fit: TraceFit) -> Spik
     ]
     size = np.abs(trace.error_arcsec[rows] - np.concatenate(fits))
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
-    least = max(OFF * TO_SIGMA * float(np.median(size)), OF_THE_RANGE * float(np.ptp(fitted)), float(size.max()) / 2)
-    far = size > least
+    noise = TO_SIGMA * float(np.median(size))
+    far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], far, [0]]))).reshape(-1, 2)
-    short = [k for first, last in edges.tolist() if last - first <= LONGEST for k in range(first, last)]
-    return Spikes(rows[short], float(size[short].max(initial=0.0)), float(np.ptp(fit.curve(bins.turns))))
+    short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
+    if not short:
+        return None
+    count, named = len(short), ", ".join(map(str, trace.line[rows[short[:NAMED_LINES]]]))
+    where = f"line{'s' * (count > 1)} {named}{f' and {count - NAMED_LINES} more' if count > NAMED_LINES else ''}"
+    words = f"{where}: {size[short].max():.2g} arcsec off all readings around"
+    if count > max(FEW_SPIKES, MAX_SPIKE_SHARE * len(trace.line)):
+        hint = "look at the encoders' cables and counters, or leave out these rows"
+        raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
+    warning = f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f} arcsec"
+    return trace.without(rows[short]), warning

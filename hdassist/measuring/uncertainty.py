@@ -17,8 +17,8 @@ STATED = {  # sources of which a single record says nothing
 }
 COVERAGE_FACTOR = 2.0
 OFF_CENTRE = 0.05  # deg: error of an angle by an encoder that sits off its centre, as an example
-OF_THE_RANGE = 3  # so many sources, the first ones, belong to one range alone
-OF_THE_RECORD = 5  # so many, the first ones, show in the record itself
+RANGE_SOURCES = 3  # so many sources, the first ones, belong to one range alone
+RECORD_SOURCES = 5  # so many, the first ones, show in the record itself
 
 
 @dataclass(frozen=True)
@@ -67,22 +67,17 @@ def budget(
     step below twice the scatter is dithered. In time with the turns the fit follows what is rounded, and both extremes
     may err together: hence 2.
     """
-    hidden = step / 2 < scatter
-    size, words = (
-        (2 * step / sqrt(12), "step of the readings, at even angles")
-        if in_time
-        else (sqrt(2) * step / sqrt(12), "step of the readings")
-    )
+    resolution = sqrt(2) * step / sqrt(12), "step of the readings"
+    if step / 2 < scatter:
+        resolution = 0.0, "no step seen above the noise"
+    elif in_time:
+        resolution = 2 * step / sqrt(12), "step of the readings, at even angles"
     sources = [
         UncertaintySource("noise", noise, "bootstrap of the residuals"),
         UncertaintySource("bias correction", bias, "a third of what was taken off"),
         UncertaintySource("drift", drift, "how straight it is, or whether it is one"),
         UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
-        UncertaintySource(
-            "resolution",
-            0.0 if hidden else size,
-            "no step seen above the noise" if hidden else words,
-        ),
+        UncertaintySource("resolution", *resolution),
     ]
     words_of = dict(STATED)
     if ratio:

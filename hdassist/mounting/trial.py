@@ -9,7 +9,7 @@ from hdassist.errors import UsageError
 from hdassist.mounting.positions import hole_of
 from hdassist.numerals import number_of
 from hdassist.preset.yamltext import shown
-from hdassist.readers.trace import MOST
+from hdassist.readers.trace import LARGEST_ERROR
 
 FARTHEST = 3600.0  # deg that a wheel can be meant to be turned by
 
@@ -35,7 +35,7 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     where, _, value = text.lower().partition(":")
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec, with a point"
     rotation, F_ior = number_of(where.removeprefix("h")), number_of(value)
-    if not (0 < F_ior <= MOST and abs(rotation) <= FARTHEST):
+    if not (0 < F_ior <= LARGEST_ERROR and abs(rotation) <= FARTHEST):
         raise UsageError(f"{shown(text)!r} is no trial", hint)
     if where.startswith("h"):
         if not holes:

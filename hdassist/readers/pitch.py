@@ -31,9 +31,9 @@ import re
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
+from hdassist.model.geometry import Array
 from hdassist.model.wheels import PitchFile
 from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import near
@@ -50,18 +50,17 @@ from hdassist.readers.words import (
 )
 from hdassist.textfile import Readable
 
-LEAST, MOST = 0.5, 1000.0  # um: range over a wheel that can be meant
+LEAST_RANGE, LARGEST_RANGE = 0.5, 1000.0  # um: range over a wheel that can be meant
 CLOSING = 0.2  # of the range: how far the single deviations may be from closing
 NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
 
-Form = Literal["cumulative", "single", "index"]
+PitchForm = Literal["cumulative", "single", "index"]
 Sense = Literal["ccw", "cw"]
 Sign = Literal["along", "ccw", "cw"]
 Flank = Literal["left", "right"]
-Array = NDArray[np.float64]
 
-CHOICES = {"form": get_args(Form), "sense": get_args(Sense), "sign": get_args(Sign), "flank": get_args(Flank)}
+CHOICES = {"form": get_args(PitchForm), "sense": get_args(Sense), "sign": get_args(Sign), "flank": get_args(Flank)}
 MEANT = {  # what may be stated, for messages
     "form": "cumulative or single",
     "unit": "um or mm",
@@ -70,14 +69,14 @@ MEANT = {  # what may be stated, for messages
     "mark": "the number of a tooth",
     "flank": "left or right",
 }
-HOW = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
+FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 
 
 def read_pitch(
     source: Readable,
     teeth: int,
     *,
-    form: Form | None = None,
+    form: PitchForm | None = None,
     sense: Sense | None = None,
     sign: Sign | None = None,
     mark: int | None = None,
@@ -126,7 +125,7 @@ def read_pitch(
 
 
 class _Statement(NamedTuple):
-    """What a file says for a key: the value, empty if it cannot be meant; its text, and where it stands."""
+    """A statement of a file on a key: the value, empty if it cannot be meant; its text, line and column."""
 
     value: str
     text: str
@@ -135,7 +134,7 @@ class _Statement(NamedTuple):
 
 
 class _Statements:
-    """What is said of a file of pitch deviations: asked for, in its remarks, and by the name of its column."""
+    """Statements on a file of pitch deviations: asked for, in its remarks, and by the name of its column."""
 
     def __init__(self, table: NumberTable, asked: dict[str, str]) -> None:
         self.table = table
@@ -186,15 +185,15 @@ class _Statements:
 
     def tooth(self, teeth: range | None) -> int:
         """The tooth with the mark, by default the first one; teeth: their numbers in the file, where it has them."""
-        said = self.value("mark")
+        stated = self.value("mark")
         if teeth is None or "mark" in self.asked:
-            return int(said or 1)
-        if not said:
+            return int(stated or 1)
+        if not stated:
             self.table.notes.append(f"no mark given: tooth {teeth[0]} has it")
-        elif int(said) not in teeth:
+        elif int(stated) not in teeth:
             message = f"no tooth of the wheel: {teeth[0]} to {teeth[-1]}"
             self._refuse("mark", self.stated["mark"][0], message, "give the number of the tooth with the mark")
-        return int(said or teeth[0])
+        return int(stated or teeth[0])
 
     def columns(self) -> tuple[int, int]:
         """Columns of the tooth numbers and of the deviations; states what the name of the latter says."""
@@ -233,7 +232,7 @@ class _Statements:
         for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
             if value == AMBIGUOUS:
                 if not self.stated[key] and key not in self.asked:
-                    self.table.add(line, 1, key, "single pitch deviations, or cumulative ones?", name, HOW)
+                    self.table.add(line, 1, key, "single pitch deviations, or cumulative ones?", name, FORM_HINT)
             elif value:
                 self.stated[key].append(_Statement(value, name, line, 1))
 
@@ -317,10 +316,10 @@ def _cumulative(table: NumberTable, column: int, order: list[int], unit: tuple[s
             shared = "" if closes else f", closing error of {gap:.3g} um shared out"
             table.notes.append(f"single pitch deviations summed up{shared}")
     reach = float(np.ptp(values))
-    if reach > MOST:
+    if reach > LARGEST_RANGE:
         hint = "is the unit right, and are these deviations, not places?"
         table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
-    elif 0 < reach < LEAST:
+    elif 0 < reach < LEAST_RANGE:
         hint = "is it mm?" if name != "mm" else "is it um? no wheel is that good"
         table.add_at(0, column, f"{reach:.3g} um over the whole wheel", f"unit {name}", hint)
     return np.asarray(values)

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-TURN = 360.0
+WHOLE_TURN_DEG = 360.0
 LEAP = 0.4  # of the wrap: a longer step could be one to either side
 JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-STEPS, MOST = 4.0, 5.0  # median steps, at most so many deg: the same, where readings are coarse
-FEW = 5  # rows: what is no move
+TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # median steps, at most so many deg: the same, where readings are coarse
+FEW_ROWS = 5  # rows: what is no move
 SPIKE = 10.0  # median steps: how far the first step after a new start may go
 
 Angles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Sweep:
+class AngleSweep:
     """Rows start to stop (that one not) in one direction: 1 for growing angles, -1 for falling ones."""
 
     start: int
@@ -36,7 +36,9 @@ class AngleError(ValueError):
 
 def looks_wrapped(angle: Angles) -> bool:
     """Whether angles [deg] begin again after a turn: all within one, with steps of more than half of it."""
-    return bool(len(angle) > 1 and np.ptp(angle) <= TURN and np.abs(np.diff(angle)).max() > TURN / 2)
+    return bool(
+        len(angle) > 1 and np.ptp(angle) <= WHOLE_TURN_DEG and np.abs(np.diff(angle)).max() > WHOLE_TURN_DEG / 2
+    )
 
 
 def unwrapped(angle: Angles, wrap: float) -> Angles:
@@ -53,7 +55,7 @@ def unwrapped(angle: Angles, wrap: float) -> Angles:
     return np.asarray(np.concatenate([angle[:1], angle[0] + np.cumsum(steps)]))
 
 
-def sweeps(angle: Angles) -> list[Sweep]:
+def sweeps(angle: Angles) -> list[AngleSweep]:
     """Moves in one direction each, in the order of the rows.
 
     Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
@@ -64,26 +66,26 @@ def sweeps(angle: Angles) -> list[Sweep]:
     if not len(steps):
         raise AngleError(0, "the angle does not change", "is it the column of the angle?")
     step = float(np.median(steps, overwrite_input=True))
-    found = [Sweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, min(STEPS * step, MOST)))]
+    found = [AngleSweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, min(TURNING_STEPS * step, WIDEST_TURNING)))]
     for index, sweep in enumerate(found[:-1]):
         following = found[index + 1]
-        if following.stop - following.start >= FEW or index + 2 == len(found):
+        if following.stop - following.start >= FEW_ROWS or index + 2 == len(found):
             continue
-        if sweep.stop - sweep.start < FEW and index == 0:
+        if sweep.stop - sweep.start < FEW_ROWS and index == 0:
             continue
         if not _is_restart(angle, sweep, following, found[index + 2], step):
             row = following.start
-            what = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[row - 1]:.6g} deg"
-            raise AngleError(row, what, "rows in the order of time, one direction after the other; or --wrap 360")
-    return [sweep for sweep in found if sweep.stop - sweep.start >= FEW]
+            message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[row - 1]:.6g} deg"
+            raise AngleError(row, message, "rows in the order of time, one direction after the other; or --wrap 360")
+    return [sweep for sweep in found if sweep.stop - sweep.start >= FEW_ROWS]
 
 
-def _is_restart(angle: Angles, before: Sweep, back: Sweep, after: Sweep, step: float) -> bool:
+def _is_restart(angle: Angles, before: AngleSweep, back: AngleSweep, after: AngleSweep, step: float) -> bool:
     """Whether a jump back begins the same move again, and is no slip of a few rows."""
     leap = abs(angle[back.start] - angle[before.stop - 1])
     span = abs(angle[before.stop - 1] - angle[before.start])
     first = abs(angle[after.start] - angle[after.start - 1]) if after.stop > after.start else np.inf
-    long = after.stop - after.start >= FEW
+    long = after.stop - after.start >= FEW_ROWS
     return back.stop - back.start == 1 and leap >= span / 2 and first <= SPIKE * step and long
 
 

@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import DataError, Finding, PresetError, UsageError
+from hdassist.model.geometry import Array
 from hdassist.preset.yamltext import shown
-from hdassist.readers.sweeps import AngleError, Sweep, looks_wrapped, sweeps, unwrapped
+from hdassist.readers.sweeps import AngleError, AngleSweep, looks_wrapped, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers
 from hdassist.readers.words import ANGLES, angle_fault, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
-MAX_BYTES = 100_000_000
-ARCSEC = 3600.0  # per degree
-MOST = 7200.0  # arcsec: range of an error that can be meant
+MAX_TRACE_BYTES = 100_000_000
+ARCSEC_PER_DEG = 3600.0  # per degree
+LARGEST_ERROR = 7200.0  # arcsec: range of an error that can be meant
 SLIP = 0.02  # of the ratio: how far the two encoders may disagree with it
-FEWEST = 20  # rows
-ROUNDED = 0.01  # of a step: what printed digits make of it
+FEWEST_ROWS = 20  # rows
+ROUNDED_STEP = 0.01  # of a step: what printed digits make of it
 
-Array = NDArray[np.float64]
 Shaft = Literal["cam", "output"]
 
 
@@ -88,7 +88,7 @@ class MeasuredTrace:
     error_arcsec: Array
     line: NDArray[np.int64]
     step_arcsec: float
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[AngleSweep, ...]
     notes: tuple[str, ...]
     angle_of: Shaft = "cam"
     sense: int = 0
@@ -105,7 +105,7 @@ class MeasuredTrace:
 
 
 def read_trace(
-    source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST
+    source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST_ROWS
 ) -> MeasuredTrace:
     """Read a measured trace.
 
@@ -116,7 +116,7 @@ def read_trace(
     """
     form = form or TraceForm()
     form.require_sound()
-    table = read_numbers(source, ("angle", "error"), MAX_BYTES)
+    table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES)
     table.require_sound()
     notes = list(table.notes)
     column = _roles(table, form, notes)
@@ -127,14 +127,14 @@ def read_trace(
         raise DataError(message, "--ratio 100, or --drive PRESET")
     angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    cam = _angle(table, column.angle, angle * (column.angle_size / ARCSEC), form.wrap, notes)
+    cam = _angle(table, column.angle, angle * (column.angle_size / ARCSEC_PER_DEG), form.wrap, notes)
     if ratio and column.angle_of == "output":
         cam *= abs(ratio)
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
     step, in_time = _step(readings) * column.other_size, False
     if column.other_is == "second":
-        output = _angle(table, column.other, readings * (column.other_size / ARCSEC), form.wrap, notes)
+        output = _angle(table, column.other, readings * (column.other_size / ARCSEC_PER_DEG), form.wrap, notes)
         error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
         if not step:
             step, in_time = _step_in_time(cam, output, abs(ratio or 1))
@@ -145,9 +145,9 @@ def read_trace(
     except AngleError as wrong:
         raise _fault(table, wrong.row, column.angle, wrong.message, wrong.hint) from None
     reach = max((float(np.ptp(error[s.start : s.stop])) for s in moves), default=0.0)
-    if reach > MOST:
+    if reach > LARGEST_ERROR:
         row = int(np.abs(error - np.median(error)).argmax())
-        message = f"an error that spans {reach / ARCSEC:.3g} deg"
+        message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
         raise _fault(table, row, column.other, message, "is it the error, and are its unit and the ratio right?")
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
@@ -183,7 +183,7 @@ def _second(
         raise _fault(table, 0, column, f"{found}, the ratio is {ratio:g}", hint)
     sense = 1 if slope > 0 else -1
     notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
-    error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC
+    error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC_PER_DEG
     return np.asarray(error), sense
 
 
@@ -205,16 +205,16 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]
     """
     turned = np.abs(np.diff(cam))
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
-    ways = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC
+    ways = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC_PER_DEG
     apart = np.diff(ways)
-    apart = apart[apart > ROUNDED * apart.max(initial=0.0)]  # printed digits differ by less
+    apart = apart[apart > ROUNDED_STEP * apart.max(initial=0.0)]  # printed digits differ by less
     if 2 * len(apart) > len(ways) or not len(apart):
         return 0.0, False
     step = float(apart.min())
     # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such; but for the
     # few at the ends of a sweep
-    uneven = float(np.ptp(np.quantile(turned, (0.05, 0.95)))) / ratio * ARCSEC
-    in_time = np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED and uneven < step
+    uneven = float(np.ptp(np.quantile(turned, (0.05, 0.95)))) / ratio * ARCSEC_PER_DEG
+    in_time = np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED_STEP and uneven < step
     return (step, True) if in_time else (0.0, False)
 
 
@@ -266,11 +266,11 @@ def _column(table: NumberTable, asked: str | None, found: list[int], option: str
         raise _unclear(table, f"no column {asked}", "give its name or number")
     if len(found) == 1:
         return found[0]
-    what = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
+    kinds = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
     if found:
         several = ", ".join(f'"{table.name(i)}"' for i in found)
-        raise _unclear(table, f"{len(found)} columns of {what}: {several}", f"choose one: --{option} NAME")
-    raise _unclear(table, f"no column of {what} by its name", f"name it: --{option} NAME, or its number")
+        raise _unclear(table, f"{len(found)} columns of {kinds}: {several}", f"choose one: --{option} NAME")
+    raise _unclear(table, f"no column of {kinds} by its name", f"name it: --{option} NAME, or its number")
 
 
 def _unit(

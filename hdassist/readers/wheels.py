@@ -10,9 +10,9 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
-from hdassist.readers.pitch import Flank, Form, Sense, read_pitch
+from hdassist.readers.pitch import Flank, PitchForm, Sense, read_pitch
 
-WHEELS = ("b", "g")
+WHEEL_NAMES = ("b", "g")
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class WheelFiles:
     pitch_g: str | None = None
     mark_b: float | None = None
     mark_g: float | None = None
-    pitch_form: Form | None = None
+    pitch_form: PitchForm | None = None
     pitch_sense: Sense | None = None
     pitch_flank: Flank | None = None
 
@@ -36,7 +36,7 @@ class WheelFiles:
     @property
     def is_marked(self) -> bool:
         """Whether a direction of a mark is given."""
-        return any(self.mark(name) is not None for name in WHEELS)
+        return any(self.mark(name) is not None for name in WHEEL_NAMES)
 
     def mark(self, name: str) -> float | None:
         """Direction [deg] of the mark of a wheel, as asked for."""
@@ -44,7 +44,7 @@ class WheelFiles:
 
     def require_sound(self) -> None:
         """Raise UsageError for what cannot be meant, before any file is read."""
-        for name in WHEELS:
+        for name in WHEEL_NAMES:
             mark = self.mark(name)
             if mark is not None and name not in self.files:
                 raise UsageError(

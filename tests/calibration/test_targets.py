@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration.targets import KINDS, Unknown, read_targets
+from hdassist.calibration.targets import SoughtField, read_targets
 from hdassist.errors import PresetError
 from hdassist.model.kinematics import Kinematics
 from tests.process import SMALL
@@ -87,9 +87,9 @@ def test_a_field_starts_from_its_default_and_takes_its_bounds_from_the_source():
 
     ranged = "source.gears.j_n={kind: assumed, range: [2, 12]}"
     assert unknowns("contact.k_face: {low: 5, high: 20}").start == load_preset(SMALL).contact.k_face
-    assert unknowns("gears.j_n:", ranged) == Unknown("gears.j_n", 2, 12, False, 6)
+    assert unknowns("gears.j_n:", ranged) == SoughtField("gears.j_n", 2, 12, False, 6)
     assert unknowns("gears.j_n: {scale: log}", ranged).log
-    assert unknowns("gears.j_n: {high: 8}", ranged) == Unknown("gears.j_n", 2, 8, False, 6)
+    assert unknowns("gears.j_n: {high: 8}", ranged) == SoughtField("gears.j_n", 2, 8, False, 6)
     # a field that has neither value nor default starts in the middle
     assert unknowns("bearing.d_ball: {low: 2, high: 4}").start == 3
     assert unknowns("bearing.d_ball: {low: 2, high: 8, scale: log}").start == pytest.approx(4)
@@ -170,7 +170,3 @@ def test_a_trace_is_read_as_measure_reads_it(tmp_path):
     there = found(written([np.r_[angle, angle[::-1]], np.r_[error, error[::-1]]], "cam,err"))
     assert there[0] == pytest.approx(np.repeat(angle, 2))
     assert there[1] == pytest.approx(np.repeat(error, 2), abs=1e-4)
-
-
-def test_every_kind_says_what_it_is():
-    assert all(kind.unit and kind.meaning and kind.keys for kind in KINDS.values())

@@ -140,7 +140,7 @@ def state() -> str:
         wanted = read_targets(TARGETS.encode(), str(folder / "targets.yaml"), drive)
         owner, kind = evaluations_owner(drive, wanted), evaluations_kind(wanted)
         with open_kept(str(folder / "state.jsonl"), owner, kind) as kept:
-            kept.append(Evaluation("rough", (k, 5e3 + k), (0.5, 0.25, k, *[0.125] * 181)) for k in range(4))
+            kept.append(Evaluation((k, 5e3 + k), (0.5, 0.25, k, *[0.125] * 181)) for k in range(4))
         return (folder / "state.jsonl").read_text()
 
 

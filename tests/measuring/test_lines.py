@@ -105,34 +105,34 @@ def test_a_part_of_the_cycle_speaks_of_its_own_angles():
 def test_noise_has_no_lines(turns, per_turn, memory):
     # slow noise is stronger at low orders: it must not look like lines there
     x, alarms = np.arange(turns * per_turn) / per_turn, 0
-    for seed in range(25):
+    for seed in range(10):
         noise = slow_noise(np.random.default_rng(seed), len(x), 1.0, memory)
         (found,) = measure(recorded(x, 10 * np.cos(4 * np.pi * x) + noise), ratio=100).directions
         alarms += len(found.lines) > 0
-    assert alarms <= 1
+    assert alarms == 0
 
 
 @pytest.mark.parametrize("noise", [0.3, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_full_cycles_with_a_line_are_held_and_not_passed(noise):
     # the short form of `python -m benchmarks.lines`
     group = Group("orders", 30, 1, noise)
-    told = row([look((group, seed)) for seed in range(15)])
-    assert told["rigs"] >= 14
-    assert told["held"] >= 95
-    assert told["any held"] >= 95
-    assert told["false PASS"] <= 5
+    told = row([look((group, seed)) for seed in range(6)])
+    assert told["rigs"] == 6
+    assert told["held"] == 100
+    assert told["any held"] == 100
+    assert told["false PASS"] == 0
     assert told["lines"] == pytest.approx(1, abs=0.1)
 
 
 def test_a_line_that_is_left_out_would_make_f_ior_too_small():
     group, missed = Group("orders", 30, 1, 0.3), 0
-    for seed in range(6):
+    for seed in range(2):
         made = rig(group, seed)
         found = found_in(made.error, made.turns)
         without = found.fit.coefficients * np.tile(~np.isin(found.fit.orders, found.fit.lines), 2)
         curve = np.ptp(_curve(found, without))
         missed += curve < made.recorded - 2 * found.uncertainty_arcsec
-    assert missed == 6
+    assert missed == 2
 
 
 def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:

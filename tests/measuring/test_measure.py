@@ -38,7 +38,7 @@ def simulated(seed: int) -> tuple[np.ndarray, np.ndarray, Curve]:
 
 
 def test_known_ranges_lie_within_the_stated_uncertainty():
-    hits, within, passed, raw_too_large = 0, 0, 0, 0
+    hits, within, passed, raw_too_large, widths = 0, 0, 0, 0, []
     for seed in range(20):
         turns, error, curve = simulated(seed)
         (found,) = measure(recorded(turns, error), ratio=RATIO).directions
@@ -50,15 +50,12 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
         # a drive that stands just at its limit
         passed += decide(Limit(F_IOR, true), Value(found.range.value, u, "measured"), "guard", 0).verdict == "PASS"
         raw_too_large += found.raw_range_arcsec > high
+        widths.append(u / found.range.value)
     assert hits >= 19
     assert within >= 19
     assert passed <= 1  # 5 % at most
     assert raw_too_large > 10  # what the uncorrected range would have said
-
-
-def test_the_uncertainty_is_not_idle():
-    widths = [measure(recorded(*simulated(seed)[:2]), ratio=RATIO).directions[0] for seed in range(0, 60, 6)]
-    assert np.median([d.uncertainty_arcsec / d.range.value for d in widths]) < 0.05
+    assert np.median(widths) < 0.05  # the uncertainty is not idle
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +69,12 @@ def test_the_range_of_a_model_is_recovered(model):
     turns, error = model
     drive = load_preset(SMALL)
     hits = 0
-    for seed in range(20):
+    for seed in range(5):
         noisy = error + 0.5 * np.random.default_rng(seed).standard_normal(len(error))
         (found,) = measure(recorded(turns, noisy), drive=drive).directions
         hits += found.interval_arcsec[0] <= np.ptp(error) <= found.interval_arcsec[1]
         assert not found.is_bound
-    assert hits >= 19
+    assert hits == 5
 
 
 def test_orders_of_a_model_have_its_causes(model):
@@ -104,7 +101,7 @@ def test_a_clean_wave_comes_back():
 def test_amplitudes_are_as_uncertain_as_they_say():
     turns = np.arange(600) / 150
     departures = []
-    for seed in range(80):
+    for seed in range(40):
         noise = slow_noise(np.random.default_rng(seed), 600, 1.0, 0.9)
         (found,) = measure(recorded(turns, 10 * np.cos(4 * np.pi * turns) + noise), ratio=100).directions
         order = next(o for o in found.orders if o.per_cam_rev == 2)
