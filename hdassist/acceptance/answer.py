@@ -24,7 +24,7 @@ from hdassist.terminal.answers import certificate_object
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.influence_words import influence_objects, measure_objects, samples_object
 from hdassist.terminal.wheels_page import pitch_object
-from hdassist.textfile import read_bytes
+from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
 from hdassist.visible import printable
@@ -283,7 +283,7 @@ def read_answers(path: str) -> list[Answer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file = read_bytes(path, MAX_BYTES)
+    data, file = _bytes_of(path)
     if (kept := read_kept(data, file, RecordKind(_ANSWER))) is not None:
         return kept
     text = data.decode("utf-8", "replace")
@@ -304,6 +304,18 @@ def read_answers(path: str) -> list[Answer]:
         except ValueError as fault:
             raise DataError(f"{file}:{number}: no JSON: {fault}", "an answer of hdassist accept a line") from None
     return answers
+
+
+def _bytes_of(path: str) -> tuple[bytes, str]:
+    """Bytes of a file of answers, and its name. Raises DataError: one that cannot be read, or cannot be meant."""
+    with opened(path) as stream:
+        file, data = STDIN if path == "-" else path, bytearray()
+        while part := stream.read(PART):
+            data += part
+            if b"\0" in part or len(data) > MAX_BYTES:
+                fault = "a binary file" if b"\0" in part else f"larger than {MAX_BYTES / 1e6:g} MB"
+                raise DataError(f"{file}: {fault}", "a file of --json or --jsonl")
+    return bytes(data), file
 
 
 def _parsed(text: str) -> Any:

@@ -33,7 +33,7 @@ from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.solve.answers import Progress
-from hdassist.solve.window import in_wide_enough_window
+from hdassist.solve.window import in_wide_enough_window, with_window
 from hdassist.verdict import SURE
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
@@ -249,4 +249,5 @@ def carry_out(
         progress=progress,
         **request.effort,
     )
-    return in_wide_enough_window(drive, analysis)
+    there = with_window(drive, predictions.prior.drive.numerics.window) if predictions else drive
+    return in_wide_enough_window(there, analysis)
