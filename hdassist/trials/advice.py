@@ -55,7 +55,6 @@ class TrialAdvice:
     explained: bool = True
     needed: float = NEEDED
     without: tuple[float, ...] = ()
-    without: tuple[float, ...] = ()
 
     @property
     def drive(self) -> Drive:
@@ -218,20 +217,6 @@ def advise_from_trials(
     without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
     best = next_trial(draws, losses, seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
-
-
-def _without_each(
-    trials: Sequence[Trial], best: int, teach: Callable[[Sequence[Trial]], tuple[Draws, PositionStatistics]]
-) -> tuple[float, ...]:
-    """Probability that a choice, by its place, is good, without each of the trials; 0 where nothing explains them."""
-    found = []
-    for k in range(len(trials)):
-        try:
-            _, left = teach([*trials[:k], *trials[k + 1 :]])
-            found.append(float(left.probability_good[best]))
-        except UntrustedError:
-            found.append(0.0)
-    return tuple(found)
 
 
 def _without_each(

@@ -147,9 +147,7 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 
-def drawn(
-    prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array | None = None
-) -> Draws:
+def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array | None = None) -> Draws:
     """Draw F'_ior in positions [deg] after trials, of which there may be none.
 
     Argument: kinds, pairs of misfit and noise that may be, by default KINDS, and then any one value may be misread.
@@ -275,21 +273,6 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
         f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )
-
-
-def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
-    """The one value without which a sample comes to the others; None where there is none, or several.
-
-    Arguments: F'_ior of the samples at the trials, shape (samples, trials); measured values; positions of them [deg].
-    """
-    found = []
-    for k in range(len(tried)):
-        rest = [j for j in range(len(tried)) if j != k]
-        variance = _variance(prior, MISFITS[-1], prior.possible)
-        squares, _ = _likelihood(f[:, rest], y[rest], prior.noise(y[rest]), variance, [tried[j] for j in rest])
-        if chi2.sf(squares.min(), len(rest)) >= UNLIKELY:
-            found.append(k)
-    return found[0] if len(found) == 1 else None
 
 
 def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
