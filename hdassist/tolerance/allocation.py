@@ -26,7 +26,6 @@ LOOSER = 2.0  # times the preset's tolerance, at most
 TIGHTER = 0.1  # times it at least, where the preset does not say what can be made
 RADII = (0.5, 0.25, 0.12, 0.06)  # of the logarithms of tolerances, in which the ratio is taken as linear
 SLOPE_STEP = 0.1  # of them, over which slopes are taken: drives that come and go are smoothed
-ROUNDS = 5  # of drives, at most
 AIM = 0.98  # of the limit, so that what is left over lies on the good side
 STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
 AGREES = 0.06  # of the limit: what may be left over
@@ -92,7 +91,7 @@ class Allocator:
 
     production, with designs, of records with steps; rooms [arcsec] that the limits leave for F'_ior at each torque;
     wanted, the yield as a share, and sure, with which probability; records, which gives so many proven drives of a
-    production; drives, how many of them.
+    production; drives, how many of them; rounds of them beside the first, at most.
     """
 
     production: Production
@@ -101,6 +100,7 @@ class Allocator:
     sure: float
     records: Callable[[Production, int], list[RandomDrive]]
     drives: int
+    rounds: int = 5
 
     @property
     def choices(self) -> tuple[Tolerance, ...]:
@@ -117,7 +117,7 @@ class Allocator:
         values, aim = {choice.path: choice.now for choice in open_} | fixed, AIM
         records, found = self._tried(turned, values, 0)
         proven = [found] if found.fits else []
-        for attempt in range(1, ROUNDS + 1 if open_ else 1):
+        for attempt in range(1, self.rounds + 1 if open_ else 1):
             sought = self._sought(records, values, open_, aim)
             if all(abs(np.log(sought[path] / values[path])) < AGREES / 2 for path in values):
                 break

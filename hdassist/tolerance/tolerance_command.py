@@ -55,6 +55,7 @@ def command(
     codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
     from hdassist.error.self_error import self_error
+    from hdassist.errors import UntrustedError
     from hdassist.run.kept import Owner, open_kept
     from hdassist.run.stops import at_stop, until_interrupted
     from hdassist.runfiles import claim_output
@@ -106,5 +107,9 @@ def command(
         interrupted = kept.done < count
     if interrupted:
         note(f"interrupted: {known()}")
+    if not summary.count:
+        if interrupted:
+            raise typer.Exit(130)
+        raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
     told = answer(law, drives.seed, summary, samples, plots=plot, interrupted=interrupted)
     raise typer.Exit(give("tolerance", [told], options, out))

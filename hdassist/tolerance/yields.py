@@ -201,9 +201,9 @@ class Summary:
         """Verdict on the probability that the yield is the wanted one, with the wheel turned where it may be."""
         if self.wanted is None or not self.has_limit:
             return Verdict.NO_LIMIT
-        found = [self.yield_of(True, refused_pass=good).probability(self.wanted) for good in (False, True)]
         if not self.count:
             return Verdict.INCONCLUSIVE
+        found = [self.yield_of(True, refused_pass=good).probability(self.wanted) for good in (False, True)]
         return verdict_by_probability(found[0].low, found[1].high, self.sure)
 
     def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:

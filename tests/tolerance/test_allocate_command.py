@@ -41,7 +41,7 @@ def test_what_no_tolerances_reach_fails_and_says_why() -> None:
 
 
 def test_where_the_design_is_not_known_no_tolerance_is_recommended() -> None:
-    done = run("allocate", TINY, *FEW, "--limit", "4:2050", *SOFT, "--set", "tolerances.e_hb=60")
+    done = run("allocate", TINY, *FEW, "-n", "20", "--limit", "4:2050", *SOFT, "--set", "tolerances.e_hb=60")
     words = " ".join(done.stdout.split())
     assert done.returncode == 6, done.stdout + done.stderr
     assert "as built: none recommended: not sure enough" in words

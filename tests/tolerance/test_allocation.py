@@ -39,8 +39,8 @@ def proven(production: Production, count: int) -> list[RandomDrive]:
     return production.records(0, count)
 
 
-def allocator(production: Production, room: float, drives: int = 40, wanted: float = 0.9) -> Allocator:
-    return Allocator(production, (room,), wanted, 0.95, proven, drives)
+def allocator(production: Production, room: float, drives: int = 40, wanted: float = 0.9, rounds: int = 5) -> Allocator:
+    return Allocator(production, (room,), wanted, 0.95, proven, drives, rounds)
 
 
 def test_laws_come_from_the_preset_or_are_assumed(oval: Drive) -> None:
@@ -88,11 +88,11 @@ def test_no_tolerance_is_loosened_where_the_design_does_not_bear_it() -> None:
     alone = Production.of(production_law(known, "fixed"), (4.0,), mounting=False, steps=True).with_designs(1)[0]
     F_ior = [record.F_ior_arcsec[0] for record in alone.records(0, 50)]
     room = 1.3 * float(np.quantile(F_ior, 0.95))
-    loosened = allocator(alone, room, 50).cheapest(turned=False)
+    loosened = allocator(alone, room, 50, rounds=2).cheapest(turned=False)
     assert loosened.fits
     assert any(loosened.values[c.path] > c.now for c in tolerances(known, law))
     designs = Production.of(law, (4.0,), mounting=False, per_design=5, steps=True).with_designs(50)[0]
-    assert not allocator(designs, room, 50).cheapest(turned=False).fits
+    assert not allocator(designs, room, 50, rounds=1).cheapest(turned=False).fits
 
 
 def test_the_cheapest_on_a_line_is_where_costs_grow_alike() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hdassist.errors import UntrustedError
 from tests.process import CLEAN, COMMAND, TINY, run, run_cold
 
 FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
@@ -115,6 +116,16 @@ def test_more_drives_of_more_designs_go_on_where_fewer_ended(tmp_path: Path) -> 
     assert [record["design"] for record in records] == [0, 0, 0, 1, 1, 1, 2]
     assert len({record["values"]["supports.C_3"] for record in records}) == 3
     assert (tmp_path / "later").read_bytes() == (tmp_path / "at-once").read_bytes()
+
+
+def test_where_no_drive_has_an_answer_there_is_no_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise UntrustedError("not solved", "a hint")
+
+    monkeypatch.setattr("hdassist.tolerance.production.Production._solved", refuse)
+    done = run("tolerance", TINY, "-n", "2", *FEW, "--limit", "3000")
+    assert (done.returncode, done.stdout) == (5, "")
+    assert "no random drive has an answer: not solved" in done.stderr
 
 
 def test_another_preset_or_option_leaves_the_file_as_it_is(kept: Path) -> None:
