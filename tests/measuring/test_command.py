@@ -156,7 +156,6 @@ def test_csv_of_the_curve(rig):
         (["-", "-"], 2, "read once only"),
         (["nan.csv"], 4, "nan.csv:3:3: err: must be a finite number"),
         (["empty.csv"], 4, "the file is empty"),
-        (["binary.csv"], 4, "a binary file"),
         (["noise.csv"], 5, "not clear of its noise"),
         (["short.csv"], 4, "less than one cam turn"),
     ],
@@ -164,7 +163,6 @@ def test_csv_of_the_curve(rig):
 def test_faults_end_clearly_and_write_nothing(rig, args, code, words):
     (rig / "nan.csv").write_text("cam,err\n1,2\n2,nan\n3,4\n")
     (rig / "empty.csv").write_text("")
-    (rig / "binary.csv").write_bytes(b"\x00\x01" * 99)
     noise = np.random.default_rng(2).standard_normal(800)
     (rig / "noise.csv").write_text(text([360 * TURNS[:800], noise], "cam_deg,error_arcsec"))
     (rig / "short.csv").write_text(text([360 * TURNS[:80], ERROR[:80]], "cam_deg,error_arcsec"))

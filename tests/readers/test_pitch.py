@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, Finding, PresetError, UsageError
+from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.readers.pitch import PitchFile, read_pitch
 from hdassist.readers.words import flank_in, form_in, length_in, micrometres, names_teeth
 
@@ -62,17 +62,6 @@ def test_a_plain_file(tmp_path: Path) -> None:
     assert (result.mark, result.flank, result.file) == (1, None, str(file))
     assert result.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
     assert result.notes == ASSUMED
-
-
-def test_a_european_file() -> None:
-    text = (
-        "# form: cumulative\r\n# sense: ccw\r\n# mark: 1\r\n"
-        'Zahn;"Summenabweichung Fp [µm]"\r\n3;-2,0;\r\n1;0,0;\r\n2;3,0;\r\n4;1,0;\r\n'
-    )
-    for data in (text.encode("utf-8-sig"), text.encode("utf-16"), text.encode("latin-1")):
-        result = read(data)
-        assert result.deviation == free(BARE)
-        assert [note for note in result.notes if "Latin-1" not in note] == []
 
 
 @pytest.mark.parametrize(
@@ -252,11 +241,6 @@ def test_long_lists_of_teeth_are_shortened() -> None:
     assert fault == "1:1: column 1: no row for tooth 2, 3, 4, 5, 6 ... (200 in all) (got 2 rows; 202 are needed)"
 
 
-def test_a_size_that_no_wheel_has() -> None:
-    (fault,) = faults("1;2\n" * 1_300_000, 202)
-    assert fault == "1:1: the file is larger than 5 MB (is this the file with the table?)"
-
-
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
@@ -273,12 +257,6 @@ def test_a_size_that_no_wheel_has() -> None:
 def test_wrong_arguments(asked: dict[str, Any], message: str) -> None:
     with pytest.raises(UsageError, match=message):
         read(FOUR, **{"teeth": 4, **asked})
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="no such file") as caught:
-        read_pitch(tmp_path / "gone.csv", 4)
-    assert caught.value.exit_code == 4
 
 
 @pytest.mark.parametrize(
