@@ -90,8 +90,8 @@ CHOSEN = """\
   as a search for its extremes did, and misses nothing. What proposals miss is the table above.
 - **A grid of 60 x 60 positions and states solved on its hills**, not cells that are halved: 40 x 40 missed an island
   of 0.4 arcsec. From there a search climbs as long as a neighbour is higher.
-- **HIGHS for the cross-check**, with CLARABEL behind it: 11 ms a state (61 ms with five stations) where CLARABEL
-  takes 41 and 357, within 3e-5 arcsec (2e-4) of the engine over all presets.
+- **HIGHS for the cross-check**, with CLARABEL behind it: 20 ms a state with five stations where CLARABEL
+  takes 70, within 2e-4 arcsec of the engine over all presets.
 - **Processes, not threads**: the matrices are too small for threads of BLAS, which are switched off.
 """
 

@@ -87,10 +87,12 @@ class ActiveSet:
         return forces, free, fallbacks
 
     def _near(self, q: Array) -> tuple[Array, Array] | None:
-        answer = self._solve_near(self._formulation, q, self._right, self.contact)
-        if answer:
-            self.contact = answer[0] > 0
-        return answer
+        for contact in (self.contact, np.ones_like(self.contact)):
+            answer = self._solve_near(self._formulation, q, self._right, contact)
+            if answer:
+                self.contact = answer[0] > 0
+                return answer
+        return None
 
     def _warm(self, q: Array) -> tuple[Array, Array] | None:
         self._model.update(f=q)

@@ -11,7 +11,8 @@ from hdassist.solve.formulation import Formulation
 from hdassist.solve.pivoting import ZERO
 
 SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
-STEPS = 25  # of solve_near, after which it is given up; with coned flanks 12 gave up half of the states
+STEPS = 100  # after which it is given up; most states take a dozen
+PATIENCE = 10  # steps in which no fewer candidates change sides, after which one at a time does
 
 
 def solve_near(
@@ -20,8 +21,9 @@ def solve_near(
     """Forces, shape (M,), and duals, shape (free,), of one state; None where the method gives up.
 
     Sets of candidates change sides until none has to: a primal-dual active-set method (Hintermueller, Ito, Kunisch
-    2003, doi 10.1137/S1052623401383558). It needs no set-up and so serves where every state has matrices of its own;
-    it may cycle, and is given up then.
+    2003, doi 10.1137/S1052623401383558); where they do not become fewer, one at a time, which cannot cycle (Judice and
+    Pires 1994, doi 10.1016/0305-0548(94)90106-6). It needs no set-up and so serves where every state has matrices of
+    its own.
     Arguments: formulation; gaps, shape (M,); right side of the equilibrium, shape (free,);
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
@@ -29,6 +31,7 @@ def solve_near(
     A = formulation.A_places
     free, lowest = len(A), gaps[first]
     above = gaps - lowest[place]  # so that a place with one candidate has 0, not a difference of large numbers
+    patience, fewest = PATIENCE, len(gaps) + 1
     for _ in range(STEPS):
         # candidates in contact at a place are springs side by side
         springs = contact / local
@@ -53,7 +56,11 @@ def solve_near(
         approach[inside] = found[:n] / stiff + offset
         forces = np.where(contact, (approach[place] - above) / local, 0.0)
         leave, enter = contact & (forces < -ZERO), ~contact & (closing < -ZERO)
-        if not (loose or leave.any() or enter.any()):
+        moved = np.flatnonzero(leave | enter)
+        if not (loose or len(moved)):
             return np.maximum(forces, 0), found[n:]
-        contact = contact ^ leave ^ enter
+        fewer = bool(loose) or len(moved) < fewest
+        patience, fewest = (PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
+        contact = contact.copy()
+        contact[moved if patience >= 0 else moved[-1:]] ^= True
     return None

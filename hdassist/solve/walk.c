@@ -36,6 +36,8 @@
 #define REFRESH 1000     /* pivots, after which the tableau is made anew, against rounding */
 #define KEEP 30          /* states without a change of sides, after which a candidate leaves the tableau */
 #define SWEEP 16         /* states between two looks for such candidates */
+#define CHANGES 2        /* mark of a candidate that is to change sides */
+#define PATIENCE 10      /* steps in which no fewer candidates change sides, after which one at a time does (Murty) */
 #define BATCH 64         /* states that are certified together */
 
 #if defined(__AVX512F__)
@@ -614,7 +616,7 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
               const double *gaps, const double *right, double soft, int steps, uint8_t *contact, double *forces,
               double *duals) {
     double *memory = bare_room((size_t)m * m + (size_t)m * (7 + rows), sizeof(double));
-    int *inside = bare_room(m, sizeof(int)), taken = 0;
+    int *inside = bare_room(m, sizeof(int)), taken = 0, patience = PATIENCE, fewest = M + 1;
     if (!memory || !inside || rows > FREEDOMS) goto done;
     double *U = memory, *closing = U + (size_t)m * m, *series = closing + m, *offset = series + m, *wanted = offset + m;
     double *F = wanted + m, *rest = F + m, *scratch = rest + m, *Y = scratch + m;
@@ -647,7 +649,7 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
         for (int f = 0; f < rows; f++) kept[f * rows + f] += spring;
         memset(F, 0, sizeof(double) * n);
         memset(closing, 0, sizeof(double) * m);
-        int moved = 0;
+        int moved = 0, last = 0;
         for (int round = 0; round < 2 && !moved; round++) { /* solved, and refined where no candidate changes sides */
             for (int i = 0; i < n; i++) scratch[i] = rest[i] = wanted[i] - closing[inside[i]] - series[i] * F[i];
             forward(n, U, scratch);
@@ -675,12 +677,14 @@ int walk_near(int M, int m, int rows, const double *H, const double *local, cons
                 if (!isfinite(closing[r]) || !isfinite(approach)) goto done;
                 for (int i = first[r]; i < first[r + 1]; i++) {
                     forces[i] = contact[i] ? (approach - (gaps[i] - gaps[first[r]])) / local[i] : 0.0;
-                    const int changes = contact[i] ? forces[i] < -ZERO : gaps[i] + closing[r] < -ZERO;
-                    contact[i] ^= changes;
-                    moved |= changes;
+                    if (contact[i] ? forces[i] < -ZERO : gaps[i] + closing[r] < -ZERO) moved++, last = i, contact[i] |= CHANGES;
                 }
             }
         }
+        patience = moved < fewest || spring > 0 ? PATIENCE : patience - 1;
+        fewest = moved < fewest || spring > 0 ? moved : fewest;
+        for (int i = 0; i < M; i++)
+            contact[i] = (contact[i] & 1) ^ (contact[i] & CHANGES && (patience >= 0 || i == last) ? 1 : 0);
         if (spring == 0 && !moved) {
             for (int i = 0; i < M; i++) forces[i] = forces[i] > 0 ? forces[i] : 0.0;
             memcpy(duals, lambda, sizeof(double) * rows);

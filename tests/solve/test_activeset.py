@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
+from hdassist import load_preset
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
 from hdassist.solve.activeset import ActiveSet
@@ -50,6 +51,26 @@ def test_flanks_that_let_go_as_the_torque_turns_are_followed_to_those_that_hold(
     gaps, right = formulation.gaps(system.delta_p), formulation.right_side(torque)
     other_way, _ = solve_near(formulation, gaps, -right, np.ones(len(gaps), dtype=bool))
     found = way(formulation, gaps, right, other_way > 0)
+    forces, free = (answer[None] for answer in formulation.answer(*found))
+    assert residuals(system, system.delta_p[None], torque, forces, free).worst.max() < 1e-10
+
+
+CYCLES = {  # of size-25-100: from the contacts of 2.7 N*m to those of 14 all candidates at once go round in a circle
+    "flexspline.h_1": 0.568, "flexspline.h_3": 0.334, "flexspline.b_w": 11.7, "flexspline.l": 36.0,
+    "flexspline.k_t": 1.44, "bearing.ring_b": 9.15, "bearing.ring_h": 1.81, "bearing.d_ball": 5.77,
+    "bearing.g_b": 1.17, "bearing.beta": 0.637, "supports.C_1": 90400.0, "supports.C_2": 3140.0,
+    "supports.C_3": 32700.0, "contact.k_face": 8.46, "contact.c_ball": 3.21e-05, "contact.c_bore": 6.61e-08,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_candidates_that_would_change_sides_in_a_circle_do_so_one_at_a_time(way):
+    system = contact_system(load_preset("size-25-100").with_values(CYCLES))
+    formulation = formulate(system)
+    gaps, contact = formulation.gaps(system.delta_p), np.ones(len(system.delta_p), dtype=bool)
+    for torque in (2.7e3, 14e3):
+        found = way(formulation, gaps, formulation.right_side(torque), contact)
+        contact = found[0] > 0
     forces, free = (answer[None] for answer in formulation.answer(*found))
     assert residuals(system, system.delta_p[None], torque, forces, free).worst.max() < 1e-10
 
