@@ -1,4 +1,4 @@
-"""The picture of the README, light and dark: what `hdassist mount vzp160` prints."""
+"""The picture of the README, light and dark: what `hdassist mount vzp160` prints at one torque, the bearing without clearance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.text import Text
 from hdassist.explorer.writing import without_fonts
 from tests.process import run
 
-COMMAND = ("mount", "vzp160")
+COMMAND = ("mount", "vzp160", "--torque", "80", "--set", "bearing.g_b=0")
 FIGURES = Path(__file__).parents[1] / "docs/figures"
 LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), DIMMED_MONOKAI.ansi_colors._colors)
 

@@ -283,7 +283,7 @@ QUANTITIES = (
         "rests on",
         "на чём держится",
         "Values that are assumed, with a plausible range, and move the answer most.",
-        ("rests_on", "assumed_range", "assumed"),
+        ("assumed_range", "assumed"),
     ),
     Term(
         "belief",

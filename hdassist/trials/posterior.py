@@ -36,9 +36,6 @@ KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]]
 MISREAD = 0.05  # probability of one of the values to be misread
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
 ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
-MISREAD = 0.05  # probability of one of the values to be misread
-MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
-ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
@@ -245,14 +242,6 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     nearest = int(np.argmin(squares))
     if chi2.sf(squares[nearest], len(tried)) >= UNLIKELY:
         return
-    if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
-        if len(tried) > ANY_TWO:
-            return  # it may be misread, which is taken into account
-        where = hole_words(tried[alone], prior.drive.mounting.holes)
-        raise UntrustedError(
-            f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
-            "measure it again, and look how holes were counted",
-        )
     if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
         if len(tried) > ANY_TWO:
             return  # it may be misread, which is taken into account
