@@ -25,8 +25,6 @@ from hdassist.trials.prior import SAMPLES, Prior, Rig, prior_of
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
 STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
 SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
-STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
-SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
@@ -54,7 +52,6 @@ class TrialAdvice:
     verifies: bool = False
     explained: bool = True
     needed: float = NEEDED
-    without: tuple[float, ...] = ()
     without: tuple[float, ...] = ()
 
     @property
@@ -215,23 +212,8 @@ def advise_from_trials(
             raise
         explained, (draws, losses) = False, here(every := tuple(trials))
     without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
-    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
     best = next_trial(draws, losses, seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
-
-
-def _without_each(
-    trials: Sequence[Trial], best: int, teach: Callable[[Sequence[Trial]], tuple[Draws, PositionStatistics]]
-) -> tuple[float, ...]:
-    """Probability that a choice, by its place, is good, without each of the trials; 0 where nothing explains them."""
-    found = []
-    for k in range(len(trials)):
-        try:
-            _, left = teach([*trials[:k], *trials[k + 1 :]])
-            found.append(float(left.probability_good[best]))
-        except UntrustedError:
-            found.append(0.0)
-    return tuple(found)
 
 
 def _without_each(

@@ -36,9 +36,6 @@ KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]]
 MISREAD = 0.05  # probability of one of the values to be misread
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
 ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
-MISREAD = 0.05  # probability of one of the values to be misread
-MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
-ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
@@ -147,9 +144,7 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 
-def drawn(
-    prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array | None = None
-) -> Draws:
+def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Array | None = None) -> Draws:
     """Draw F'_ior in positions [deg] after trials, of which there may be none.
 
     Argument: kinds, pairs of misfit and noise that may be, by default KINDS, and then any one value may be misread.
@@ -255,14 +250,6 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
             f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
             "measure it again, and look how holes were counted",
         )
-    if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
-        if len(tried) > ANY_TWO:
-            return  # it may be misread, which is taken into account
-        where = hole_words(tried[alone], prior.drive.mounting.holes)
-        raise UntrustedError(
-            f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
-            "measure it again, and look how holes were counted",
-        )
     told = ", ".join(
         f"{hole_words(rotation, prior.drive.mounting.holes)}: measured {value:g}, at best {best:.1f}"
         for rotation, value, best in zip(tried, y, f[nearest], strict=True)
@@ -275,21 +262,6 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
         f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )
-
-
-def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
-    """The one value without which a sample comes to the others; None where there is none, or several.
-
-    Arguments: F'_ior of the samples at the trials, shape (samples, trials); measured values; positions of them [deg].
-    """
-    found = []
-    for k in range(len(tried)):
-        rest = [j for j in range(len(tried)) if j != k]
-        variance = _variance(prior, MISFITS[-1], prior.possible)
-        squares, _ = _likelihood(f[:, rest], y[rest], prior.noise(y[rest]), variance, [tried[j] for j in rest])
-        if chi2.sf(squares.min(), len(rest)) >= UNLIKELY:
-            found.append(k)
-    return found[0] if len(found) == 1 else None
 
 
 def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
