@@ -1,4 +1,4 @@
-"""The picture of the README, light and dark: what `hdassist mount vzp160` prints at one torque, the bearing without clearance."""
+"""The picture of the README, light and dark: `hdassist mount vzp160` at one torque."""
 
 from __future__ import annotations
 
