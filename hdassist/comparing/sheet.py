@@ -19,12 +19,12 @@ from hdassist.solve.answers import Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.solve.window import in_wide_enough_window
 
-SAMPLES = 256  # of what is uncertain, as `hdassist mount` takes them
+SEAT_SAMPLES = 256  # of what is uncertain, as `hdassist mount` takes them
 
 
 @dataclass(frozen=True, eq=False)
 class DriveSheet:
-    """What there is to say of a drive: its check, the advice where to mount its wheel, its stiffness."""
+    """Check of a drive, advice where to mount its wheel, and its stiffness."""
 
     check: DesignCheck
     advice: Advice
@@ -51,10 +51,10 @@ def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
     return drive.model_copy(update={"operation": drive.operation.model_copy(update={"M_g": tuple(torques)})})
 
 
-def estimate_states(drive: Drive, draws: int = DRAWS) -> int:
+def sheet_states(drive: Drive, draws: int = DRAWS) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
-    mounting = advice_states(drive, torques, turns, every_state=False, samples=SAMPLES)
+    mounting = advice_states(drive, torques, turns, every_state=False, samples=SEAT_SAMPLES)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
@@ -71,20 +71,20 @@ def sheet_of(
 
     Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, drives drawn from what is not known,
     and seed of these and of samples; executor, to spread the work over (the numbers do not depend on it); progress,
-    told how many states were solved. Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as
+    called with numbers of states solved. Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as
     half an advice is none here.
     """
 
-    def checked(there: Drive) -> DesignCheck:
-        return check(there, draws=draws, seed=seed, executor=executor, progress=progress)
+    def checked(wide: Drive) -> DesignCheck:
+        return check(wide, draws=draws, seed=seed, executor=executor, progress=progress)
 
-    def advised(there: Drive) -> Advice:
-        at, turns = there.operation.M_g, seat_positions(there)
-        return advise(there, at, turns, samples=SAMPLES, seed=seed, executor=executor, progress=progress)
+    def advised(wide: Drive) -> Advice:
+        at, turns = wide.operation.M_g, seat_positions(wide)
+        return advise(wide, at, turns, samples=SEAT_SAMPLES, seed=seed, executor=executor, progress=progress)
 
     loaded = drive if torques is None else at_torques(drive, torques)
-    found = in_wide_enough_window(loaded, checked)
+    answer = in_wide_enough_window(loaded, checked)
     advice = in_wide_enough_window(loaded, advised)
     if advice.curve.interrupted:
         raise KeyboardInterrupt
-    return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, progress=progress)))
+    return DriveSheet(answer, advice, in_wide_enough_window(drive, lambda wide: stiffness(wide, progress=progress)))

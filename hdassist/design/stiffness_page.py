@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import pi
 
 from rich.console import Group, RenderableType
@@ -143,16 +143,12 @@ def _whole(drive: Drive, result: Stiffness, style: Style) -> Table:
 
 def to_json(drive: Drive, result: Stiffness) -> Json:
     """The curve and what is read off it as a JSON object."""
-
-    def segments(side: tuple[Segment, ...]) -> list[dict[str, float]]:
-        return [{"from_Nm": s.start, "to_Nm": s.end, "stiffness_Nm_per_rad": s.stiffness} for s in side]
-
     return {
         **envelope("stiffness", drive, 0, warnings(drive, result)),
         **as_object(WHOLE, result),
         "catalogue": stiffness_object(drive.catalogue, result),
-        "positive": segments(result.positive),
-        "negative": segments(result.negative),
+        "positive": segment_objects(result.positive),
+        "negative": segment_objects(result.negative),
         "tangents": [{"M_g_Nm": t.torque, "stiffness_Nm_per_rad": t.stiffness} for t in result.tangents],
         "curve": {
             "torque_Nm": result.torque.tolist(),
@@ -162,6 +158,11 @@ def to_json(drive: Drive, result: Stiffness) -> Json:
         },
         "certificate": certificate_object(result.certificate, [result.cross_check]),
     }
+
+
+def segment_objects(side: Iterable[Segment]) -> list[Json]:
+    """Segments of one side for JSON."""
+    return [{"from_Nm": s.start, "to_Nm": s.end, "stiffness_Nm_per_rad": s.stiffness} for s in side]
 
 
 def figures(result: Stiffness) -> Figures:

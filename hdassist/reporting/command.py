@@ -41,7 +41,7 @@ def command(
     Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE, or no position of the
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """
-    from hdassist.comparing.sheet import estimate_states, sheet_of
+    from hdassist.comparing.sheet import sheet_of, sheet_states
     from hdassist.design.check_page import summary_line
     from hdassist.reporting.page import exit_code, report_of, to_json
     from hdassist.reporting.render import html, markdown
@@ -52,7 +52,7 @@ def command(
     kind = _kind(options)
     out, begun = options.open(), time.monotonic()
     drive = drives.load(preset)
-    with out.progress(drive.name, estimate_states(drive, draws)) as progress, workers(jobs) as executor:
+    with out.progress(drive.name, sheet_states(drive, draws)) as progress, workers(jobs) as executor:
         sheet: DriveSheet = sheet_of(drive, draws=draws, seed=seed, executor=executor, progress=progress)
     made = report_of(sheet, draws=draws, seed=seed, ascii=out.style.ascii)
     for text in made.warnings:

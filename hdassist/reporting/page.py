@@ -11,7 +11,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from hdassist.comparing.presets_page import sheet_warnings
-from hdassist.comparing.sheet import SAMPLES, DriveSheet
+from hdassist.comparing.sheet import SEAT_SAMPLES, DriveSheet
 from hdassist.design import check_page
 from hdassist.design.check import OperatingPoint
 from hdassist.design.check_page import BELIEF, MONTE_CARLO, POINT, SLOPES, reason, samples_words
@@ -298,7 +298,7 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Table:
         ("hdassist", __version__),
         (
             "seed",
-            f"{seed}; {draws} effective samples of what is not known at least, {SAMPLES} samples for the position",
+            f"{seed}; {draws} effective samples of what is not known at least, {SEAT_SAMPLES} samples for the position",
         ),
     )
     return Table("", (), rows, (False, False))
