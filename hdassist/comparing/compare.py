@@ -12,7 +12,7 @@ import numpy as np
 from hdassist.comparing.doubt import doubtful_waves
 from hdassist.comparing.findings import BLIND_SHARE, CLEAR_GAIN, Conclusion, Explanation, conclude, explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, TraceRecord, rms, solved_curve
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders, rms, solved_curve
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.error_map import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
@@ -157,7 +157,7 @@ def compare(
     free_start, free_zero = convention.start_deg is None, convention.zero_deg is None
     doubt = partial(doubtful_waves, M_g=M_g, torus=torus, progress=progress)
     changes = doubt(drive)
-    record = TraceRecord(sweep, torus, Kinematics.of(drive))
+    record = RecordedOrders(sweep, torus, Kinematics.of(drive))
     certain = VectorFitter(drive, record, torus, doubt, start=free_start, zero=free_zero)
     fitter, base = certain.doubting(changes, alignment_of(trace, drive, convention))
     record = fitter.record
@@ -277,7 +277,7 @@ class _SolvedStates:
         return values
 
 
-def _solved_again(found: Explanation, record: TraceRecord, solved: _SolvedStates, *, curve: bool) -> Explanation:
+def _solved_again(found: Explanation, record: RecordedOrders, solved: _SolvedStates, *, curve: bool) -> Explanation:
     """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
     if not found.overrides:
         return found

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from hdassist.comparing.fit import VectorFit
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, TraceRecord
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders
 from hdassist.comparing.vectors import VECTORS, direction_of, with_vectors
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
@@ -80,7 +80,7 @@ class Conclusion:
     best: Explanation | None = None
 
 
-def explanation(fit: VectorFit, base: VectorFit, record: TraceRecord, drive: Drive) -> Explanation:
+def explanation(fit: VectorFit, base: VectorFit, record: RecordedOrders, drive: Drive) -> Explanation:
     """A fit in terms of the preset; states are not solved beyond the fit itself."""
     unknowns, own = len(fit.free), len(base.free)
     freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(own)

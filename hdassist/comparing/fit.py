@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from hdassist.comparing.record import Alignment, TraceRecord, rms
+from hdassist.comparing.record import Alignment, RecordedOrders, rms
 from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
 from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
@@ -25,8 +25,8 @@ DIFFERENCE_STEP = 1.0  # of a vector's unit, of a difference quotient
 LONGEST_STEP = 30.0  # of a vector's unit, or deg
 STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
 MOST_STEPS = 15
-LEAST_GAIN = 0.05  # of chi-square: a step that gains less is the last
-LEAST_GAIN_SHARE = 1e-3  # of the chi-square before the step: the same
+SMALLEST_GAIN = 0.05  # of chi-square: a step that gains less is the last
+SMALLEST_GAIN_SHARE = 1e-3  # of the chi-square before the step: the same
 NEARER = 0.7  # of the chi-square at the drive's own deviations: a start must be below it to be taken instead
 BLIND = 0.5  # of the greatest deviation: a direction of greater standard uncertainty is unidentifiable
 LEAST_BLIND = 20.0  # of a vector's unit: the same at least
@@ -40,7 +40,7 @@ PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
 PROFILE_RISE = 12.0  # of chi-square above the least: end of a profile
 
 COUNT = len(VECTORS)
-START, ZERO = 2 * COUNT, 2 * COUNT + 1  # places among the unknowns
+START_PLACE, ZERO_PLACE = 2 * COUNT, 2 * COUNT + 1  # places among the unknowns
 WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # what each vector turns with
 WAVES_AROUND = np.array([vector.order for vector in VECTORS])
 
@@ -80,7 +80,7 @@ class VectorFitter:
     def __init__(
         self,
         drive: Drive,
-        record: TraceRecord,
+        record: RecordedOrders,
         torus: ErrorWaves,
         doubt: Callable[[Drive], Complex],
         *,
@@ -206,7 +206,7 @@ class VectorFitter:
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
         """Places among the unknowns of those that are fitted, shape (f,)."""
         components = [place for k in fitted for place in (2 * k, 2 * k + 1)]
-        return np.array(components + [START] * self._start + [ZERO] * self._zero, dtype=np.int64)
+        return np.array(components + [START_PLACE] * self._start + [ZERO_PLACE] * self._zero, dtype=np.int64)
 
     def _descend(self, vectors: Complex, alignment: Alignment, fitted: tuple[int, ...], points: int) -> VectorFit:
         """Gauss-Newton with steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
@@ -224,7 +224,7 @@ class VectorFitter:
                 if tried @ tried < before:
                     (vectors, alignment), residual, waves = trial, tried, tried_waves
                     break
-            if before - float(residual @ residual) < max(LEAST_GAIN, LEAST_GAIN_SHARE * before):
+            if before - float(residual @ residual) < max(SMALLEST_GAIN, SMALLEST_GAIN_SHARE * before):
                 break
         jacobian = self._jacobian(vectors, alignment, fitted, waves)
         directions, others, sizes = self._split(jacobian, self._gauges(vectors, fitted))
@@ -257,9 +257,9 @@ class VectorFitter:
         To begin elsewhere is to turn all vectors of a wheel, which is possible where each of them is free or 0.
         """
         free = self._free(fitted)
-        angles = free[free >= START]
+        angles = free[free >= START_PLACE]
         turns = np.stack([self.record.starts, -np.array(self.record.rates)], axis=1)[
-            :, angles - START
+            :, angles - START_PLACE
         ]  # (wheels, angles)
         pinned = (vectors != 0) & ~np.isin(np.arange(COUNT), fitted)
         held = [bool(pinned[wheel == WHEEL].any()) for wheel in range(2)]
@@ -292,6 +292,6 @@ def _moved(vectors: Complex, alignment: Alignment, free: NDArray[np.int64], step
     """Vectors and alignment after a step of the free unknowns, shape (f,)."""
     full = np.zeros(2 * COUNT + 2)
     full[free] = step
-    start, zero = alignment.start + np.radians(full[START]), alignment.zero + np.radians(full[ZERO])
-    moved = vectors + full[:START:2] + 1j * full[1:START:2]
+    start, zero = alignment.start + np.radians(full[START_PLACE]), alignment.zero + np.radians(full[ZERO_PLACE])
+    moved = vectors + full[:START_PLACE:2] + 1j * full[1:START_PLACE:2]
     return moved, replace(alignment, start=float(start), zero=float(zero))

@@ -30,7 +30,7 @@ from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
-from hdassist.terminal.console import Style, grid, table
+from hdassist.terminal.console import Style, TextTable, grid, table
 from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, Figures
 
@@ -131,7 +131,7 @@ def _page(result: DrivesComparison, style: Style, details: bool) -> RenderableTy
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _table(style: Style, title: str, heads: Sequence[str], rows: Iterable[Row]) -> Table:
+def _table(style: Style, title: str, heads: Sequence[str], rows: Iterable[Row]) -> TextTable:
     found = grid(style, title, "", *heads)
     for words, cells in rows:
         found.add_row(*map(style.text, (words, *cells)))

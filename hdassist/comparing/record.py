@@ -60,7 +60,7 @@ class OrderPair:
     difference_uncertainty_arcsec: float
 
 
-class TraceRecord:
+class RecordedOrders:
     """Coefficients of one direction of a measured trace, and of a model's waves at its angles.
 
     sweep: the measured direction; measured: cosines, then sines, of the error as the file has it [arcsec], shape
@@ -88,7 +88,7 @@ class TraceRecord:
         angle = (2 * np.pi) * self.design.bins.turns[rows, None] * self.order
         return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
 
-    def doubting(self, waves: Complex, changes: Complex, alignment: Alignment) -> TraceRecord:
+    def doubting(self, waves: Complex, changes: Complex, alignment: Alignment) -> RecordedOrders:
         """The record with the doubt of a model in its covariance (14).
 
         Arguments: waves of the model, shape (waves,); changes of them by a standard deviation of each doubtful field,

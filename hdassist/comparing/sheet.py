@@ -19,7 +19,7 @@ from hdassist.solve.answers import Certificate, Progress
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.solve.window import in_wide_enough_window
 
-SEAT_SAMPLES = 256  # of what is uncertain, as `hdassist mount` takes them
+POSITION_SAMPLES = 256  # of what is uncertain, as `hdassist mount` takes them
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
 def sheet_states(drive: Drive, draws: int = DRAWS) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
-    mounting = advice_states(drive, torques, turns, every_state=False, samples=SEAT_SAMPLES)
+    mounting = advice_states(drive, torques, turns, every_state=False, samples=POSITION_SAMPLES)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
@@ -80,7 +80,7 @@ def sheet_of(
 
     def advised(wide: Drive) -> Advice:
         at, turns = wide.operation.M_g, seat_positions(wide)
-        return advise(wide, at, turns, samples=SEAT_SAMPLES, seed=seed, executor=executor, progress=progress)
+        return advise(wide, at, turns, samples=POSITION_SAMPLES, seed=seed, executor=executor, progress=progress)
 
     loaded = drive if torques is None else at_torques(drive, torques)
     answer = in_wide_enough_window(loaded, checked)

@@ -6,21 +6,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
 import numpy as np
-from rich.table import Table
 from scipy.stats import norm
 
 from hdassist.mounting.losses import Losses
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json
-from hdassist.terminal.console import Style, grid
+from hdassist.terminal.console import Style, TextTable, grid
 
 LEVELS = {"low": 0.05, "high": 0.95}  # quantiles
 COARSE = 0.05  # standard error of F'_ior, as a share of it, from which on nothing is told of limits
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 
 
-def losses_table(losses: Losses, holes: int, torques: Sequence[float], style: Style, title: str, most: int) -> Table:
+def losses_table(
+    losses: Losses, holes: int, torques: Sequence[float], style: Style, title: str, most: int
+) -> TextTable:
     """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, what it loses."""
     heads = ("position", "good, %", "expected", "5 %", "95 %", "loss, %")
     rows = grid(style, f"{title}\nF'_ior in arcsec at {beside(torques, 'g')} N·m", *heads)

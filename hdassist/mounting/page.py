@@ -7,7 +7,6 @@ from dataclasses import asdict
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from hdassist.error.rests_on import LEAST
@@ -24,7 +23,7 @@ from hdassist.mounting.stays_page import stays_line, stays_objects, stays_table
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
-from hdassist.terminal.console import Style, grid
+from hdassist.terminal.console import Style, TextTable, grid
 from hdassist.terminal.plot import curve
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.terminal.texts import Texts, texts
@@ -32,6 +31,7 @@ from hdassist.terminal.wheels_page import heading, pitch_object
 from hdassist.verdict import Verdict
 
 MICROMETRES = {"j_n": "flank clearance j_n", "W_0": "wave W_0", "g_b": "bearing clearance g_b"}
+TURNS = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
 SHOWN = 6  # positions that the table of uncertainty lists, best first
 
 
@@ -120,15 +120,15 @@ def render(
         parts.append(Text(seat_text(advice.choice, style)))
     if plots and details and advice.has_curve:
         parts += [Text(drawn) for drawn in _curves(advice, style)]
-    parts += [] if advice.any_hole else [_positions(advice, style)]
+    parts += [] if advice.any_hole else [positions_table(advice, style)]
     if details:
-        parts += _tables(advice, style)
-    turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
-    parts += [Text(style.text(turns)), Text(_proof(result)) if details else facts(style, _lines(advice, carded))]
+        parts += advice_tables(advice, style)
+    parts += [Text(style.text(TURNS)), Text(curve_proof(result)) if details else facts(style, _lines(advice, carded))]
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _tables(advice: Advice, style: Style) -> Iterator[Table]:
+def advice_tables(advice: Advice, style: Style) -> Iterator[TextTable]:
+    """Each torque alone, positions under uncertainty, what a micrometre does, and what the advice rests on."""
     if advice.has_curve:
         yield _torques(advice, style)
     if advice.robust:
@@ -188,7 +188,8 @@ def _curves(advice: Advice, style: Style) -> list[str]:
     ]
 
 
-def _proof(result: MountingCurve) -> str:
+def curve_proof(result: MountingCurve) -> str:
+    """The certificate of the curves, and at how many of their points every state was solved."""
     solved, places = int(result.every_state.sum()), result.every_state.size
     proven = result.certificate
     words = f"certificate: {proven.states} states, greatest residual {proven.max_residual:.1e} of its scale"
@@ -198,7 +199,8 @@ def _proof(result: MountingCurve) -> str:
     return words
 
 
-def _positions(advice: Advice, style: Style) -> Table:
+def positions_table(advice: Advice, style: Style) -> TextTable:
+    """The position now, the best, the second and the worst."""
     choice, phase = advice.choice, f"phase {_phase_words(advice)}, deg"
     title = "positions (best for the torque served worst)"
     if advice.robust:
@@ -218,19 +220,19 @@ def _where(position: Position) -> tuple[str, str]:
     return "-" if position.hole is None else f"{position.hole}", f"{position.rotation_deg:g}"
 
 
-def _torques(advice: Advice, style: Style) -> Table:
+def _torques(advice: Advice, style: Style) -> TextTable:
     result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
     heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
     title = "each torque alone" + ", by values as given, the unknown as 0" * bool(advice.robust)
     rows = grid(style, title, *heads, words=0)
-    rows.columns[0].no_wrap = True
+    rows.unwrapped = 1
     for k, M_g in enumerate(result.torques):
         found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
         rows.add_row(f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *found)
     return rows
 
 
-def _uncertain(advice: Advice, sampled: Losses, style: Style) -> Table:
+def _uncertain(advice: Advice, sampled: Losses, style: Style) -> TextTable:
     title = f"under uncertainty: {len(sampled.merits)} samples, {sampled.criterion.name}"
     if errors := sampled.standard_error_arcsec:
         title += f"; interpolated, standard error {beside(errors)} arcsec"
@@ -253,7 +255,7 @@ def _most_lost(sampled: Losses) -> float:
     return float(np.quantile(sampled.losses[:, sampled.best], 0.95))
 
 
-def _slopes(advice: Advice, style: Style) -> Table:
+def _slopes(advice: Advice, style: Style) -> TextTable:
     heads = ("torque, N·m", *MICROMETRES.values())
     rows = grid(style, "what a micrometre more does to F'_ior, arcsec", "position", *heads)
     for words, values in (("now", advice.now), ("best", advice.best)):

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import inf
 
-from rich.table import Table
-
 from hdassist.mounting.positions import hole_of
 from hdassist.mounting.stays import End, Stays
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import short, unit_of
 from hdassist.terminal.answers import Json
-from hdassist.terminal.console import Style, grid
+from hdassist.terminal.console import Style, TextTable, grid
 
 
-def stays_table(drive: Drive, held: Iterable[Stays], style: Style, *, trials: bool = False) -> Table:
+def stays_table(drive: Drive, held: Iterable[Stays], style: Style, *, trials: bool = False) -> TextTable:
     """A row an assumption: at both ends of its range the best position, and what is said of the advised one.
 
     Argument: trials, whether that is the probability, in %, that it is good; else what it loses.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.sheet import SEAT_SAMPLES
+from hdassist.comparing.sheet import POSITION_SAMPLES
 from hdassist.error.error_map import ErrorMap
 from hdassist.explorer.questions import Effort
 from hdassist.model.unknown import listed
@@ -107,7 +107,7 @@ def test_a_direction_counts_in_every_sector_where_nothing_is_known_of_it() -> No
 
 def test_every_way_to_a_mounting_takes_as_many_samples() -> None:
     taken = {signature(way).parameters["samples"].default for way in (command, advise, robust)}
-    assert taken == {SEAT_SAMPLES} == {Effort().samples}
+    assert taken == {POSITION_SAMPLES} == {Effort().samples}
 
 
 def test_how_sure_a_limit_is_kept_takes_in_what_the_table_misses() -> None:
