@@ -1,4 +1,4 @@
-"""What a change from one drive to another does to F'_ior: all together, and each field that differs alone."""
+"""Changes of F'_ior from one drive to another: of all fields together, and of each field that differs alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from hdassist.comparing.fields import Difference
+from hdassist.comparing.fields import FieldDifference
 from hdassist.error.error_map import extremes_of, searchable
 from hdassist.errors import HdassistError
 from hdassist.model.geometry import Array
@@ -19,16 +19,16 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 from hdassist.solve.window import in_wide_enough_window
 
-PAIRS = 16  # drives drawn of each from what is not known: as many pairs
-TRIED = 2  # of them on which every field is tried, before those that do most are looked at on all
-MOST = 3  # fields that are told
+DRAWN_PAIRS = 16  # pairs of drives drawn from what is not known
+SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
+REPORTED_FIELDS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Change:
-    """What changing a field, by path, or all of them together (no path) does to F'_ior of a drive.
+class ErrorChange:
+    """Change of F'_ior of a drive where one field is changed, by path, or all of them together (no path).
 
-    change_arcsec: shape (pairs, torques), one pair where all is known; F_ior_arcsec, as it was before, same shape.
+    change_arcsec: shape (pairs, torques), one pair where all is known; F_ior_arcsec: before the change, same shape.
     """
 
     path: str
@@ -37,98 +37,87 @@ class Change:
 
     @property
     def median_arcsec(self) -> Array:
-        """The change in the middle one of the pairs, shape (torques,)."""
+        """Median of the change over the pairs, shape (torques,)."""
         return np.asarray(np.median(self.change_arcsec, axis=0))
 
     @property
     def share(self) -> float:
-        """The same as a share of F'_ior before, its size at the torque where that is greatest."""
+        """Its size as a share of F'_ior before, at the torque where that is greatest."""
         return float(np.max(np.abs(self.median_arcsec) / np.median(self.F_ior_arcsec, axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
-class Changes:
-    """Changes from a first drive to a second one at some torques.
+class DriveChanges:
+    """Changes of F'_ior from a first drive to a second one at some torques.
 
-    whole: all together; single: fields changed alone, the greatest first; none: paths of those that, alone, make no
-    drive that can be computed, or need what neither drive says; certificate of all states behind them.
+    whole: all fields together; single: fields changed alone, the greatest first; impossible: paths of those that,
+    alone, make no drive that can be computed, or leave more unknown; certificate of all states.
     """
 
-    whole: Change
-    single: tuple[Change, ...]
-    none: tuple[str, ...]
+    whole: ErrorChange
+    single: tuple[ErrorChange, ...]
+    impossible: tuple[str, ...]
     certificate: Certificate
 
 
-def changes(
+def drive_changes(
     first: Drive,
     second: Drive,
     torques: Sequence[float],
-    fields: Sequence[Difference] = (),
+    fields: Sequence[FieldDifference] = (),
     *,
-    pairs: int = PAIRS,
+    pairs: int = DRAWN_PAIRS,
     seed: int = 0,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Changes:
-    """What changing a first drive into a second one does to F'_ior at torques [N*m], and what fields alone do.
+) -> DriveChanges:
+    """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of some alone.
 
-    What is not known of either is drawn, pair by pair: what both do not know lies at the same share of its range in
-    both. With rolling balls there is nothing drawn: what is not known is 0 then. Arguments: fields to change alone, as
-    differences of both; pairs that are drawn; seed; executor, to spread the work over (the numbers do not depend on
-    it); progress, told how many states were solved. Raises UntrustedError where one of both drives has no answer that
-    can be trusted.
+    With rolling balls there are no draws: what is not known is 0. Arguments: fields to change alone; pairs that are
+    drawn, with seed; executor, to spread the work over (the numbers do not depend on it); progress, called with numbers
+    of states solved. Raises UntrustedError where one of both drives has no answer that can be trusted.
     """
     pairs = pairs if searchable(first) and searchable(second) else 0
-    here, there = drawn_alike((first, second), pairs, seed)
-    run = _Run(tuple(torques), executor, progress)
-    before, after = run.of(here, must=True), run.of(there, must=True)
-    assert before is not None
-    assert after is not None
-    tried = {}
-    for field in fields:
-        few = slice(TRIED)
-        moved = _moved(here[few], there[few], field.path)
-        if not _is_drive(moved, here[few]):
-            continue
-        if (found := run.of(moved)) is not None:
-            tried[field.path] = Change(field.path, found - before[few], before[few])
-    chosen = sorted(tried, key=lambda path: -tried[path].share)[:MOST]
-    single = [tried[path] for path in chosen]
-    if len(here) > TRIED:
-        full = {path: run.of(_moved(here, there, path)) for path in chosen}
-        single = [Change(path, found - before, before) for path, found in full.items() if found is not None]
+    before, after = paired_draws((first, second), pairs, seed)
+    search = _Search(tuple(torques), executor, progress)
+    errors = search.F_ior(before, required=True)  # (pairs, torques)
+    whole = ErrorChange("", search.F_ior(after, required=True) - errors, errors)
+
+    def alone(path: str, count: int) -> ErrorChange | None:
+        moved = [one.with_values({path: other.value(path)}) for one, other in zip(before, after, strict=True)][:count]
+        if not all(map(_is_drive, moved, before)):
+            return None
+        found = search.F_ior(moved)
+        return None if np.isnan(found).any() else ErrorChange(path, found - errors[:count], errors[:count])
+
+    screened = [change for field in fields if (change := alone(field.path, SCREENED_PAIRS))]
+    chosen = sorted(screened, key=lambda change: -change.share)[:REPORTED_FIELDS]
+    single = chosen
+    if len(before) > SCREENED_PAIRS:
+        single = [change for each in chosen if (change := alone(each.path, len(before)))]
     single.sort(key=lambda change: -change.share)
-    alone = {change.path for change in single}
-    none = tuple(field.path for field in fields if field.path not in tried or (field.path in {*chosen} - alone))
-    return Changes(Change("", after - before, before), tuple(single), none, run.certificate)
+    failed = {change.path for change in chosen} - {change.path for change in single}
+    possible = {change.path for change in screened} - failed
+    impossible = tuple(field.path for field in fields if field.path not in possible)
+    return DriveChanges(whole, tuple(single), impossible, search.certificate)
 
 
-def drawn_alike(drives: Sequence[Drive], count: int, seed: int = 0) -> list[list[Drive]]:
-    """So many drives drawn from what is not known of each of some: a field lies at the same share of its range in all.
+def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[list[Drive]]:
+    """Draws from what is not known of each of some drives, a field at the same share of its range in all.
 
-    Where all is known, or for a count of 0, each of them as it is.
+    Where all is known, or for a count of 0, each drive as it is.
     """
     open_ = [{unknown.path: unknown for unknown in unknowns(drive)} for drive in drives]
-    paths = list(dict.fromkeys(path for each in open_ for path in each))
+    paths = list(dict.fromkeys(path for own in open_ for path in own))
     if not paths or not count:
         return [[drive] for drive in drives]
-    shares = np.random.default_rng(seed).random((count, len(paths)))
-    found = []
-    for drive, own in zip(drives, open_, strict=True):
-        bounds = {path: (own[path].low, own[path].high) for path in paths if path in own}
-        columns = {path: low + (high - low) * shares[:, paths.index(path)] for path, (low, high) in bounds.items()}
-        found.append(listed(drive, columns, count))
-    return found
-
-
-def _moved(here: Sequence[Drive], there: Sequence[Drive], path: str) -> list[Drive]:
-    """Drives with a field as others have it."""
-    return [one.with_values({path: other.value(path)}) for one, other in zip(here, there, strict=True)]
+    shares = dict(zip(paths, np.random.default_rng(seed).random((count, len(paths))).T, strict=True))
+    columns = [{path: u.low + (u.high - u.low) * shares[path] for path, u in own.items()} for own in open_]
+    return [listed(drive, own, count) for drive, own in zip(drives, columns, strict=True)]
 
 
 @dataclass
-class _Run:
+class _Search:
     """Searches at some torques, and the certificate of all of them."""
 
     torques: tuple[float, ...]
@@ -136,9 +125,9 @@ class _Run:
     progress: Progress | None
     certificate: Certificate = EMPTY
 
-    def of(self, drives: Sequence[Drive], *, must: bool = False) -> Array | None:
-        """F'_ior [arcsec] of drives, shape (drives, torques); None where one of them has none, unless it must."""
-        tasks = [(drive, M_g, must) for drive in drives for M_g in self.torques]
+    def F_ior(self, drives: Sequence[Drive], *, required: bool = False) -> Array:
+        """F'_ior [arcsec] of drives, shape (drives, torques); NaN where one has no answer, unless it is required."""
+        tasks = [(drive, M_g, required) for drive in drives for M_g in self.torques]
         found: Iterable[tuple[float, Certificate]] = (self.executor.map if self.executor else map)(_F_ior, tasks)
         values = []
         for value, proof in found:
@@ -146,28 +135,24 @@ class _Run:
             self.certificate += proof
             if self.progress:
                 self.progress(proof.states)
-        table = np.reshape(values, (len(drives), len(self.torques)))
-        return None if np.isnan(table).any() else table
+        return np.reshape(values, (len(drives), len(self.torques)))
 
 
-def _is_drive(moved: Sequence[Drive], before: Sequence[Drive]) -> bool:
-    """Whether drives that were moved go together, and leave no more unknown than before: a direction, say."""
-    return all(
-        first_conflict(drive) is None and len(unknowns(drive)) <= len(unknowns(other))
-        for drive, other in zip(moved, before, strict=True)
-    )
+def _is_drive(moved: Drive, before: Drive) -> bool:
+    """Whether the fields of a drive go together, and it leaves no more unknown than before: a direction, say."""
+    return first_conflict(moved) is None and len(unknowns(moved)) <= len(unknowns(before))
 
 
 def _F_ior(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
-    drive, M_g, must = task
+    drive, M_g, required = task
     try:
-        return in_wide_enough_window(drive, partial(_solved, M_g))
+        return in_wide_enough_window(drive, partial(_searched, M_g))
     except HdassistError:
-        if must:
+        if required:
             raise
         return np.nan, EMPTY
 
 
-def _solved(M_g: float, drive: Drive) -> tuple[float, Certificate]:
-    (found,) = extremes_of(drive, [M_g])
-    return found.first, found.certificate
+def _searched(M_g: float, drive: Drive) -> tuple[float, Certificate]:
+    (extremes,) = extremes_of(drive, [M_g])
+    return extremes.first, extremes.certificate

@@ -74,8 +74,8 @@ def command(
     from dataclasses import replace
     from functools import partial
 
-    from hdassist.comparing.compare import RecordConvention, compare, estimate_states, torque_of, zero_of
-    from hdassist.comparing.page import answer
+    from hdassist.comparing.compare import FIT_STATES, RecordConvention, compare, torque_of, zero_of
+    from hdassist.comparing.page import comparison_answer
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.model.kinematics import Kinematics
@@ -105,7 +105,7 @@ def command(
     def one(name: str) -> Answer:
         trace = read_trace(name, form, abs(Kinematics.of(drive).u))
         convention = asked if zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
-        with out.progress(f"{drive.name}, {trace.file}", estimate_states()) as progress:
+        with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
             analysis = partial(
                 compare,
                 trace,
@@ -119,7 +119,7 @@ def command(
             )
             result = in_wide_enough_window(drive, analysis)
         said.update(dict.fromkeys(result.drive.origin.warnings))
-        return answer(result, plots=plot, details=details)
+        return comparison_answer(result, plots=plot, details=details)
 
     answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
     for text in said:

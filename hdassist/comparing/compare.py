@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from hdassist.comparing.doubt import doubtful_waves
-from hdassist.comparing.findings import BY_CHANCE, TOLD, Conclusion, Explanation, conclude, explanation
+from hdassist.comparing.findings import BLIND_SHARE, CLEAR_GAIN, Conclusion, Explanation, conclude, explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Record, rms, solved_curve
-from hdassist.comparing.vectors import VECTORS, with_vectors
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders, rms, solved_curve
+from hdassist.comparing.vectors import VECTORS
 from hdassist.error.error_map import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UsageError
@@ -24,13 +25,14 @@ from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.solve.answers import EMPTY, Certificate, Progress
 
-MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less than that is worth a word
-SCREEN = 0.5  # of a clear gain: what slopes alone must promise for deviations to be looked at
-POLISHED = 2.0  # times the least chi-square: fits up to that are finished on the fine torus
-LEFT = 3  # orders that are named of what is left
-UNTOLD = 360.0  # deg: standard uncertainty of an angle that the record does not tell
+MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
+SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
+POLISHED = 2.0  # times the least chi-square: fits up to that are continued on the fine torus
+RESIDUAL_ORDERS = 3  # orders of a residual that are named
+UNIDENTIFIABLE_ANGLE = 360.0  # deg: standard uncertainty of an angle that is not identifiable
+FIT_STATES = 200_000  # that the fits of a comparison solve, about
 
-Swap = Literal["error_is", "cam_sense", "both"]
+SwappedSigns = Literal["error_is", "cam_sense", "both"]
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,10 @@ class RecordConvention:
 
 
 @dataclass(frozen=True)
-class Mirror:
+class MirroredFile:
     """The other way round a file fits clearly better: what of it is swapped, and rms of the difference then."""
 
-    swapped: Swap
+    swapped: SwappedSigns
     rms_arcsec: float
 
 
@@ -59,7 +61,7 @@ class Mirror:
 class Comparison:
     """A measured trace beside what a drive should do.
 
-    M_g [N*m]; convention: how the file was read; found: the measured side; unchanged: the drive as it is, with the
+    M_g [N*m]; convention: how the file was read; unchanged: the drive as it is, with the
     alignment of the record; standard uncertainties of that [deg], None where it was given; predicted_arcsec at the
     bins, levels and drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; ranges
     [arcsec] limited to the orders over the angles visited; singles: one explanation of each vector; joint; both none
@@ -84,12 +86,12 @@ class Comparison:
     singles: tuple[Explanation, ...]
     joint: Explanation | None
     conclusion: Conclusion
-    mirror: Mirror | None
+    mirror: MirroredFile | None
     certificate: Certificate
     warnings: tuple[str, ...]
 
     @property
-    def found(self) -> SweepResult:
+    def sweep(self) -> SweepResult:
         """The measured side, both directions as one."""
         return self.measurement.directions[0]
 
@@ -128,11 +130,6 @@ def alignment_of(trace: MeasuredTrace, drive: Drive, convention: RecordConventio
     return Alignment(np.radians(convention.start_deg or 0.0), np.radians(convention.zero_deg or 0.0), sign, sense)
 
 
-def estimate_states() -> int:
-    """States that the fits of a comparison solve, about, for a progress bar."""
-    return 200_000
-
-
 def compare(
     trace: MeasuredTrace,
     drive: Drive,
@@ -149,42 +146,34 @@ def compare(
 
     Arguments: convention, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none,
     linear or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source; seed of the bootstrap; progress,
-    told how many states were solved. Both directions count as one, each with its own level: the model knows no
-    friction. Raises UsageError for rolling balls and for orders, drift or sources that cannot be meant; UntrustedError
-    where the record does not tell its orders apart, or an answer cannot be trusted.
+    called with numbers of states solved. Both directions count as one, each with its own level: the model knows no
+    friction. Raises UsageError for rolling balls and for invalid orders, drift or sources; UntrustedError where the
+    record does not tell its orders apart, or an answer cannot be trusted.
     """
     convention = convention or RecordConvention()
     torus = ErrorWaves(drive, M_g, progress)
     measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=seed, together=True)
-    found = measurement.directions[0]
-    record = Record(found, torus, Kinematics.of(drive))
+    sweep = measurement.directions[0]
     free_start, free_zero = convention.start_deg is None, convention.zero_deg is None
-
-    def doubted(fit: VectorFit) -> Complex:
-        there = with_vectors(drive, fit.vectors, fit.free.vectors)
-        return doubtful_waves(there, M_g, torus, progress)
-
-    changes = doubtful_waves(drive, M_g, torus, progress)
-    sure = VectorFitter(drive, record, torus, start=free_start, zero=free_zero)
-    fitter, base = sure.doubting(changes, alignment_of(trace, drive, convention))
+    doubt = partial(doubtful_waves, M_g=M_g, torus=torus, progress=progress)
+    changes = doubt(drive)
+    record = RecordedOrders(sweep, torus, Kinematics.of(drive))
+    certain = VectorFitter(drive, record, torus, doubt, start=free_start, zero=free_zero)
+    fitter, base = certain.doubting(changes, alignment_of(trace, drive, convention))
     record = fitter.record
-    now = explanation(base, base, record, drive)
-    others = {} if now.sufficient else _mirrored(trace, sure, changes, base)
-    singles, joint, mirror = _explanations(drive, fitter, base, now, others, doubted)
+    unchanged = explanation(base, base, record, drive)
+    mirrored = {} if unchanged.sufficient else _mirrored(trace, certain, changes, base)
+    singles, joint, mirror = _explanations(drive, fitter, base, unchanged, mirrored)
 
-    # every range and every rest from solved states
+    # every range and every residual from solved states
     solved = _SolvedStates(drive, M_g)
-    difference = found.bins.error - solved.curve(drive, found.bins.turns, base.alignment)
-    design = record.design
-    apart, level, drift_terms = design.split(design.project(lambda rows: difference[rows, None])[:, 0])
-    residual = difference - (level[found.bins.sweep] + design.drift_at(drift_terms, found.bins.travel))
-    # a drift that the prediction has too, a beat that the record does not resolve, is none
-    slope = 0.0 if len(drift_terms) else drift_of(design, design.rest(difference[:, None])[:, 0], found.range.value)
-    predicted = record.measured - apart
-    curve = curve_of(apart, found.fit.orders, found.grid_turns)
-    worst = int(np.abs(curve).argmax())
-    now = replace(now, F_ior_arcsec=solved.F_ior(drive))
-    best = min(singles, key=lambda single: single.chi_square, default=now)
+    curve = solved.curve(drive, sweep.bins.turns, base.alignment)
+    difference, residual, slope = _difference(sweep, sweep.bins.error - curve)
+    predicted = record.measured - difference  # (2 orders,)
+    difference_curve = curve_of(difference, sweep.fit.orders, sweep.grid_turns)
+    largest = int(np.abs(difference_curve).argmax())
+    unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
+    best = min(singles, key=lambda single: single.chi_square, default=unchanged)
     singles = [_solved_again(single, record, solved, curve=single.vectors == best.vectors) for single in singles]
     joint = joint and _solved_again(joint, record, solved, curve=True)
     return Comparison(
@@ -192,72 +181,79 @@ def compare(
         measurement=measurement,
         M_g=M_g,
         convention=convention,
-        unchanged=now,
-        start_uncertainty_deg=_angle_uncertainty(base, 0, now) if free_start else None,
-        zero_uncertainty_deg=_angle_uncertainty(base, int(free_start), now) if free_zero else None,
-        predicted_arcsec=found.fit.curve(found.bins.turns) + found.fit.residual - residual,
+        unchanged=unchanged,
+        start_uncertainty_deg=_angle_uncertainty(base, 0, unchanged) if free_start else None,
+        zero_uncertainty_deg=_angle_uncertainty(base, int(free_start), unchanged) if free_zero else None,
+        predicted_arcsec=sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual - residual,
         residual_arcsec=residual,
-        orders=record.pairs(predicted, apart),
-        predicted_range_arcsec=float(np.ptp(curve_of(predicted, found.fit.orders, found.grid_turns))),
-        difference_range_arcsec=float(np.ptp(curve)),
-        difference_rms_arcsec=rms(apart),
-        largest_arcsec=float(curve[worst]),
-        largest_at_turns=float(found.grid_turns[worst]),
+        orders=record.pairs(predicted, difference),
+        predicted_range_arcsec=float(np.ptp(curve_of(predicted, sweep.fit.orders, sweep.grid_turns))),
+        difference_range_arcsec=float(np.ptp(difference_curve)),
+        difference_rms_arcsec=rms(difference),
+        largest_arcsec=float(difference_curve[largest]),
+        largest_at_turns=float(sweep.grid_turns[largest]),
         singles=tuple(singles),
         joint=joint,
-        conclusion=conclude(now, singles, joint, mirrored=mirror is not None),
+        conclusion=conclude(unchanged, singles, joint, mirrored=mirror is not None),
         mirror=mirror,
         certificate=solved.certificate + torus.certificate,
         warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
     )
 
 
+def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
+    """Measured less predicted values at the bins [arcsec], shape (bins,), split into what orders and levels have of it.
+
+    Returns coefficients of its orders, shape (2 orders,); the values without level and drift, shape (bins,); the slope
+    of a drift in it that was not taken off, 0 where there is none: a drift of the prediction, too, is a beat.
+    """
+    design = sweep.fit.design
+    orders, level, drift = design.split(design.project(lambda rows: apart[rows, None])[:, 0])
+    residual = apart - (level[sweep.bins.sweep] + design.drift_at(drift, sweep.bins.travel))
+    slope = 0.0 if len(drift) else drift_of(design, design.rest(apart[:, None])[:, 0], sweep.range.value)
+    return orders, residual, slope
+
+
 def _explanations(
     drive: Drive,
     fitter: VectorFitter,
     base: VectorFit,
-    now: Explanation,
-    mirrored: Mapping[Swap, tuple[VectorFitter, VectorFit]],
-    doubted: Callable[[VectorFit], Complex],
-) -> tuple[list[Explanation], Explanation | None, Mirror | None]:
-    """What would explain the difference: each vector alone, all together, or the file read the other way round.
-
-    doubted: by what the waves of a drive with a fit's deviations change, see doubtful_waves.
-    """
+    unchanged: Explanation,
+    mirrored: Mapping[SwappedSigns, tuple[VectorFitter, VectorFit]],
+) -> tuple[list[Explanation], Explanation | None, MirroredFile | None]:
+    """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
     record = fitter.record
-    usual = now.chi_square <= now.freedom + np.sqrt(2 * now.freedom)
-    if now.sufficient and usual and fitter.gains(base).max() < SCREEN * BY_CHANCE:
+    usual = unchanged.chi_square <= unchanged.freedom + np.sqrt(2 * unchanged.freedom)
+    if unchanged.sufficient and usual and fitter.linear_gains(base).max() < SCREEN * CLEAR_GAIN:
         return [], None, None
     mirror, other = None, base
     if mirrored:
         swapped, (reader, other) = min(mirrored.items(), key=lambda each: each[1][1].chi_square)
-        mirror = Mirror(swapped, reader.left_arcsec(other))
-        if record.within_noise(other.chi_square, base.free.count):
+        mirror = MirroredFile(swapped, reader.residual_rms_arcsec(other))
+        if record.within_noise(other.chi_square, len(base.free)):
             return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
     good = POLISHED * min(fit.chi_square for fit in fits)
-    fits = [fitter.polished(fit) if fit.chi_square <= good else fit for fit in fits]
+    fits = [fitter.refined(fit) if fit.chi_square <= good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
-    fits[best] = fitter.profiled(fits[best])
-    fits[best] = fitter.bent(fits[best], doubted(fits[best]))
+    fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
     singles = [explanation(fit, base, record, drive) for fit in fits]
     if other.chi_square > min(MIRRORED * base.chi_square, *(single.chi_square for single in singles)):
         mirror = None
-    if conclude(now, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
+    if conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
-    together = fitter.joint(min(fits, key=lambda fit: fit.chi_square))
-    together = fitter.bent(together, doubted(together))
-    return singles, explanation(together, base, record, drive), mirror
+    joint = fitter.with_shift(fitter.refined(min(fits, key=lambda fit: fit.chi_square), range(len(VECTORS))))
+    return singles, explanation(joint, base, record, drive), mirror
 
 
 def _mirrored(
     trace: MeasuredTrace, fitter: VectorFitter, changes: Complex, base: VectorFit
-) -> dict[Swap, tuple[VectorFitter, VectorFit]]:
-    """The file with its signs swapped: by what is swapped, the fit and who made it."""
-    here = base.alignment
-    ways: dict[Swap, Alignment] = {"cam_sense": replace(here, sense=-here.sense)}
+) -> dict[SwappedSigns, tuple[VectorFitter, VectorFit]]:
+    """Fits of the drive as it is to the file with its signs swapped, each with its fitter."""
+    own = base.alignment
+    ways: dict[SwappedSigns, Alignment] = {"cam_sense": replace(own, sense=-own.sense)}
     if not trace.sense:
-        ways |= {"error_is": replace(here, sign=-here.sign), "both": replace(here, sign=-here.sign, sense=-here.sense)}
+        ways |= {"error_is": replace(own, sign=-own.sign), "both": replace(own, sign=-own.sign, sense=-own.sense)}
     return {swapped: fitter.doubting(changes, alignment) for swapped, alignment in ways.items()}
 
 
@@ -270,9 +266,9 @@ class _SolvedStates:
 
     def F_ior(self, drive: Drive) -> float:
         """F'_ior [arcsec] over the full cycle."""
-        (found,) = extremes_of(drive, [self._M_g])
-        self.certificate += found.certificate
-        return found.first
+        (extremes,) = extremes_of(drive, [self._M_g])
+        self.certificate += extremes.certificate
+        return extremes.first
 
     def curve(self, drive: Drive, turns: Array, alignment: Alignment) -> Array:
         """Error as the file has it [arcsec], up to a constant, at the rig's cam angles [turns]."""
@@ -281,24 +277,22 @@ class _SolvedStates:
         return values
 
 
-def _solved_again(found: Explanation, record: Record, solved: _SolvedStates, *, curve: bool) -> Explanation:
-    """An explanation with its F'_ior and, where curve, with what it leaves of the record, from solved states."""
+def _solved_again(found: Explanation, record: RecordedOrders, solved: _SolvedStates, *, curve: bool) -> Explanation:
+    """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
     if not found.overrides:
         return found
-    there = solved.drive.with_values(dict(found.overrides))
-    found = replace(found, F_ior_arcsec=solved.F_ior(there))
+    drive = solved.drive.with_values(dict(found.overrides))
+    found = replace(found, F_ior_arcsec=solved.F_ior(drive))
     if not curve:
         return found
-    left = record.measured - record.of_curve(solved.curve(there, record.found.bins.turns, found.alignment))
-    pairs = record.pairs(left, left)
-    clear = [pair for pair in pairs if pair.difference_arcsec > CHI_SQUARE_CLEAR * pair.difference_uncertainty_arcsec]
-    greatest = sorted(clear, key=lambda pair: -pair.difference_arcsec)[:LEFT]
-    return replace(found, left_arcsec=rms(left), left_orders=tuple(greatest))
+    residual = record.measured - record.of_curve(solved.curve(drive, record.sweep.bins.turns, found.alignment))
+    pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference_arcsec)
+    clear = [p for p in pairs if p.difference_arcsec > CHI_SQUARE_CLEAR * p.difference_uncertainty_arcsec]
+    return replace(found, residual_rms_arcsec=rms(residual), residual_orders=tuple(clear[:RESIDUAL_ORDERS]))
 
 
-def _angle_uncertainty(base: VectorFit, row: int, now: Explanation) -> float:
-    """Standard uncertainty [deg] of a fitted angle of the alignment, the unknown in a row."""
-    if (base.blind[row] ** 2).sum() > TOLD:
-        return UNTOLD
-    scale = max(1.0, now.chi_square / now.freedom)
-    return float(np.sqrt(scale * base.covariance()[row, row]))
+def _angle_uncertainty(base: VectorFit, row: int, unchanged: Explanation) -> float:
+    """Standard uncertainty [deg] of a fitted angle of the alignment, by its row among the free unknowns."""
+    if (base.unidentifiable[row] ** 2).sum() > BLIND_SHARE:
+        return UNIDENTIFIABLE_ANGLE
+    return float(np.sqrt(unchanged.excess * base.covariance[row, row]))

@@ -1,8 +1,7 @@
-"""How far a drive's own stiffnesses and clearances may be from the preset's, and what that does to its error.
+"""Standard deviations of a drive's stiffnesses and clearances from the preset's, and the changes of its error by them.
 
-No shop measures the stiffness of a support: a comparison that takes the preset as true explains it by deviations,
-and is far too sure of them. So each may be off by a standard deviation of its own, one unknown more of the fit: what it
-would do to the orders widens their covariance, and what a fit can explain by it is no deviation.
+No shop measures the stiffness of a support: a comparison that takes the preset as true explains such a difference by
+deviations, and is far too sure of them. The changes widen the covariance of the orders, see (14) of docs/theory.md.
 """
 
 from __future__ import annotations
@@ -14,32 +13,31 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Progress
 
-# standard deviation of each, as a share of it
-SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
-CLEARANCE = 1.0  # um: of gears.j_n
+DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
+DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
 
 
 def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, progress: Progress | None = None) -> Complex:
-    """By what the waves of a drive [arcsec] change for a standard deviation of each field, shape (2 fields, waves).
+    """Changes of a drive's waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
 
-    Half the difference of both ways, and how far their mean is from the drive as it is: what is bent. A field that the
-    drive cannot have so is left out. Arguments: torus, waves of the drive at M_g [N*m], to whose certificate the states
-    solved here are added.
+    Two changes a field: half the difference of both ways, and the distance of their mean from the drive as it is. A
+    field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
+    whose certificate the states solved here are added.
     """
-    (here,) = torus.waves([drive], MIDDLE)
+    (own,) = torus.waves([drive], MIDDLE)
 
     def moved(path: str, value: float) -> Complex:
         other = drive.with_values({path: value})
-        waves = ErrorWaves(other, M_g, progress)
-        (found,) = waves.waves([other], MIDDLE)
-        torus.certificate += waves.certificate
-        return np.asarray(found - here)
+        case = ErrorWaves(other, M_g, progress)
+        (waves,) = case.waves([other], MIDDLE)
+        torus.certificate += case.certificate
+        return np.asarray(waves - own)
 
-    spans = {path: drive.number(path) * share for path, share in SHARES.items()} | {"gears.j_n": CLEARANCE}
+    deviations = {path: drive.number(path) * share for path, share in DOUBTED_SHARES.items()}
     changes = []
-    for path, span in spans.items():
-        low, high = (drive.number(path) + way * span for way in (-1, 1))
-        if not (span and drive.allows(path, low) and drive.allows(path, high)):
+    for path, deviation in (deviations | {"gears.j_n": DOUBTED_CLEARANCE}).items():
+        low, high = (drive.number(path) + way * deviation for way in (-1, 1))
+        if not (deviation and drive.allows(path, low) and drive.allows(path, high)):
             continue
         try:
             less, more = moved(path, low), moved(path, high)
@@ -48,4 +46,4 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, progress: Progre
                 raise
             continue
         changes += [(more - less) / 2, (more + less) / 2]
-    return np.reshape(changes, (len(changes), len(here)))
+    return np.reshape(changes, (len(changes), len(own)))

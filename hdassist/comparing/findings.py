@@ -1,4 +1,4 @@
-"""Which deviations would explain the difference between a record and a drive: fits as findings, and the conclusion."""
+"""Fits of a record as explanations in terms of the preset, and the conclusion from them."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Literal
 import numpy as np
 
 from hdassist.comparing.fit import VectorFit
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Record
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders
 from hdassist.comparing.vectors import VECTORS, direction_of, with_vectors
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
-BY_CHANCE = 25.0  # chi-square of two unknowns that noise makes four times in a million
-ALIKE = 9.0  # chi-square: fits that are no further apart are not told apart
-TOLD = 0.1  # of an unknown's square that may lie along what the record does not tell
-MAIN = 0.3  # of a combination: what has less is not named
-VAGUE = 60.0  # deg: a direction that is less sure is none
+CLEAR_GAIN = 25.0  # chi-square of two unknowns that noise exceeds four times in a million
+EQUAL_FIT = 9.0  # chi-square: fits that are no further apart explain a record equally well
+BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable where it has a number
+NAMED_SHARE = 0.3  # of a combination of vectors: those of less are not named
+VAGUE_DIRECTION = 60.0  # deg: a direction of greater standard uncertainty is None
 DECIMALS = 3  # of a new value, at most
 
 ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
 
 
 @dataclass(frozen=True)
-class Change:
-    """New value of one deviation vector, with standard uncertainties; direction None where the record tells none."""
+class VectorChange:
+    """New value of one deviation vector with standard uncertainties; direction None where it is not identifiable."""
 
     vector: int
     size_um: float
@@ -39,17 +39,17 @@ class Change:
 class Explanation:
     """The drive with some deviations fitted to the record.
 
-    vectors: places in VECTORS of those that were free; changes: of those that the record tells; untold: names of
-    those that it does not tell from each other, a tuple a combination; chi_square, freedom; share: of the difference's
-    chi-square above that of noise, explained; clear: a better fit than chance makes; sufficient: no more is left than
-    noise; overrides: paths of the preset and their new values, empty where not all is told; F_ior_arcsec, of the full
-    cycle then, solved; None without overrides; left_arcsec: rms of what is left within the orders, from solved states
-    of the record; None where those were not solved; left_orders: the greatest of that.
+    vectors: places in VECTORS of those that were free; changes: of those whose size is identifiable; indistinguishable:
+    names of those that cannot be told apart, a tuple a combination; chi_square, freedom; share: of the difference's
+    chi-square above that of noise, explained; clear: a better fit than chance makes; sufficient: the residual is within
+    noise; overrides: paths of the preset and their new values, empty where one of them is not identifiable;
+    F_ior_arcsec, of the full cycle then, solved; None without overrides; residual_rms_arcsec: within the orders, from
+    solved states of the record; None where those were not solved; residual_orders: the greatest of that.
     """
 
     vectors: tuple[int, ...]
-    changes: tuple[Change, ...]
-    untold: tuple[tuple[str, ...], ...]
+    changes: tuple[VectorChange, ...]
+    indistinguishable: tuple[tuple[str, ...], ...]
     chi_square: float
     freedom: int
     share: float
@@ -58,103 +58,108 @@ class Explanation:
     overrides: tuple[tuple[str, float], ...]
     alignment: Alignment
     F_ior_arcsec: float | None = None
-    left_arcsec: float | None = None
-    left_orders: tuple[OrderPair, ...] = ()
+    residual_rms_arcsec: float | None = None
+    residual_orders: tuple[OrderPair, ...] = ()
+
+    @property
+    def reduced_chi_square(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi_square / self.freedom
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per degree of freedom, 1 at least: variances are widened by it."""
+        return max(1.0, self.reduced_chi_square)
 
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What is concluded: agrees, mirrored, one (deviation explains it), several (together), or unexplained."""
+    """Conclusion of a comparison: agrees, mirrored, one (deviation explains it), several (together), or unexplained."""
 
     kind: ConclusionKind
     best: Explanation | None = None
 
 
-def explanation(fit: VectorFit, base: VectorFit, record: Record, drive: Drive) -> Explanation:
-    """What a fit says, in terms of the preset; nothing of it is solved beyond the fit itself."""
-    vectors, unknowns = fit.free.vectors, fit.free.count
-    freedom = record.freedom(unknowns)
-    scale = max(1.0, fit.chi_square / freedom)
-    gain = (base.chi_square - fit.chi_square) / scale
-    more = unknowns - base.free.count
-    covariance = scale * fit.covariance()
-    told = [_change(fit, i, covariance, drive) for i in range(len(vectors))]
-    changes = tuple(change for change in told if change is not None)
-    untold = _untold(fit)
-    before = base.chi_square - record.freedom(base.free.count)
+def explanation(fit: VectorFit, base: VectorFit, record: RecordedOrders, drive: Drive) -> Explanation:
+    """A fit in terms of the preset; states are not solved beyond the fit itself."""
+    unknowns, own = len(fit.free), len(base.free)
+    freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(own)
+    excess = max(1.0, fit.chi_square / freedom)
+    found = [_change(fit, i, excess * fit.covariance, drive) for i in range(len(fit.fitted))]
+    changes = tuple(change for change in found if change is not None)
+    names, more = _indistinguishable(fit), unknowns - own
+    by_chance = max(CLEAR_GAIN, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more)))
     return Explanation(
-        vectors=vectors,
+        vectors=fit.fitted,
         changes=changes,
-        untold=untold,
+        indistinguishable=names,
         chi_square=fit.chi_square,
         freedom=freedom,
         share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else 0.0,
-        clear=gain > max(BY_CHANCE, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more))),
+        clear=(base.chi_square - fit.chi_square) / excess > by_chance,
         sufficient=record.within_noise(fit.chi_square, unknowns),
-        overrides=_overrides(fit, changes, drive) if len(changes) == len(vectors) and not untold else (),
+        overrides=_overrides(fit, changes, drive) if len(changes) == len(fit.fitted) and not names else (),
         alignment=fit.alignment,
     )
 
 
 def _polar(fit: VectorFit, i: int) -> Array:
-    """Along and across vector i, as directions among the unknowns, shape (2, unknowns)."""
-    vector = fit.vectors[fit.free.vectors[i]]
+    """Along and across the fitted vector i, as directions among the free unknowns, shape (2, f)."""
+    vector = fit.vectors[fit.fitted[i]]
     unit = vector / abs(vector) if vector else 1.0
-    result = np.zeros((2, fit.free.count))
-    result[0, 2 * i : 2 * i + 2] = unit.real, unit.imag
-    result[1, 2 * i : 2 * i + 2] = -unit.imag, unit.real
+    result = np.zeros((2, len(fit.free)))
+    result[:, 2 * i : 2 * i + 2] = [[unit.real, unit.imag], [-unit.imag, unit.real]]
     return result
 
 
-def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> Change | None:
-    """New value of vector i; None where the record does not tell its size."""
-    k = fit.free.vectors[i]
-    vector = VECTORS[k]
-    along, across = _polar(fit, i)
-    blind = [float(((way @ fit.blind) ** 2).sum()) for way in (along, across)]
-    if blind[0] > TOLD:
+def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorChange | None:
+    """New value of the fitted vector i; None where its size is not identifiable."""
+    k = fit.fitted[i]
+    vector, axes = VECTORS[k], _polar(fit, i)
+    blind = [float(((axis @ fit.unidentifiable) ** 2).sum()) for axis in axes]
+    if blind[0] > BLIND_SHARE:
         return None
     size = float(abs(fit.vectors[k]))
-    spread = [float(np.sqrt(way @ covariance @ way)) for way in (along, across)]
-    turn = float(np.degrees(spread[1] / size)) if size else np.inf
-    vague = blind[1] > TOLD or turn > VAGUE
+    along, across = (float(np.sqrt(axis @ covariance @ axis)) for axis in axes)
+    turn = float(np.degrees(across / size)) if size else np.inf
+    sizes = size * vector.unit, along * vector.unit
+    if blind[1] > BLIND_SHARE or turn > VAGUE_DIRECTION:
+        return VectorChange(k, *sizes, None, None)
     direction = direction_of(fit.vectors[k], drive.number(vector.direction), vector.order)
-    sizes = size * vector.unit, spread[0] * vector.unit
-    return Change(k, *sizes, None if vague else direction, None if vague else turn / vector.order)
+    return VectorChange(k, *sizes, direction, turn / vector.order)
 
 
-def _untold(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
-    """Names of what the record does not tell from each other, a tuple for each combination of sizes."""
+def _indistinguishable(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
+    """Names of vectors that the record cannot tell apart, a tuple for each combination of sizes."""
     names = []
-    for combination in fit.blind.T:
-        # along and across each vector
-        shares = {VECTORS[k].name: _polar(fit, i) @ combination for i, k in enumerate(fit.free.vectors)}
-        if max((abs(float(along)) for along, _ in shares.values()), default=0.0) ** 2 <= TOLD:
+    for combination in fit.unidentifiable.T:
+        parts = {VECTORS[k].name: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
+        if max((float(along**2) for along, _ in parts.values()), default=0.0) <= BLIND_SHARE:
             continue  # directions alone, against where the record begins
-        names.append(tuple(name for name, share in shares.items() if float(np.hypot(*share)) > MAIN))
+        names.append(tuple(name for name, part in parts.items() if float(np.hypot(*part)) > NAMED_SHARE))
     return tuple(dict.fromkeys(names))
 
 
-def _overrides(fit: VectorFit, changes: Sequence[Change], drive: Drive) -> tuple[tuple[str, float], ...]:
-    """New values of the preset, rounded to a tenth of the uncertainty or less; empty where a preset cannot say it."""
-    there = with_vectors(drive, fit.vectors, fit.free.vectors)
-    found = []
+def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) -> tuple[tuple[str, float], ...]:
+    """New values, rounded to a tenth of the uncertainty or less; empty where the preset does not allow one of them."""
+    changed = with_vectors(drive, fit.vectors, fit.fitted)
+    values = []
     for change in changes:
         vector = VECTORS[change.vector]
-        pairs = [(vector.size, change.size_uncertainty_um), (vector.direction, change.direction_uncertainty_deg)]
+        pairs = ((vector.size, change.size_uncertainty_um), (vector.direction, change.direction_uncertainty_deg))
         for path, uncertainty in pairs:
             decimals = 1 - int(np.floor(np.log10(max(uncertainty or 1.0, 1e-9))))
-            value = round(float(there.value(path)), min(max(decimals, 0), DECIMALS)) + 0.0
+            value = round(float(changed.value(path)), min(max(decimals, 0), DECIMALS)) + 0.0
             if not drive.allows(path, value):
                 return ()
-            found.append((path, value))
-    return tuple(found)
+            values.append((path, value))
+    return tuple(values)
 
 
 def conclude(
     base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool = False
 ) -> Conclusion:
-    """What the fits say together: the simplest that leaves no more than noise."""
+    """The simplest explanation whose residual is within noise."""
     best = min(singles, key=lambda single: single.chi_square, default=base)
     if base.sufficient and not best.clear:
         return Conclusion("agrees")
@@ -167,7 +172,7 @@ def conclude(
     return Conclusion("unexplained", best if best.clear else None)
 
 
-def as_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
+def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
     """Other single deviations that explain the difference as well as the best one."""
-    scale = max(1.0, best.chi_square / best.freedom)
-    return [s for s in singles if s is not best and s.clear and s.chi_square - best.chi_square <= ALIKE * scale]
+    most = best.chi_square + EQUAL_FIT * best.excess
+    return [single for single in singles if single is not best and single.clear and single.chi_square <= most]

@@ -8,10 +8,10 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from hdassist.comparing.compare import UNTOLD, Comparison
-from hdassist.comparing.findings import Explanation, as_good
+from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
+from hdassist.comparing.findings import Explanation, equally_good
 from hdassist.comparing.record import OrderPair
-from hdassist.comparing.tables_page import F_ior_text, number, tables
+from hdassist.comparing.tables_page import F_ior_text, comparison_tables, size_and_direction
 from hdassist.comparing.vectors import VECTORS
 from hdassist.model.kinematics import Kinematics, turns_and_degrees
 from hdassist.model.unknown import told
@@ -22,20 +22,20 @@ from hdassist.terminal.plot import two_curves
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.textfile import STDIN
 
-AROUND = 1.0  # cam turns drawn to either side of the largest difference
-BEYOND = (
+PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
+OTHER_CAUSES = (
     "Beyond these deviations there are: stiffnesses, clearances and a torque that differ from the preset's, teeth that "
     "are no first harmonic, friction, tilted shafts, the rig's encoders and couplings, a sign or a zero read wrongly."
 )
 
 
-def answer(result: Comparison, *, plots: bool, details: bool = False) -> Answer:
-    """What there is to say of a comparison; plots, whether curves are drawn; details, whether all tables are shown."""
+def comparison_answer(result: Comparison, *, plots: bool, details: bool = False) -> Answer:
+    """A comparison in each form; plots, whether curves are drawn; details, whether all tables are shown."""
     return Answer(
-        to_json=lambda: to_json(result),
-        page=lambda style: render(result, style, plots=plots, details=details),
-        summary_line=lambda: summary_line(result),
-        figures=lambda: figures(result),
+        to_json=lambda: _json(result),
+        page=lambda style: comparison_page(result, style, plots=plots, details=details),
+        summary_line=lambda: _summary(result),
+        figures=lambda: _figures(result),
         about=result.measurement.trace.file,
         warnings=result.warnings,
         proof=result.certificate,
@@ -47,34 +47,33 @@ def overrides_of(found: Explanation | None) -> list[str]:
     return [f"{path}={value:.10g}" for path, value in found.overrides] if found else []
 
 
-def swapping_options(result: Comparison) -> str:
+def _swapping_options(result: Comparison) -> str:
     """Options that read a mirrored file the other way round: its error, its cam angle, or both."""
-    convention = result.convention
-    error = "output-cam" if convention.error_is == "cam-output" else "cam-output"
-    sense = "cw" if convention.cam_sense == "ccw" else "ccw"
+    error = "output-cam" if result.convention.error_is == "cam-output" else "cam-output"
+    sense = "cw" if result.convention.cam_sense == "ccw" else "ccw"
     options = {"error_is": f"--error-is {error}", "cam_sense": f"--cam-sense {sense}"}
     swapped = result.mirror.swapped if result.mirror else None
     return " ".join(text for name, text in options.items() if swapped in (name, "both"))
 
 
-def start_name(result: Comparison) -> str:
-    """Name of the angle at which the output stands where phi_h is 0."""
+def _start_name(result: Comparison) -> str:
+    """Name of the angle of the output at phi_h = 0."""
     return "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
 
 
-def turned(angle: float) -> float:
+def _signed_degrees(angle: float) -> float:
     """An angle [rad] in degrees from -180 to 180."""
     return float((np.degrees(angle) + 180) % 360 - 180)
 
 
-def verdict_line(result: Comparison) -> str:
+def _verdict(result: Comparison) -> str:
     """The conclusion in a sentence."""
     kind, best = result.conclusion.kind, result.conclusion.best
     if kind == "agrees":
         return "agrees: noise and stiffnesses that are a little off explain it; no change of the preset is called for"
     if kind == "mirrored" and result.mirror:
         rms = f"{result.mirror.rms_arcsec:.2f} instead of {result.difference_rms_arcsec:.2f} arcsec rms"
-        options = swapping_options(result)
+        options = _swapping_options(result)
         return f"mirrored: read the other way round the file fits clearly better, {rms}: {options}"
     if best is None:
         return "unexplained: no deviation explains the difference"
@@ -87,22 +86,22 @@ def verdict_line(result: Comparison) -> str:
     return f"unexplained: the best single deviation, {name}, explains {share}; the rest is clear of noise"
 
 
-def summary_line(result: Comparison) -> str:
+def _summary(result: Comparison) -> str:
     """The answer alone: what was concluded, and the overrides that say it."""
     kind = result.conclusion.kind
     if kind == "mirrored":
-        return f"mirrored {swapping_options(result)}"
+        return f"mirrored {_swapping_options(result)}"
     sets = [] if kind == "unexplained" else overrides_of(result.conclusion.best)
     return " ".join([kind, *(f"--set {text}" for text in sets)])
 
 
-def render(result: Comparison, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+def comparison_page(result: Comparison, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
     """Conclusion, both curves in one plot, what would explain the difference; with details ranges, orders, all fits."""
     trace = result.measurement.trace
-    head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.found.bins.span:.2f} cam turns"
+    head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.sweep.bins.span:.2f} cam turns"
     parts: list[RenderableType] = [
         Text(style.text(head), style="bold"),
-        Text(style.text(verdict_line(result)), style="bold"),
+        Text(style.text(_verdict(result)), style="bold"),
     ]
     if details:
         notes = [*result.measurement.notes, _alignment(result), _sign(result)]
@@ -110,7 +109,7 @@ def render(result: Comparison, style: Style, *, plots: bool = True, details: boo
     if plots:
         parts.append(Text(_plot(result, style)))
     if details:
-        parts += [Text(style.text(_ranges(result))), *tables(result, style)]
+        parts += [Text(style.text(_ranges(result))), *comparison_tables(result, style)]
     advice = [] if result.conclusion.kind == "agrees" else _advice(result, details)
     parts += [Text(style.text(words)) for words in advice]
     parts.append(facts(style, _lines(result, details)))
@@ -119,7 +118,7 @@ def render(result: Comparison, style: Style, *, plots: bool = True, details: boo
 
 def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the curves, a label and a text each."""
-    found, best = result.found, result.conclusion.best
+    found, best = result.sweep, result.conclusion.best
     bound = " of the angles visited" if found.is_bound else ""
     measured = f"{found.range.value:.2f} arcsec{bound} (u = {found.uncertainty_arcsec:.2f})"
     yield "range", f"measured {measured}, predicted {result.predicted_range_arcsec:.2f}"
@@ -134,10 +133,9 @@ def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
     yield "read as", "" if details else _sign(result)
     change = best.changes[0] if best and best.changes else None
     if change:
-        lever = f"{VECTORS[change.vector].size} fitted: {number(change.size_um, change.size_uncertainty_um)} um"
-        if change.direction_deg is not None:
-            lever += f" at {number(change.direction_deg, change.direction_uncertainty_deg)} deg"
-        yield "lever", lever
+        size, direction = size_and_direction(change)
+        at = "" if change.direction_deg is None else f" at {direction} deg"
+        yield "lever", f"{VECTORS[change.vector].size} fitted: {size} um{at}"
     yield "rests on", on_what(result.drive)
     yield "unknown", not_known(result.drive)
     yield "next", _next(result)
@@ -149,24 +147,24 @@ def _next(result: Comparison) -> str:
     """The command to go on with: the file read the other way round, or the drive as the record shows it."""
     kind, file = result.conclusion.kind, result.measurement.trace.file
     if kind == "mirrored":
-        return again("compare", result.drive, "-" if file == STDIN else file, *swapping_options(result).split())
+        return again("compare", result.drive, "-" if file == STDIN else file, *_swapping_options(result).split())
     best = result.conclusion.best if kind in ("one", "several") else None
     return again("mount", result.drive, *(word for text in overrides_of(best) for word in ("--set", text)))
 
 
 def _alignment(result: Comparison) -> str:
     pairs = (
-        (start_name(result), result.unchanged.alignment.start, result.start_uncertainty_deg),
+        (_start_name(result), result.unchanged.alignment.start, result.start_uncertainty_deg),
         ("cam zero", result.unchanged.alignment.zero, result.zero_uncertainty_deg),
     )
     words = []
     for name, angle, uncertainty in pairs:
         if uncertainty is None:
-            words.append(f"{name} = {turned(angle):g} deg, given")
-        elif uncertainty >= UNTOLD:
+            words.append(f"{name} = {_signed_degrees(angle):g} deg, given")
+        elif uncertainty >= UNIDENTIFIABLE_ANGLE:
             words.append(f"{name}: fitted, but not told by the record")
         else:
-            words.append(f"{name} = {turned(angle):.1f} deg, u = {uncertainty:.1f}, fitted")
+            words.append(f"{name} = {_signed_degrees(angle):.1f} deg, u = {uncertainty:.1f}, fitted")
     return "; ".join(words)
 
 
@@ -180,11 +178,11 @@ def _sign(result: Comparison) -> str:
 
 
 def _plot(result: Comparison, style: Style) -> str:
-    bins, worst = result.found.bins, result.largest_at_turns
+    bins, worst = result.sweep.bins, result.largest_at_turns
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
     first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
-    low = min(max(worst - AROUND, first), max(last - 2 * AROUND, first))
-    shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * AROUND)
+    low = min(max(worst - PLOTTED_TURNS, first), max(last - 2 * PLOTTED_TURNS, first))
+    shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
     return two_curves(
         style, bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
@@ -193,7 +191,7 @@ def _plot(result: Comparison, style: Style) -> str:
 
 
 def _ranges(result: Comparison) -> str:
-    found = result.found
+    found = result.sweep
     whole = "the full cycle" if not found.is_bound else "the angles visited"
     size = result.residual_arcsec
     return "\n".join(
@@ -213,42 +211,46 @@ def _advice(result: Comparison, details: bool) -> list[str]:
     """Sentences: what is not told apart, what is left, what to type."""
     kind, best, joint = result.conclusion.kind, result.conclusion.best, result.joint
     lines = []
-    if details and joint and (names := sorted({name for combination in joint.untold for name in combination})):
-        count = len(joint.untold)
+    if (
+        details
+        and joint
+        and (names := sorted({name for combination in joint.indistinguishable for name in combination}))
+    ):
+        count = len(joint.indistinguishable)
         ways = "one combination" if count == 1 else f"{count} combinations"
         lines.append(f"Fitted together, {ways} of {', '.join(names)} cannot be told from this record.")
     if kind == "one" and best:
-        others = ", ".join(VECTORS[s.vectors[0]].size for s in as_good(best, result.singles))
+        others = ", ".join(VECTORS[s.vectors[0]].size for s in equally_good(best, result.singles))
         if others:
             lines.append(f"As well explained by {others} alone: the record does not tell which of them it is.")
     if kind == "unexplained":
-        named = joint if joint and joint.left_orders else best
+        named = joint if joint and joint.residual_orders else best
         left = [
             f"order {pair.measured.per_cam_rev:.2f}: {pair.difference_arcsec:.2f} arcsec ({pair.measured.cause})"
-            for pair in (named.left_orders if named else ())
+            for pair in (named.residual_orders if named else ())
         ]
-        lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + BEYOND * details)
+        lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + OTHER_CAUSES * details)
     if details and best and best.overrides and kind in ("one", "several"):
-        rest = f"; {best.left_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
+        rest = f"; {best.residual_rms_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
         sets = " ".join(f"--set {text}" for text in overrides_of(best))
         lines.append(f"To go on with it{rest}:\n  {sets}")
     return lines
 
 
-def to_json(result: Comparison) -> Json:
+def _json(result: Comparison) -> Json:
     """The comparison as a JSON object."""
-    found, trace, best = result.found, result.measurement.trace, result.conclusion.best
-    start, alignment = start_name(result), result.unchanged.alignment
+    found, trace, best = result.sweep, result.measurement.trace, result.conclusion.best
+    start, alignment = _start_name(result), result.unchanged.alignment
     return {
         **envelope("compare", result.drive, 0, [*result.drive.origin.warnings, *told(result.drive), *result.warnings]),
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
         "notes": list(result.measurement.notes),
         "M_g_Nm": result.M_g,
         "place": {
-            f"{start}_deg": turned(alignment.start),
+            f"{start}_deg": _signed_degrees(alignment.start),
             f"{start}_uncertainty_deg": result.start_uncertainty_deg,
             f"{start}_fitted": result.start_uncertainty_deg is not None,
-            "cam_zero_deg": turned(alignment.zero),
+            "cam_zero_deg": _signed_degrees(alignment.zero),
             "cam_zero_uncertainty_deg": result.zero_uncertainty_deg,
             "cam_zero_fitted": result.zero_uncertainty_deg is not None,
             "error_is": "cam-output" if alignment.sign > 0 else "output-cam",
@@ -281,9 +283,9 @@ def to_json(result: Comparison) -> Json:
             "F_ior_arcsec": best.F_ior_arcsec if best else None,
         },
         "mirrored": result.mirror
-        and {"option": swapping_options(result), "difference_rms_arcsec": result.mirror.rms_arcsec},
-        "singles": [_explained(result, single) for single in result.singles],
-        "joint": result.joint and _explained(result, result.joint),
+        and {"option": _swapping_options(result), "difference_rms_arcsec": result.mirror.rms_arcsec},
+        "singles": [_explanation_object(result, single) for single in result.singles],
+        "joint": result.joint and _explanation_object(result, result.joint),
         "certificate": certificate_object(result.certificate),
         "seed": result.measurement.seed,
     }
@@ -307,7 +309,7 @@ def _pair(pair: OrderPair) -> Json:
     }
 
 
-def _explained(result: Comparison, found: Explanation) -> Json:
+def _explanation_object(result: Comparison, found: Explanation) -> Json:
     """One explanation as a JSON object."""
     return {
         "deviations": [VECTORS[k].size for k in found.vectors],
@@ -322,7 +324,7 @@ def _explained(result: Comparison, found: Explanation) -> Json:
             }
             for change in found.changes
         ],
-        "not_told_apart": [list(names) for names in found.untold],
+        "not_told_apart": [list(names) for names in found.indistinguishable],
         "chi_square": found.chi_square,
         "degrees_of_freedom": found.freedom,
         "explained_share": found.share,
@@ -330,23 +332,19 @@ def _explained(result: Comparison, found: Explanation) -> Json:
         "sufficient": found.sufficient,
         "overrides": overrides_of(found),
         "F_ior_arcsec": found.F_ior_arcsec,
-        "difference_left_arcsec": found.left_arcsec,
+        "difference_left_arcsec": found.residual_rms_arcsec,
         "orders_left": [
-            {
-                "per_cam_rev": pair.measured.per_cam_rev,
-                "amplitude_arcsec": pair.difference_arcsec,
-                "cause": pair.measured.cause,
-            }
-            for pair in found.left_orders
+            {"per_cam_rev": p.measured.per_cam_rev, "amplitude_arcsec": p.difference_arcsec, "cause": p.measured.cause}
+            for p in found.residual_orders
         ],
-        f"{start_name(result)}_deg": turned(found.alignment.start),
-        "cam_zero_deg": turned(found.alignment.zero),
+        f"{_start_name(result)}_deg": _signed_degrees(found.alignment.start),
+        "cam_zero_deg": _signed_degrees(found.alignment.zero),
     }
 
 
-def figures(result: Comparison) -> Figures:
+def _figures(result: Comparison) -> Figures:
     """One row per step of the angle: error less level and drift, prediction, residual."""
-    bins, predicted, residual = result.found.bins, result.predicted_arcsec, result.residual_arcsec
+    bins, predicted, residual = result.sweep.bins, result.predicted_arcsec, result.residual_arcsec
     columns = (bins.sweep, 360 * bins.turns, predicted + residual, predicted, residual)
     name = result.measurement.trace.file
     rows = [[name, *values] for values in zip(*(column.tolist() for column in columns), strict=True)]

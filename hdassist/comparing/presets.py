@@ -10,9 +10,9 @@ from operator import add
 
 import numpy as np
 
-from hdassist.comparing.changes import PAIRS, TRIED, Changes, changes
-from hdassist.comparing.fields import Difference, differences, other_origins
-from hdassist.comparing.sheet import DriveSheet, at_torques, estimate_states, sheet_of
+from hdassist.comparing.changes import DRAWN_PAIRS, SCREENED_PAIRS, DriveChanges, drive_changes
+from hdassist.comparing.fields import FieldDifference, field_differences, other_origins
+from hdassist.comparing.sheet import DriveSheet, at_torques, sheet_of, sheet_states
 from hdassist.design.check import DRAWS
 from hdassist.error.error_map import SEARCHED
 from hdassist.errors import UsageError
@@ -20,8 +20,8 @@ from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import Certificate, Progress
 
-SAME = 0.005  # arcsec: changes that are less are none
-SURE = 0.95  # of the pairs: less says nothing
+SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
+SURE_SHARE = 0.95  # of the pairs that agree: the least for a verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class DrivesComparison:
 
     sheets: tuple[DriveSheet, ...]
     torques: tuple[float, ...]
-    differences: tuple[Difference, ...]
+    differences: tuple[FieldDifference, ...]
     origins: tuple[str, ...]
-    changes: tuple[Changes, ...]
+    changes: tuple[DriveChanges, ...]
 
     @property
     def drives(self) -> tuple[Drive, ...]:
@@ -53,15 +53,14 @@ class DrivesComparison:
 
         None where what is not known could reverse it, or there is no range over that.
         """
-        found = self.changes[other - 1].whole.change_arcsec[:, torque]
-        open_ = [sheet for sheet in (self.sheets[0], self.sheets[other]) if sheet.check.unknown]
-        if open_ and not all(sheet.check.points[torque].belief for sheet in open_):
+        change = self.changes[other - 1].whole.change_arcsec[:, torque]
+        unsure = [sheet.check for sheet in (self.sheets[0], self.sheets[other]) if sheet.check.unknown]
+        less, more = float(np.mean(change < 0)), float(np.mean(change > 0))
+        if not all(check.points[torque].belief for check in unsure):
             return None
-        if np.all(np.abs(found) < SAME):
+        if np.all(np.abs(change) < SAME_ERROR):
             return 0
-        if max(np.mean(found < 0), np.mean(found > 0)) < SURE:
-            return None
-        return -1 if np.mean(found) < 0 else 1
+        return None if max(less, more) < SURE_SHARE else -1 if less >= SURE_SHARE else 1
 
 
 def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
@@ -76,9 +75,9 @@ def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
 
 def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = DRAWS) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
-    sheets = sum(estimate_states(at_torques(drive, torques), draws) for drive in drives)
-    pairs = min(draws, PAIRS) if any(map(unknowns, drives)) else 1
-    single = min(pairs, TRIED) * len(_moving(drives))
+    sheets = sum(sheet_states(at_torques(drive, torques), draws) for drive in drives)
+    pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
+    single = min(pairs, SCREENED_PAIRS) * len(_moving(drives))
     return sheets + SEARCHED * len(torques) * (2 * pairs * (len(drives) - 1) + single)
 
 
@@ -94,21 +93,21 @@ def compare_drives(
     """Compare drives with the first of them, at torques [N*m].
 
     Arguments: two drives or more; torques; draws, of each from what is not known, and seed of these and of samples;
-    executor, to spread the work over (the numbers do not depend on it); progress, told how many states were solved.
+    executor, to spread the work over (the numbers do not depend on it); progress, called with numbers of states solved.
     Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
     """
     sheets = tuple(
         sheet_of(drive, torques=torques, draws=draws, seed=seed, executor=executor, progress=progress)
         for drive in drives
     )
-    fields, pairs = _moving(drives), min(draws, PAIRS)
+    fields, pairs = _moving(drives), min(draws, DRAWN_PAIRS)
     changed = tuple(
-        changes(drives[0], other, torques, fields, pairs=pairs, seed=seed, executor=executor, progress=progress)
+        drive_changes(drives[0], other, torques, fields, pairs=pairs, seed=seed, executor=executor, progress=progress)
         for other in drives[1:]
     )
-    return DrivesComparison(sheets, tuple(torques), differences(drives), other_origins(drives), changed)
+    return DrivesComparison(sheets, tuple(torques), field_differences(drives), other_origins(drives), changed)
 
 
-def _moving(drives: Sequence[Drive]) -> list[Difference]:
+def _moving(drives: Sequence[Drive]) -> list[FieldDifference]:
     """Fields of two drives to change alone."""
-    return [field for field in differences(drives) if field.moves] if len(drives) == 2 else []
+    return [field for field in field_differences(drives) if field.moves] if len(drives) == 2 else []

@@ -8,15 +8,15 @@ from pathlib import Path
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
-SUFFIXES = (".yaml", ".yml")
-MOST = 1e7  # N*m, as in a preset
+PRESET_SUFFIXES = (".yaml", ".yml")
+LARGEST_TORQUE = 1e7  # N*m, as in a preset
 
 
 def is_preset(name: str) -> bool:
     """Whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
     from hdassist.preset.library import preset_names
 
-    return Path(name).suffix.lower() in SUFFIXES or name in preset_names()
+    return Path(name).suffix.lower() in PRESET_SUFFIXES or name in preset_names()
 
 
 def require_presets(names: Sequence[str], *, plain: bool) -> None:
@@ -43,14 +43,16 @@ def compare_presets(
     whether all tables are shown. Raises UsageError for a torque that is none.
     """
     from hdassist.comparing.presets import common_torques, compare_drives, estimate_comparison
-    from hdassist.comparing.presets_page import answer, warnings
+    from hdassist.comparing.presets_page import comparison_warnings, drives_answer
     from hdassist.run.processes import workers
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
     from hdassist.terminal.runs import Answer, give, run_each
 
-    if torque is not None and not 0 < abs(torque) <= MOST:
-        raise UsageError(f"--torque must be a torque in N*m, and not {torque:g}", f"up to {MOST:g}, and not 0")
+    if torque is not None and not 0 < abs(torque) <= LARGEST_TORQUE:
+        raise UsageError(
+            f"--torque must be a torque in N*m, and not {torque:g}", f"up to {LARGEST_TORQUE:g}, and not 0"
+        )
     out, (draws, seed, jobs) = options.open(), work
 
     def one(_: str) -> Answer:
@@ -59,9 +61,9 @@ def compare_presets(
         total = estimate_comparison(loaded, torques, draws)
         with out.progress(", ".join(drive.name for drive in loaded), total) as progress, workers(jobs) as executor:
             result = compare_drives(loaded, torques, draws=draws, seed=seed, executor=executor, progress=progress)
-        for text in warnings(result):
+        for text in comparison_warnings(result):
             warn(text)
-        return answer(result, seed=seed, details=details)
+        return drives_answer(result, seed=seed, details=details)
 
     answers = run_each(
         "compare-presets", [""], one, options,

@@ -21,7 +21,7 @@ from hdassist.solve.window import in_wide_enough_window
 
 @dataclass(frozen=True, eq=False)
 class DriveSheet:
-    """What there is to say of a drive: its check, the advice where to mount its wheel, its stiffness."""
+    """Check of a drive, advice where to mount its wheel, and its stiffness."""
 
     check: DesignCheck
     advice: Advice
@@ -48,7 +48,7 @@ def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
     return drive.model_copy(update={"operation": drive.operation.model_copy(update={"M_g": tuple(torques)})})
 
 
-def estimate_states(drive: Drive, draws: int = DRAWS) -> int:
+def sheet_states(drive: Drive, draws: int = DRAWS) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
     mounting = advice_states(drive, torques, turns, every_state=False, draws=draws)
@@ -68,7 +68,7 @@ def sheet_of(
 
     Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, drives drawn from what is not known,
     and seed of these and of samples; executor, to spread the work over (the numbers do not depend on it); progress,
-    told how many states were solved. Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as
+    called with numbers of states solved. Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as
     half an advice is none here.
     """
 

@@ -16,8 +16,8 @@ from hdassist.preset.fields import Drive
 
 
 @dataclass(frozen=True)
-class Vector:
-    """One deviation: paths of its size [um] and its direction [deg], and what it is in words.
+class DeviationVector:
+    """One deviation: paths of its size [um] and its direction [deg], and its words.
 
     part: what it turns with, flexspline g, rigid wheel b or cam h; order: waves around it; unit [um] that it is counted
     in, so that all weigh about alike: first harmonics nearly cancel on two opposite zones, even ones do not.
@@ -36,17 +36,17 @@ class Vector:
         return self.size.split(".")[1]
 
 
-EVEN = 0.1  # um
+EVEN_UNIT = 0.1  # um
 VECTORS = (
-    Vector("tolerances.F_i1", "phases.xi_g", "flexspline teeth", "g"),
-    Vector("tolerances.F_i2", "phases.xi_b", "rigid wheel teeth", "b"),
-    Vector("tolerances.e_hb", "phases.phi_hb", "offset, rigid wheel", "b"),
-    Vector("tolerances.e_hh", "phases.phi_hh", "offset, cam", "h"),
-    Vector("tolerances.e_hg", "phases.phi_hg", "offset, flexspline", "g"),
-    Vector("harmonics.a_b2", "harmonics.xi_b2", "ovality of the rigid wheel or its seat", "b", 2, EVEN),
-    Vector("harmonics.a_g2", "harmonics.xi_g2", "ovality of the flexspline", "g", 2, EVEN),
-    Vector("harmonics.a_b4", "harmonics.xi_b4", "order 4 of the rigid wheel", "b", 4, EVEN),
-    Vector("harmonics.a_g4", "harmonics.xi_g4", "order 4 of the flexspline", "g", 4, EVEN),
+    DeviationVector("tolerances.F_i1", "phases.xi_g", "flexspline teeth", "g"),
+    DeviationVector("tolerances.F_i2", "phases.xi_b", "rigid wheel teeth", "b"),
+    DeviationVector("tolerances.e_hb", "phases.phi_hb", "offset, rigid wheel", "b"),
+    DeviationVector("tolerances.e_hh", "phases.phi_hh", "offset, cam", "h"),
+    DeviationVector("tolerances.e_hg", "phases.phi_hg", "offset, flexspline", "g"),
+    DeviationVector("harmonics.a_b2", "harmonics.xi_b2", "ovality of the rigid wheel or its seat", "b", 2, EVEN_UNIT),
+    DeviationVector("harmonics.a_g2", "harmonics.xi_g2", "ovality of the flexspline", "g", 2, EVEN_UNIT),
+    DeviationVector("harmonics.a_b4", "harmonics.xi_b4", "order 4 of the rigid wheel", "b", 4, EVEN_UNIT),
+    DeviationVector("harmonics.a_g4", "harmonics.xi_g4", "order 4 of the flexspline", "g", 4, EVEN_UNIT),
 )
 _UNITS = np.array([v.unit for v in VECTORS])
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import pi
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from hdassist.design.beside_catalogue import ends_words, off, segments_off, stiffness_object
@@ -15,7 +14,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.brief import again, facts, on_what, proof
-from hdassist.terminal.console import Style, grid, table
+from hdassist.terminal.console import Style, TextTable, grid
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
@@ -64,10 +63,10 @@ def render(
     if plots:
         drawn = curve(style, result.torque, result.twist_arcsec, x_label="torque, N·m", y_label="twist, arcsec")
         parts.append(Text(drawn))
-    parts += [_segments(drive, result, style, both=details)] if result.positive else []
+    parts += [segments_table(drive, result, style, both=details)] if result.positive else []
     if details:
         parts += [facts(style, [("segments", words)])] if (words := ends_words(drive, result)) else []
-        parts += [*([_tangents(result, style)] if result.tangents else []), _whole(drive, result, style)]
+        parts += details_tables(drive, result, style)
         parts.append(Text(f"certificate: {result.certificate}{cross_checked([result.cross_check])}"))
     else:
         parts.append(facts(style, _lines(drive, result)))
@@ -103,15 +102,14 @@ def _percent(percent: float | None) -> str:
     return "-" if percent is None else f"{percent:+.0f} %"
 
 
-def _segments(drive: Drive, result: Stiffness, style: Style, *, both: bool) -> Table:
+def segments_table(drive: Drive, result: Stiffness, style: Style, *, both: bool) -> TextTable:
     """A row for each segment, beside what the catalogue says of it; both, whether those of the negative side follow."""
-    found = table(style, "torsional stiffness")
     theirs = (drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3)
     wide = style.width >= NARROW
     beside = ["catalogue", "off by"][: 1 + wide] if any(theirs) else []
     other = ["K, N·m/arcmin"][:wide]
-    for words in ("", "torque, N·m", "K, 1e4 N·m/rad", *beside, *other):
-        found.add_column(style.text(words), justify="right" if words else "left", overflow="fold")
+    found = grid(style, "torsional stiffness", "", "torque, N·m", "K, 1e4 N·m/rad", *beside, *other)
+    found.overflow = "fold"
     for side in (result.positive, result.negative)[: 1 + both]:
         percents = segments_off(drive.catalogue, side)
         for k, (segment, K, percent) in enumerate(zip(side, theirs, percents, strict=False), 1):
@@ -122,17 +120,22 @@ def _segments(drive: Drive, result: Stiffness, style: Style, *, both: bool) -> T
     return found
 
 
-def _tangents(result: Stiffness, style: Style) -> Table:
+def details_tables(drive: Drive, result: Stiffness, style: Style) -> Iterator[TextTable]:
+    """Tangent stiffnesses where torques were asked for, and the figures near zero."""
+    if result.tangents:
+        yield _tangents(result, style)
+    yield _near_zero(drive, result, style)
+
+
+def _tangents(result: Stiffness, style: Style) -> TextTable:
     found = grid(style, "tangent stiffness dT/dphi", "torque, N·m", "1e4 N·m/rad", "N·m/arcmin", words=0)
     for tangent in result.tangents:
         found.add_row(f"{tangent.torque:g}", _scaled(tangent.stiffness), f"{tangent.stiffness * ARCMIN:.4g}")
     return found
 
 
-def _whole(drive: Drive, result: Stiffness, style: Style) -> Table:
-    found = table(style, "near zero", header=False)
-    found.add_column()
-    found.add_column(justify="right")
+def _near_zero(drive: Drive, result: Stiffness, style: Style) -> TextTable:
+    found = TextTable(style, "near zero", ("", ""), (False, True), header=False)
     for quantity in WHOLE:
         found.add_row(style.text(quantity.words), quantity.text(result))
     if drive.catalogue.lost_motion:
@@ -143,16 +146,12 @@ def _whole(drive: Drive, result: Stiffness, style: Style) -> Table:
 
 def to_json(drive: Drive, result: Stiffness) -> Json:
     """The curve and what is read off it as a JSON object."""
-
-    def segments(side: tuple[Segment, ...]) -> list[dict[str, float]]:
-        return [{"from_Nm": s.start, "to_Nm": s.end, "stiffness_Nm_per_rad": s.stiffness} for s in side]
-
     return {
         **envelope("stiffness", drive, 0, warnings(drive, result)),
         **as_object(WHOLE, result),
         "catalogue": stiffness_object(drive.catalogue, result),
-        "positive": segments(result.positive),
-        "negative": segments(result.negative),
+        "positive": segment_objects(result.positive),
+        "negative": segment_objects(result.negative),
         "tangents": [{"M_g_Nm": t.torque, "stiffness_Nm_per_rad": t.stiffness} for t in result.tangents],
         "curve": {
             "torque_Nm": result.torque.tolist(),
@@ -162,6 +161,11 @@ def to_json(drive: Drive, result: Stiffness) -> Json:
         },
         "certificate": certificate_object(result.certificate, [result.cross_check]),
     }
+
+
+def segment_objects(side: Iterable[Segment]) -> list[Json]:
+    """Segments of one side for JSON."""
+    return [{"from_Nm": s.start, "to_Nm": s.end, "stiffness_Nm_per_rad": s.stiffness} for s in side]
 
 
 def figures(result: Stiffness) -> Figures:

@@ -6,8 +6,8 @@ import io
 
 import numpy as np
 
-from hdassist.comparing import page as compare_page
 from hdassist.comparing.compare import Comparison, RecordConvention, compare, zero_of
+from hdassist.comparing.page import comparison_page
 from hdassist.error.error_map import searchable
 from hdassist.error.trace import Trace, trace
 from hdassist.errors import UntrustedError
@@ -104,7 +104,7 @@ def compared(asked: TraceQuestion) -> Compared:
     predicted = np.asarray(result.predicted_arcsec)
     return Compared(
         file=record.file,
-        turns=tuple(np.asarray(result.found.bins.turns).tolist()),
+        turns=tuple(np.asarray(result.sweep.bins.turns).tolist()),
         measured_arcsec=tuple((predicted + result.residual_arcsec).tolist()),
         predicted_arcsec=tuple(predicted.tolist()),
         page=_page(result),
@@ -114,5 +114,5 @@ def compared(asked: TraceQuestion) -> Compared:
 def _page(result: Comparison) -> str:
     """The page of the command, without its plot."""
     style, page = Style(ascii=False, codes=False, width=COLUMNS), io.StringIO()
-    console(page, style).print(compare_page.render(result, style, plots=False))
+    console(page, style).print(comparison_page(result, style, plots=False))
     return page.getvalue()

@@ -6,13 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
 import numpy as np
-from rich.table import Table
 
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
 from hdassist.terminal.answers import Json
-from hdassist.terminal.console import Style, grid
+from hdassist.terminal.console import Style, TextTable, grid
 
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
@@ -20,7 +19,7 @@ SHARES = ("probability_good", "probability_best", "expected_loss")  # of a posit
 
 def losses_table(
     found: PositionStatistics, holes: int, torques: Sequence[float], style: Style, title: str, most: int
-) -> Table:
+) -> TextTable:
     """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, what it loses."""
     heads = ("position", "good, %", "median", "5 %", "95 %", "loss, %")
     rows = grid(style, f"{title}\nF'_ior in arcsec at {beside(torques, 'g')} N·m", *heads)

@@ -7,7 +7,6 @@ from dataclasses import asdict
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from hdassist.belief.samples import Probability
@@ -22,7 +21,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
-from hdassist.terminal.console import Style, grid
+from hdassist.terminal.console import Style, TextTable, grid
 from hdassist.terminal.influence_words import (
     influence_objects,
     influence_words,
@@ -42,6 +41,7 @@ OPEN_NAMED = 4  # fields that are not known exactly, which are named
 RANGED = 2  # torques whose ranges stand beside their medians
 VERDICTS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
 NEXT_DRAWS = 4  # times as many samples, where chance alone leaves an order open
+TURNS = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
 
 
 def _phase_words(advice: Advice) -> str:
@@ -126,22 +126,22 @@ def render(
     drive, result = advice.drive, advice.curve
     words = f"{drive.name}: {VERDICTS[advice.order]}, the fixed {TRADE[drive.mounting.fixed]} on its seat"
     head = Text(style.text(words + heading(advice.measured)), style="bold")
-    parts: list[RenderableType] = [head, Text(style.text(what_to_do(advice))), facts(style, _first_lines(advice))]
-    parts += [] if advice.any_hole else [_positions(advice, style)]
+    parts: list[RenderableType] = [head, Text(style.text(what_to_do(advice))), facts(style, gain_lines(advice))]
+    parts += [] if advice.any_hole else [positions_table(advice, style)]
     if plots and not advice.any_hole:
         parts.append(Text(seat_text(advice.choice, style)))
     if plots and details and advice.has_curve:
         parts += [Text(drawn) for drawn in _curves(advice, style)]
     if details:
-        parts += _tables(advice, style)
-    turns = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
-    parts += [Text(style.text(turns)), facts(style, _lines(advice, details=details, carded=carded))]
+        parts += advice_tables(advice, style)
+    parts += [Text(style.text(TURNS)), facts(style, fact_lines(advice, details=details, carded=carded))]
     if details:
-        parts.append(Text(_proof(result)))
+        parts.append(Text(curve_proof(result)))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _tables(advice: Advice, style: Style) -> Iterator[Table]:
+def advice_tables(advice: Advice, style: Style) -> Iterator[TextTable]:
+    """Each torque alone, and the positions over the samples."""
     if advice.has_curve:
         yield _torques(advice, style)
     if found := advice.positions:
@@ -154,7 +154,7 @@ def _tables(advice: Advice, style: Style) -> Iterator[Table]:
         yield losses_table(found, advice.curve.holes, advice.curve.torques, style, title, SHOWN)
 
 
-def _first_lines(advice: Advice) -> Iterator[tuple[str, str]]:
+def gain_lines(advice: Advice) -> Iterator[tuple[str, str]]:
     """Gain of turning with its range, and how sure it is."""
     say, found = texts(), advice.positions
     if found and not advice.no_hole_better:
@@ -173,7 +173,7 @@ def _first_lines(advice: Advice) -> Iterator[tuple[str, str]]:
         yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
 
 
-def _lines(advice: Advice, *, details: bool, carded: bool) -> Iterator[tuple[str, str]]:
+def fact_lines(advice: Advice, *, details: bool, carded: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the positions, a label and a text each."""
     samples, drive = advice.samples, advice.drive
     if advice.positions and advice.worth_turning:
@@ -219,7 +219,8 @@ def _curves(advice: Advice, style: Style) -> list[str]:
     ]
 
 
-def _proof(result: MountingCurve) -> str:
+def curve_proof(result: MountingCurve) -> str:
+    """The certificate of the curves, and at how many of their points every state was solved."""
     solved, places = int(result.every_state.sum()), result.every_state.size
     proven = result.certificate
     words = f"certificate: {proven.states} states, greatest residual {proven.max_residual:.1e} of its scale"
@@ -229,7 +230,7 @@ def _proof(result: MountingCurve) -> str:
     return words
 
 
-def _positions(advice: Advice, style: Style) -> Table:
+def positions_table(advice: Advice, style: Style) -> TextTable:
     """The present, chosen, second and worst position: F'_ior, over samples its median and range."""
     choice, found, torques = advice.choice, advice.positions, advice.curve.torques
     title = "positions (best for the torque served worst)"
@@ -257,12 +258,12 @@ def _where(position: Position) -> tuple[str, str]:
     return "-" if position.hole is None else f"{position.hole}", f"{position.rotation_deg:g}"
 
 
-def _torques(advice: Advice, style: Style) -> Table:
+def _torques(advice: Advice, style: Style) -> TextTable:
     result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
     heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
     title = "each torque alone" + ", by values as given, the unknown as 0" * bool(advice.positions)
     rows = grid(style, title, *heads, words=0)
-    rows.columns[0].no_wrap = True
+    rows.unwrapped = 1
     for k, M_g in enumerate(result.torques):
         found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
         rows.add_row(f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *found)

@@ -1,29 +1,18 @@
-"""What a report is made of, whatever it is written as: paragraphs, tables, figures, in sections."""
+"""Blocks of a report, whatever it is written as: paragraphs, tables, figures, in sections."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from hdassist.mounting.seat_page import Seat
+from hdassist.terminal.console import TextTable
 
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Text; strong: to be seen first."""
+    """Text."""
 
     text: str
-    strong: bool = False
-
-
-@dataclass(frozen=True)
-class Table:
-    """Title, heads of the columns (none: without), rows of cells; right: columns that have numbers; notes below."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    right: tuple[bool, ...]
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -37,7 +26,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class Shape:
+class ChartShape:
     """Corners of a line or of an area in a chart, "x,y x,y", and what it is: line, area, whisker, limit."""
 
     points: str
@@ -58,7 +47,7 @@ class Chart:
     y_label: str
     ticks: tuple[Label, ...]
     grid: tuple[float, ...]
-    shapes: tuple[Shape, ...]
+    shapes: tuple[ChartShape, ...]
     dots: tuple[Label, ...] = ()
 
 
@@ -71,11 +60,11 @@ class Figure:
     text: str
 
 
-Block = Paragraph | Table | Figure
+Block = Paragraph | TextTable | Figure
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """Blocks under a title."""
 
     title: str
@@ -101,5 +90,5 @@ class Report:
     reasons: tuple[str, ...]
     tiles: tuple[Tile, ...]
     warnings: tuple[str, ...]
-    sections: tuple[Section, ...]
+    sections: tuple[ReportSection, ...]
     foot: tuple[str, ...]

@@ -14,7 +14,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.comparing.sheet import DriveSheet
 
-KINDS = (".html", ".md")
+REPORT_SUFFIXES = (".html", ".md")
 
 
 @o.with_groups
@@ -41,10 +41,10 @@ def command(
     Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE, or no position of the
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """
-    from hdassist.comparing.sheet import estimate_states, sheet_of
+    from hdassist.comparing.sheet import sheet_of, sheet_states
     from hdassist.design.check_page import summary_line
-    from hdassist.reporting.page import exit_code, report_of, to_json
-    from hdassist.reporting.render import html, markdown
+    from hdassist.reporting.page import report_exit_code, report_json, report_of
+    from hdassist.reporting.render import report_html, report_markdown
     from hdassist.run.processes import workers
     from hdassist.terminal.answers import json_text
     from hdassist.terminal.output import note, warn
@@ -52,7 +52,7 @@ def command(
     kind = _kind(options)
     out, begun = options.open(), time.monotonic()
     drive = drives.load(preset)
-    with out.progress(drive.name, estimate_states(drive, draws)) as progress, workers(jobs) as executor:
+    with out.progress(drive.name, sheet_states(drive, draws)) as progress, workers(jobs) as executor:
         sheet: DriveSheet = sheet_of(drive, draws=draws, seed=seed, executor=executor, progress=progress)
     made = report_of(sheet, draws=draws, seed=seed, ascii=out.style.ascii)
     for text in made.warnings:
@@ -60,15 +60,15 @@ def command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {sheet.certificate}")
     if options.json:
-        out.text(json_text(to_json(sheet, seed)))
+        out.text(json_text(report_json(sheet, seed)))
     elif options.quiet:
         out.text(f"{summary_line(sheet.check)}\n")
     elif kind == ".html":
-        page = html(made)
+        page = report_html(made)
         out.text(page.encode("ascii", "xmlcharrefreplace").decode() if options.ascii else page)
     else:
-        out.text(markdown(made, out.style.text))
-    raise typer.Exit(exit_code(sheet))
+        out.text(report_markdown(made, out.style.text))
+    raise typer.Exit(report_exit_code(sheet))
 
 
 def _kind(options: o.AnswerOptions) -> str:
@@ -76,6 +76,8 @@ def _kind(options: o.AnswerOptions) -> str:
     if options.output == "-" or options.json or options.quiet:
         return ".md"
     kind = Path(options.output).suffix.lower()
-    if kind not in KINDS:
-        raise UsageError(f"a report cannot be written as {options.output!r}", f"its name ends in {' or '.join(KINDS)}")
+    if kind not in REPORT_SUFFIXES:
+        raise UsageError(
+            f"a report cannot be written as {options.output!r}", f"its name ends in {' or '.join(REPORT_SUFFIXES)}"
+        )
     return kind

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table as Grid
-from rich.text import Text
 
-from hdassist.comparing.presets_page import sheet_warnings
+from hdassist.comparing.presets_page import F_ior_words, sheet_warnings
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.design import check_page
+from hdassist.design.beside_catalogue import ends_words
 from hdassist.design.check import OperatingPoint
 from hdassist.design.check_page import BELIEF, MONTE_CARLO, POINT, SLOPES, reason
-from hdassist.design.stiffness_page import ARCMIN
-from hdassist.design.stiffness_page import render as stiffness_render
+from hdassist.design.stiffness_page import ARCMIN, details_tables, segments_table
 from hdassist.design.stiffness_page import to_json as stiffness_json
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -28,11 +25,11 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.schema import ResolvedField, counted, resolved, value_text
-from hdassist.reporting.blocks import Block, Figure, Paragraph, Report, Section, Table, Tile
+from hdassist.reporting.blocks import Block, Figure, Paragraph, Report, ReportSection, Tile
 from hdassist.reporting.charts import Dot, chart
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
 from hdassist.terminal.brief import again
-from hdassist.terminal.console import Style
+from hdassist.terminal.console import Style, TextTable
 from hdassist.terminal.influence_words import influence_words, measure_words, named, samples_words
 from hdassist.terminal.plot import curve
 from hdassist.terminal.quantities import Quantity
@@ -40,11 +37,11 @@ from hdassist.terminal.texts import texts
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 
-STYLE = Style(ascii=False, codes=False, width=10_000)  # of tables that nobody cuts
-DRAWN = 80  # columns of figures in characters
-ZERO = "what is not known taken as 0"
-HEAD = ("field", "value", "unit", "plausible range; where from")
-KINDS = {
+UNCUT = Style(ascii=False, codes=False, width=10_000)  # of tables, whatever their width
+FIGURE_COLUMNS = 80  # of figures in characters
+UNKNOWN_AS_ZERO = "what is not known taken as 0"
+FIELD_HEADS = ("field", "value", "unit", "plausible range; where from")
+ORIGIN_WORDS = {
     NOT_KNOWN: "not given (a direction of what is 0 does not matter)",
     "override": "set on the command line",
     "assumed": "assumed",
@@ -52,7 +49,7 @@ KINDS = {
     "given": "given",
     "default": "left to the default",
 }
-WORDS = {
+VERDICT_WORDS = {
     Verdict.PASS: "within its limits",
     Verdict.FAIL: "beyond its limits",
     Verdict.INCONCLUSIVE: "what is not known could reverse it",
@@ -60,15 +57,15 @@ WORDS = {
 }
 
 
-def exit_code(sheet: DriveSheet) -> int:
+def report_exit_code(sheet: DriveSheet) -> int:
     """Exit code of the command: that of check or of mount, whichever is worse."""
     return worst_exit_code([sheet.check.verdict.exit_code, mount_page.exit_code(sheet.advice)])
 
 
-def to_json(sheet: DriveSheet, seed: int) -> Json:
+def report_json(sheet: DriveSheet, seed: int) -> Json:
     """What stands in the report, as the commands that it is of give it."""
     return {
-        **envelope("report", sheet.drive, exit_code(sheet), sheet_warnings(sheet)),
+        **envelope("report", sheet.drive, report_exit_code(sheet), sheet_warnings(sheet)),
         "verdict": str(sheet.check.verdict),
         "values": counted(sheet.drive),
         "check": check_page.to_json(sheet.check, seed),
@@ -81,24 +78,24 @@ def to_json(sheet: DriveSheet, seed: int) -> Json:
 
 def report_of(sheet: DriveSheet, *, draws: int, seed: int, ascii: bool = False) -> Report:
     """The report of a drive; draws, seed: of what is not known; ascii: figures in 7-bit characters."""
-    style = Style(ascii, codes=False, width=DRAWN)
+    style = Style(ascii, codes=False, width=FIGURE_COLUMNS)
     drive, verdict = sheet.drive, sheet.check.verdict
     k = Kinematics.of(drive)
     subject = f"{k.z_g}/{k.z_b} teeth, module {drive.gears.m:g} mm, ratio {abs(k.u):g}, fixed: {TRADE[k.fixed]}"
     return Report(
         title=drive.name,
         subject=subject,
-        verdict=f"{verdict}: {WORDS[verdict]}",
+        verdict=f"{verdict}: {VERDICT_WORDS[verdict]}",
         reasons=tuple(_reasons(sheet)),
         tiles=tuple(_tiles(sheet)),
         warnings=sheet_warnings(sheet),
         sections=(
-            Section("Kinematic error", tuple(_errors(sheet, style))),
-            Section("Mounting the fixed wheel", tuple(_mounting(sheet, style))),
-            Section("Torsional stiffness", tuple(_stiffness(sheet, style))),
-            Section("What it rests on, and what is not known", tuple(_basis(sheet))),
-            Section("Where its values come from", tuple(_values(drive))),
-            Section("Provenance", (_provenance(drive, draws, seed),)),
+            ReportSection("Kinematic error", tuple(_errors(sheet, style))),
+            ReportSection("Mounting the fixed wheel", tuple(_mounting(sheet, style))),
+            ReportSection("Torsional stiffness", tuple(_stiffness(sheet, style))),
+            ReportSection("What it rests on, and what is not known", tuple(_basis(sheet))),
+            ReportSection("Where its values come from", tuple(_values(drive))),
+            ReportSection("Provenance", (_provenance(drive, draws, seed),)),
         ),
         foot=(f"certificate: {sheet.certificate}{cross_checked(sheet.cross_checks)}",),
     )
@@ -107,9 +104,7 @@ def report_of(sheet: DriveSheet, *, draws: int, seed: int, ascii: bool = False) 
 def _reasons(sheet: DriveSheet) -> Iterator[str]:
     """Why the verdict is what it is; what to do with the wheel; what it rests on most; what to do next."""
     for point in sheet.check.points:
-        found = point.belief
-        value = f"{found.p5:.2f} to {found.p95:.2f}" if found else f"{point.error.F_ior_arcsec:.2f}"
-        words = f"{point.M_g:g} N·m: F'_ior {value}, self error {point.self_error.range_arcsec:.2f} arcsec"
+        words = f"{point.M_g:g} N·m: F'_ior {F_ior_words(point)}, self error {point.self_error.range_arcsec:.2f} arcsec"
         limit = (
             "" if point.limit_arcsec is None else f"; both together may have {point.limit_arcsec:g}: {point.verdict}"
         )
@@ -130,11 +125,8 @@ def _reasons(sheet: DriveSheet) -> Iterator[str]:
 
 def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
     for point in sheet.check.points:
-        if found := point.belief:
-            value, below = f"{found.p5:.1f} to {found.p95:.1f}", "arcsec, 5 to 95 % over what is not known"
-        else:
-            value, below = f"{point.error.F_ior_arcsec:.1f}", "arcsec over the full cycle"
-        yield Tile(f"F'_ior at {point.M_g:g} N·m", value, below)
+        below = "arcsec, 5 to 95 % over what is not known" if point.belief else "arcsec over the full cycle"
+        yield Tile(f"F'_ior at {point.M_g:g} N·m", F_ior_words(point, ".1f"), below)
     advice = sheet.advice
     if advice.order == "none":
         yield Tile("position of the wheel", NOT_KNOWN, "measure first")
@@ -149,7 +141,7 @@ def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
 
 def _errors(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     check = sheet.check
-    taken = f", {ZERO}" if check.unknown else ""
+    taken = f", {UNKNOWN_AS_ZERO}" if check.unknown else ""
     for point in check.points:
         turns = np.asarray(point.error.states.phi_h / (2 * np.pi))
         yield _figure(
@@ -165,11 +157,21 @@ def _errors(sheet: DriveSheet, style: Style) -> Iterator[Block]:
         yield _by_torque(f"what a micrometre more does to F'_ior{taken}", (POINT[0], *SLOPES), check.points)
 
 
-def _by_torque(title: str, shown: Iterable[Quantity[OperatingPoint]], points: Iterable[OperatingPoint]) -> Table:
+def _table(title: str, heads: Sequence[str], rows: Iterable[tuple[str, ...]], *, numbers: Container[int]) -> TextTable:
+    """A table; numbers: places of the columns that have such."""
+    return TextTable(UNCUT, title, tuple(heads), tuple(k in numbers for k in range(len(heads))), rows=[*rows])
+
+
+def _headless(rows: Iterable[tuple[str, str]]) -> TextTable:
+    """A table of labels and texts."""
+    return TextTable(UNCUT, "", ("", ""), (False, False), header=False, rows=[*rows])
+
+
+def _by_torque(title: str, shown: Iterable[Quantity[OperatingPoint]], points: Iterable[OperatingPoint]) -> TextTable:
     """A row a quantity, a column a torque: the first quantity is the head."""
     first, *rest = [(q.words.strip(), *(q.text(point) for point in points)) for q in shown]
     rest = [row for row in rest if set(row[1:]) - {"-", str(Verdict.NO_LIMIT)}]
-    return Table(title, first, tuple(rest), (False, *([True] * (len(first) - 1))))
+    return _table(title, first, rest, numbers=range(1, len(first)))
 
 
 def _figure(style: Style, caption: str, x: Array, y: Array, x_label: str, y_label: str, **how: Any) -> Figure:
@@ -180,14 +182,20 @@ def _figure(style: Style, caption: str, x: Array, y: Array, x_label: str, y_labe
 
 def _mounting(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     advice, choice = sheet.advice, sheet.advice.choice
-    _, instruction, *rest = blocks_of(mount_page.render(advice, STYLE, plots=False, details=True))
-    yield instruction
+    yield Paragraph(mount_page.what_to_do(advice))
+    if rows := tuple(mount_page.gain_lines(advice)):
+        yield _headless(rows)
     if advice.order != "none":
         seat = seat_of(choice, texts(), choice.chosen if choice.turn else None)
         yield Figure(seat.title, seat, seat_text(choice, style))
     if advice.has_curve and len(advice.curve.rotation_deg) > 1:
         yield from _curves(sheet, style)
-    yield from rest
+    if not advice.any_hole:
+        yield mount_page.positions_table(advice, UNCUT)
+    yield from mount_page.advice_tables(advice, UNCUT)
+    yield Paragraph(mount_page.TURNS)
+    yield _headless(tuple(row for row in mount_page.fact_lines(advice, details=True, carded=False) if row[1]))
+    yield Paragraph(mount_page.curve_proof(advice.curve))
 
 
 def _curves(sheet: DriveSheet, style: Style) -> Iterator[Figure]:
@@ -208,7 +216,7 @@ def _curves(sheet: DriveSheet, style: Style) -> Iterator[Figure]:
         if advice.positions:
             caption += "; bars: 5 to 95 % over all that is not known exactly"
         if advice.unknown and not advice.any_hole:
-            caption += f"; line: {ZERO}"
+            caption += f"; line: {UNKNOWN_AS_ZERO}"
         if limit is not None:
             caption += "; dashed: the limit less the self error"
             limit -= point.self_error.range_arcsec
@@ -243,7 +251,12 @@ def _stiffness(sheet: DriveSheet, style: Style) -> Iterator[Block]:
     found = sheet.stiffness
     caption = "Twist of the drive without deviations, the cam held"
     yield _figure(style, caption, found.torque, found.twist_arcsec, "torque, N·m", "twist, arcsec")
-    yield from blocks_of(stiffness_render(sheet.drive, found, STYLE, plots=False, details=True))[1:]
+    if found.positive:
+        yield segments_table(sheet.drive, found, UNCUT, both=True)
+    if words := ends_words(sheet.drive, found):
+        yield _headless((("segments", words),))
+    yield from details_tables(sheet.drive, found, UNCUT)
+    yield Paragraph(f"certificate: {found.certificate}{cross_checked([found.cross_check])}")
 
 
 def _basis(sheet: DriveSheet) -> Iterator[Block]:
@@ -256,13 +269,13 @@ def _basis(sheet: DriveSheet) -> Iterator[Block]:
         )
         title = f"not known exactly: {samples_words(check.samples)}" if check.samples else "not known exactly"
         head = ("field", "from", "to", "unit", "distribution", "whose")
-        yield Table(title, head, drawn, (False, True, True, False, False, False))
+        yield _table(title, head, drawn, numbers=(1, 2))
     else:
         yield Paragraph("Nothing that has a plausible range is assumed.")
     if check.unknown:
         units = {path: unit_of(info) for path, info in field_table().items()}
         rows = tuple((u.path, f"{u.low:g}", f"{u.high:.4g}", units[u.path], u.reason) for u in check.unknown)
-        yield Table("not known", ("field", "from", "to", "unit", "why"), rows, (False, True, True, False, False))
+        yield _table("not known", ("field", "from", "to", "unit", "why"), rows, numbers=(1, 2))
     else:
         yield Paragraph("All deviations of the drive are given, as far as they matter.")
 
@@ -274,12 +287,12 @@ def _values(drive: Drive) -> Iterator[Block]:
         f"{values['assumed']} assumed. What values were identified from agrees with the model by itself and proves "
         "nothing; what the model was compared with stands in docs/validation.md."
     )
-    for kind, words in KINDS.items():
+    for kind, words in ORIGIN_WORDS.items():
         found = tuple(_cells(row) for row in rows if row.kind == kind and not of_catalogue(row.path))
         if found:
-            yield Table(f"{words}: {len(found)}", HEAD, found, (False, True, False, False))
+            yield _table(f"{words}: {len(found)}", FIELD_HEADS, found, numbers=(1,))
     if beside := tuple(_cells(row) for row in rows if of_catalogue(row.path) and row.value is not None):
-        yield Table("what the catalogue says", HEAD, beside, (False, True, False, False))
+        yield _table("what the catalogue says", FIELD_HEADS, beside, numbers=(1,))
 
 
 def _cells(row: ResolvedField) -> tuple[str, ...]:
@@ -287,7 +300,7 @@ def _cells(row: ResolvedField) -> tuple[str, ...]:
     return row.path, value_text(row.value), row.unit, "; ".join(filter(None, (bounds, row.ref)))
 
 
-def _provenance(drive: Drive, draws: int, seed: int) -> Table:
+def _provenance(drive: Drive, draws: int, seed: int) -> TextTable:
     origin = drive.origin
     rows = (
         ("preset", drive.name),
@@ -298,18 +311,4 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Table:
         ("hdassist", __version__),
         ("seed", f"{seed}; {draws} effective samples of what is not known at least"),
     )
-    return Table("", (), rows, (False, False))
-
-
-def blocks_of(page: RenderableType) -> list[Block]:
-    """The texts and tables of a page for a terminal, as blocks."""
-    if isinstance(page, Group):
-        return [block for part in page.renderables for block in blocks_of(part)]
-    if isinstance(page, Grid):
-        title, *notes = str(page.title or "").split("\n")
-        columns = [list(column.cells) for column in page.columns]
-        head = tuple(str(column.header) for column in page.columns) if page.show_header else ()
-        rows = tuple(tuple(map(str, row)) for row in zip(*columns, strict=True))
-        return [Table(title, head, rows, tuple(c.justify == "right" for c in page.columns), tuple(notes))]
-    text = str(page).strip() if isinstance(page, Text | str) else ""
-    return [Paragraph(text, isinstance(page, Text) and "bold" in str(page.style))] if text else []
+    return _headless(rows)

@@ -10,13 +10,13 @@ from markupsafe import Markup
 
 from hdassist.mounting.card_render import environment, html_safe, markdown_safe
 from hdassist.mounting.card_svg import seat_geometry
-from hdassist.reporting.blocks import Block, Chart, Figure, Paragraph, Report, Table
+from hdassist.reporting.blocks import Block, Chart, Figure, Paragraph, Report
 from hdassist.visible import visible
 
-KINDS = {"chart": Chart, "figure": Figure, "paragraph": Paragraph, "table": Table}
+BLOCKS = {"chart": Chart, "figure": Figure, "paragraph": Paragraph}
 
 
-def html(report: Report) -> str:
+def report_html(report: Report) -> str:
     """The report as one HTML file: everything inside it, no scripts."""
     page = _environment(autoescape=True, finalize=html_safe, batches=_batches)
     seat = page.get_template("seat.svg")
@@ -24,7 +24,7 @@ def html(report: Report) -> str:
     return page.get_template("report.html").render(report=report)
 
 
-def markdown(report: Report, shown: Callable[[str], str] = str) -> str:
+def report_markdown(report: Report, shown: Callable[[str], str] = str) -> str:
     """The report as Markdown, with the tables of GitHub's dialect and figures in characters.
 
     shown: what can be shown of a text, before what Markdown takes for signs is escaped.
@@ -40,7 +40,7 @@ def markdown(report: Report, shown: Callable[[str], str] = str) -> str:
 def _environment(**options: Any) -> Environment:
     """Where templates are found, which can ask what kind a block is."""
     found = environment("hdassist.reporting", **options)
-    for name, kind in KINDS.items():
+    for name, kind in BLOCKS.items():
         found.tests[name] = lambda block, kind=kind: isinstance(block, kind)
     return found
 

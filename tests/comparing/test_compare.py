@@ -9,7 +9,7 @@ import pytest
 
 from hdassist import kinematic_error, load_preset, trace
 from hdassist.comparing.compare import Comparison, RecordConvention, alignment_of, compare, torque_of, zero_of
-from hdassist.comparing.page import overrides_of, render
+from hdassist.comparing.page import comparison_page, overrides_of
 from hdassist.comparing.record import Alignment, solved_curve
 from hdassist.comparing.vectors import VECTORS, vectors_of
 from hdassist.error.waves import ErrorWaves
@@ -44,7 +44,7 @@ def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float
 def told_on(result: Comparison, **asked: bool) -> str:
     """The page of a comparison as words one space apart."""
     style = Style(ascii=False, codes=False, width=80)
-    return " ".join(Output(style).page(render(result, style, plots=False, **asked)).split())
+    return " ".join(Output(style).page(comparison_page(result, style, plots=False, **asked)).split())
 
 
 def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
@@ -138,8 +138,8 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
     solved = kinematic_error(there, M_G, cross_check=None).F_ior_arcsec
     assert best.F_ior_arcsec == pytest.approx(solved, abs=0.01)
     assert solved == pytest.approx(kinematic_error(hidden, M_G, cross_check=None).F_ior_arcsec, rel=0.05)
-    assert best.left_arcsec is not None
-    assert best.left_arcsec < 0.5 * result.difference_rms_arcsec
+    assert best.residual_rms_arcsec is not None
+    assert best.residual_rms_arcsec < 0.5 * result.difference_rms_arcsec
     page = told_on(result, details=True)
     for words in (
         "limited to the orders",
@@ -180,7 +180,7 @@ def test_what_a_short_record_does_not_tell_has_no_number(drive):
     hidden = drive.with_values({"phases.xi_b": 150.0})
     result = compare(rig(hidden, 3, noise=1.0), drive, M_G)
     assert result.joint is not None
-    assert result.joint.untold
+    assert result.joint.indistinguishable
     assert result.joint.overrides == ()
     assert result.joint.F_ior_arcsec is None
 

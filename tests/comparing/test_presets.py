@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from dataclasses import replace
@@ -12,13 +11,14 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
-from hdassist.comparing import presets_page
-from hdassist.comparing.changes import Change, changes, drawn_alike
-from hdassist.comparing.fields import differences, other_origins
+from hdassist.comparing.changes import ErrorChange, drive_changes, paired_draws
+from hdassist.comparing.fields import field_differences, other_origins
 from hdassist.comparing.presets import compare_drives
 from hdassist.comparing.presets_command import is_preset
+from hdassist.comparing.presets_page import drives_answer
 from hdassist.model.unknown import unknowns
-from hdassist.terminal.console import Style, console
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output
 from tests.process import SMALL, run
 
 M_G = 4.0
@@ -52,7 +52,7 @@ def files(tmp_path_factory) -> Path:
 
 def test_what_differs_is_told_with_unit_and_origin():
     one, other = small(), small(*BETTER, "mounting.allowed=[0,3]", "catalogue.K_1=3e3", "uncertainty.phases.xi_b=10")
-    found = {field.path: field for field in differences([one, other])}
+    found = {field.path: field for field in field_differences([one, other])}
     assert list(found) == [
         "gears.j_n",
         "tolerances.F_i2",
@@ -60,7 +60,7 @@ def test_what_differs_is_told_with_unit_and_origin():
         "catalogue.K_1",
         "uncertainty.phases.xi_b",
     ]
-    assert [(row.value, row.unit, row.kind) for row in found["gears.j_n"].there] == [
+    assert [(row.value, row.unit, row.kind) for row in found["gears.j_n"].rows] == [
         (6, "um", "given"), (8, "um", "override"),
     ]  # fmt: skip
     assert [path for path, field in found.items() if field.moves] == ["gears.j_n", "tolerances.F_i2"]
@@ -74,15 +74,15 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
     assert found.whole.change_arcsec == pytest.approx(there - here, abs=1e-6)
     assert [change.path for change in found.single] == ["tolerances.F_i2", "gears.j_n"]
     assert [float(c.change_arcsec[0, 0]) for c in found.single] == pytest.approx([F_i2 - here, j_n - here], abs=1e-6)
-    assert (found.none, better.sense(1, 0)) == ((), -1)
+    assert (found.impossible, better.sense(1, 0)) == ((), -1)
     alone = stiffness(small(*BETTER), cross_check=None)
     assert better.sheets[1].stiffness.positive == alone.positive
     holes = mounting_curve(small(), [M_G], [0.0, 90.0, 180.0, 270.0], cross_check=None)
-    assert presets_page.to_json(better, 0)["presets"][0]["best"]["hole"] == holes.recommended.hole
+    assert drives_answer(better, seed=0).to_json()["presets"][0]["best"]["hole"] == holes.recommended.hole
 
 
 def test_the_verdict_comes_first(better):
-    line = presets_page.verdict_line(better)
+    line = drives_answer(better, seed=0).summary_line()
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
     share = 100 * (1 - values[1] / values[0])
     assert line == (
@@ -95,7 +95,7 @@ def test_a_direction_is_a_verdict_only_where_it_is_sure(better):
     [found] = better.changes
 
     def sense(*changed: float, open_: bool = False) -> int | None:
-        whole = Change("", np.array(changed)[:, None], np.full((len(changed), 1), 20.0))
+        whole = ErrorChange("", np.array(changed)[:, None], np.full((len(changed), 1), 20.0))
         sheets = better.sheets
         if open_:
             check = replace(sheets[1].check, unknown=unknowns(small("tolerances.e_hb=unknown")))
@@ -112,22 +112,22 @@ def test_what_is_not_known_lies_alike_in_both():
         small("tolerances.e_hb=unknown"),
         small("tolerances.e_hb=unknown", "phases.xi_b=unknown", "gears.m=0.51"),
     )
-    first, second = drawn_alike([one, other], 5)
+    first, second = paired_draws([one, other], 5)
     a, b = ({u.path: u for u in unknowns(drive)}["tolerances.e_hb"] for drive in (one, other))
     assert a.high < b.high
     assert [d.tolerances.e_hb / a.high for d in first] == pytest.approx([d.tolerances.e_hb / b.high for d in second])
     assert len({d.phases.xi_b for d in second}) == 5
     assert not any(map(unknowns, (*first, *second)))
-    assert drawn_alike([small()], 5) == [[small()]]
+    assert paired_draws([small()], 5) == [[small()]]
 
 
 def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
     one = small("tolerances.F_i2=0", "phases.xi_b=unknown")
     other = small("phases.xi_b=90", "gears.z_g=62", "gears.z_b=64", "cam.W_0=0.57")
-    fields = [field for field in differences([one, other]) if field.moves]
-    found = changes(one, other, [M_G], fields)
+    fields = [field for field in field_differences([one, other]) if field.moves]
+    found = drive_changes(one, other, [M_G], fields)
     # teeth go in pairs; and the size of a deviation alone leaves its direction open
-    assert set(found.none) >= {"gears.z_g", "gears.z_b", "tolerances.F_i2"}
+    assert set(found.impossible) >= {"gears.z_g", "gears.z_b", "tolerances.F_i2"}
     assert {change.path for change in found.single} == {"phases.xi_b", "cam.W_0"}
     assert [float(c.change_arcsec[0, 0]) for c in found.single if c.path == "phases.xi_b"] == [0]
 
@@ -179,27 +179,26 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
 
 def test_three_presets_are_held_against_the_first(better):
     sheets = (*better.sheets, better.sheets[0])
-    fields = differences([sheet.drive for sheet in sheets])
+    fields = field_differences([sheet.drive for sheet in sheets])
     three = replace(better, sheets=sheets, differences=fields, changes=better.changes * 2)
-    first, second = presets_page.verdict_line(three).splitlines()
+    answer = drives_answer(three, seed=0)
+    first, second = answer.summary_line().splitlines()
     assert (first[:11], second[:11]) == ("B against A", "C against A")
     assert (first.rpartition("; ")[2], second.rpartition("; ")[2]) == ("2 fields differ", "no field differs")
-    assert len(presets_page.to_json(three, 0)["changes"]) == 2
-    assert len(presets_page.figures(three)[1]) == 3
+    assert len(answer.to_json()["changes"]) == 2
+    assert len(answer.figures()[1]) == 3
 
 
 def test_the_page_is_short_and_has_the_rest_on_request(better):
-    style = Style(ascii=True, codes=False, width=80)
-    page = io.StringIO()
-    console(page, style).print(presets_page.render(better, style))
-    short = page.getvalue()
-    console(page, style).print(presets_page.render(better, style, details=True))
-    long = page.getvalue().removeprefix(short)
+    out = Output(Style(ascii=True, codes=False, width=80))
+    short, long = (
+        out.page(drives_answer(better, seed=0, details=details).page(out.style)) for details in (False, True)
+    )
     assert short.startswith("B against A: ")
     assert max(map(len, short.splitlines())) <= 80
-    told = re.sub(r"\s+", " ", short)
-    assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in told
-    assert "-o report.html more --details proof" in told
+    plain = re.sub(r"\s+", " ", short)
+    assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in plain
+    assert "-o report.html more --details proof" in plain
     for words in ("what differs", "origin of B", "certificate: "):
         assert words in long
         assert words not in short

@@ -21,9 +21,11 @@ from pydantic import TypeAdapter
 
 from hdassist.mounting import card_render
 from hdassist.reporting import render as report_render
-from hdassist.reporting.blocks import Figure, Paragraph, Report, Section, Table, Tile
+from hdassist.reporting.blocks import Figure, Paragraph, Report, ReportSection, Tile
 from hdassist.reporting.charts import Dot, chart
+from hdassist.reporting.page import UNCUT
 from hdassist.run.kept import Owner, RecordKind, open_kept
+from hdassist.terminal.console import TextTable
 from tests.advices import advice_of, card
 from tests.process import TINY, on_terminal, run
 from tests.test_visible import EVERY_HIDDEN, hidden
@@ -197,14 +199,16 @@ def report_of(word: str) -> Report:
     drawn = chart(x, x, x_label=word, y_label=word, dots=[Dot(1, 1, word, "now")])
     blocks = (
         Paragraph(word),
-        Table(word, (word, word), ((word, word),), (False, True), (word,)),
+        TextTable(UNCUT, f"{word}\n{word}", (word, word), (False, True), rows=[(word, word)]),
         Figure(word, drawn, word),
         Figure(word, replace(CARD.seat, title=word), word),
     )
-    return Report(word, word, word, (word,), (Tile(word, word, word),), (word,), (Section(word, blocks),), (word,))
+    return Report(
+        word, word, word, (word,), (Tile(word, word, word),), (word,), (ReportSection(word, blocks),), (word,)
+    )
 
 
-PLAIN = [*map(report_render.html(report_of("a")).count, "<>")]
+PLAIN = [*map(report_render.report_html(report_of("a")).count, "<>")]
 
 
 @hostile
@@ -213,7 +217,7 @@ PLAIN = [*map(report_render.html(report_of("a")).count, "<>")]
 @example("</title><svg onload=x> | `a` ```")
 @given(WORDS)
 def test_reports(word: str) -> None:
-    page, text = (make(report_of(word)) for make in (report_render.html, report_render.markdown))
+    page, text = (make(report_of(word)) for make in (report_render.report_html, report_render.report_markdown))
     assert not hidden(page + text)
     assert [*map(page.count, "<>")] == PLAIN  # no more elements than with a word of letters
     assert text.count("\n```") == 4

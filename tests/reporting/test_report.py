@@ -18,9 +18,9 @@ from hdassist.mounting.page import to_json as mount_json
 from hdassist.mounting.page import what_to_do
 from hdassist.preset.schema import counted
 from hdassist.reporting.blocks import Figure
-from hdassist.reporting.charts import COLUMNS, chart
-from hdassist.reporting.page import exit_code, report_of, to_json
-from hdassist.reporting.render import html, markdown
+from hdassist.reporting.charts import ENVELOPE_COLUMNS, chart
+from hdassist.reporting.page import report_exit_code, report_json, report_of
+from hdassist.reporting.render import report_html, report_markdown
 from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 
@@ -75,7 +75,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
-    again = html(report_of(sheet, draws=64, seed=0))
+    again = report_html(report_of(sheet, draws=64, seed=0))
     assert (folder / "a.html").read_bytes() == again.encode("utf-8")
 
 
@@ -119,7 +119,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
 
 def test_markdown_says_the_same(sheet):
     report = report_of(sheet, draws=64, seed=0)
-    text = markdown(report)
+    text = report_markdown(report)
     plain = text.replace("\\", "")
     assert "**PASS: within its limits**" in text
     assert [f"\n## {section.title}\n" in plain for section in report.sections] == [True] * 6
@@ -133,7 +133,7 @@ def test_markdown_says_the_same(sheet):
 
 def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
     style = Style(ascii=True, codes=False, width=80)
-    text = markdown(report_of(sheet, draws=64, seed=0, ascii=True), style.text)
+    text = report_markdown(report_of(sheet, draws=64, seed=0, ascii=True), style.text)
     assert text.isascii()
     prose = re.sub(r"```text\n.*?\n```\n", "", text, flags=re.DOTALL)
     assert "N\\*m" in prose
@@ -143,8 +143,8 @@ def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
 def test_where_nothing_can_be_ordered_it_orders_nothing():
     drive = load_preset(SMALL, [*SETS[:-1], "operation.M_g=[4.0]", "phases.phi_hb=unknown"])
     sheet = sheet_of(drive, draws=2)
-    report, told = report_of(sheet, draws=2, seed=0), to_json(sheet, 0)
-    assert exit_code(sheet) == told["exit_code"] == 6
+    report, told = report_of(sheet, draws=2, seed=0), report_json(sheet, 0)
+    assert report_exit_code(sheet) == told["exit_code"] == 6
     assert (told["mount"]["recommended"], told["mount"]["order"]) == (None, "none")
     assert any(reason.startswith("No order: nothing is known of the direction") for reason in report.reasons)
     assert not any("--card" in reason for reason in report.reasons)
@@ -154,7 +154,7 @@ def test_where_nothing_can_be_ordered_it_orders_nothing():
     assert [figure.drawing.dots for figure in figures] == [()]  # no seat, no place marked: over phases alone
     errors = report.sections[0].blocks[0]
     assert errors.caption.endswith("what is not known taken as 0")
-    assert "phases.phi_hb" in markdown(report).replace("\\", "")
+    assert "phases.phi_hb" in report_markdown(report).replace("\\", "")
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_faults_end_before_anything_is_computed_or_written(tmp_path, args, code,
 
 
 def test_for_scripts_there_is_one_object_and_one_line(sheet):
-    told = to_json(sheet, 0)
+    told = report_json(sheet, 0)
     assert (told["schema"], told["verdict"], told["exit_code"]) == ("hdassist.report/1", "PASS", 0)
     assert told["check"] == check_json(sheet.check, 0)
     json.dumps(told, allow_nan=False)
@@ -193,4 +193,4 @@ def test_a_chart_keeps_the_extremes_of_a_curve_of_many_points():
     scale = (at_high - at_low) / (high - low)
     assert min(down) == pytest.approx(at_low + scale * (5.0 - low), abs=0.06)
     assert max(down) == pytest.approx(at_low + scale * (-3.0 - low), abs=0.06)
-    assert len(down) == 2 * COLUMNS
+    assert len(down) == 2 * ENVELOPE_COLUMNS
