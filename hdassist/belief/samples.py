@@ -35,6 +35,7 @@ Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a dri
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 FEW = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
+HOPELESS = 256  # draws of which none has an answer: no more are made
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 
 
@@ -217,7 +218,8 @@ def draw_samples(
     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
     draws: list[_Draw] = []
     while True:
-        now = slice(len(draws), min(len(draws) + effort.batch, effort.most_draws))
+        size = min(effort.batch, max(HOPELESS, len(draws)))
+        now = slice(len(draws), min(len(draws) + size, effort.most_draws))
         shares = prior.shares(now.stop, seed)
         values, chances = prior.values(shares[now]), shares[now, -1].tolist()
         for each in (executor.map if executor else map)(solve, values, chances):
@@ -230,7 +232,7 @@ def draw_samples(
         effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
         if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
             return samples
-        if len(draws) >= effort.most_draws:
+        if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
             if effective < effort.effective:
                 raise _too_few(samples, draws, evidence, effort.effective)
             return samples

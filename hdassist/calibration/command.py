@@ -22,7 +22,7 @@ def command(
         Path | None, typer.Option("--state", metavar="FILE", help="Remember what was computed; go on from there.")
     ] = None,
     evaluations: Annotated[
-        int, typer.Option(min=8, help="Drives that least squares is started from the best of.")
+        int, typer.Option(min=8, max=100_000, help="Drives that least squares is started from the best of.")
     ] = 128,
     jobs: o.Jobs = 0,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of these drives.")] = 0,

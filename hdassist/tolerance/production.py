@@ -134,7 +134,7 @@ class Production:
             self.torques,
             evidence=evidence_of(self.drive),
             enough=lambda found: len(found.weights) >= count,
-            effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(16, count)),
+            effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(count, max(16, count // 4))),
             seed=self.seed,
             executor=executor,
             progress=progress,
