@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
 
 MEASURE = ("measure", "run.csv", "--ratio", "31")
 ACCEPT = ("accept", "lot.csv", "--preset", "own.yaml", "--measured-only")
-MOUNT = ("mount", "own.yaml", "--samples", "0")
+MOUNT = ("mount", "own.yaml", "--draws", "0")
 RESULTS = ("tolerance", "own.yaml", "-n", "2")
 
 

@@ -155,14 +155,13 @@ def test_a_free_angle_keeps_to_its_steps():
     assert curve.rotation_deg.tolist() == [0, 120, 240]
 
 
-def test_what_needs_searches_is_left_out_or_refused():
+def test_beside_measured_teeth_nothing_is_drawn_and_an_order_is_on_the_users_word():
     drive = load_preset(SMALL, ["mounting.holes=2", "uncertainty.phases.xi_b=10"])
     measured = harmonic(drive, "rigid", 0.0)
-    with pytest.raises(UsageError, match="not sampled") as caught:
-        advise(drive, [4.0], [0, 180], measured=measured)
-    assert "--samples 0" in caught.value.hint
-    advice = advise(drive, [4.0], [0, 180], measured=measured, samples=0, cross_check=None)
-    assert (advice.others, advice.now, advice.best, advice.robust) == ((), (), (), None)
+    advice = advise(drive, [4.0], [0, 180], measured=measured, cross_check=None)
+    assert (advice.order, advice.samples, advice.positions) == ("none", None, None)
+    advice = advise(drive, [4.0], [0, 180], measured=measured, draws=0, cross_check=None)
+    assert advice.order in ("turn", "leave")
 
 
 def test_half_a_pitch_goes_the_same_way_in_every_state():

@@ -125,9 +125,8 @@ def test_markdown_says_the_same(sheet):
     assert [f"\n## {section.title}\n" in plain for section in report.sections] == [True] * 6
     for section in report.sections:
         for block in section.blocks:
-            words = block.caption if isinstance(block, Figure) else getattr(block, "title", None) or block.rows[0][1] \
-                if hasattr(block, "rows") else block.text  # fmt: skip
-            assert words in plain
+            words = getattr(block, "caption", "") or (block.rows[0][1] if hasattr(block, "rows") else block.text)
+            assert all(each in plain for each in (words, *getattr(block, "notes", ())))
     assert text.count("```text") == text.count("\n```\n") == 4
 
 
