@@ -78,7 +78,8 @@ def render(
     parts: list[RenderableType] = [Text(style.text(head), style="bold")]
     parts.append(Text(style.text("\n".join(_verdict_lines(summary, law)))))
     parts.append(_table(summary, style))
-    parts += [Text(_distribution(summary.points[0], summary, style))] if plots else []
+    if plots and np.ptp(_ways(summary.points[0], summary)[-1][1]) > 0:
+        parts.append(Text(_distribution(summary.points[0], summary, style)))
     below = [proof(summary)]
     if summary.verdict is Verdict.INCONCLUSIVE:
         words = measure_words(_to_measure(law, summary, samples), False)
