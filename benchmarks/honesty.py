@@ -1,0 +1,160 @@
+"""Verdicts of check held to account on drives that its belief cannot represent: `python -m benchmarks.honesty --n 40`.
+
+Each hidden drive is like the data-sheet preset, with other stiffnesses, wave, supports and clearances, drawn by other
+laws than the belief's; rings, teeth, temperature and flanks (whole or coned) that the belief holds for exact; and teeth
+with harmonics of every order and noise. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+EXACT = ("flexspline.h_1", "flexspline.h_3", "flexspline.k_t", "bearing.ring_h", "material.E")  # of the belief
+OFF = 0.08  # standard deviation of their logarithm in hidden drives
+WARM = 6.0  # K, standard deviation of operation.dT
+HIGHEST, NOISE = 12, 1.0  # order of the teeth's harmonics; um of noise a tooth
+MISREAD = 0.10  # standard deviation of the logarithm of a catalogue's stiffness
+ROOM = 1.2  # of its lost motion that the catalogue allows
+LIMITS = 1.0  # standard deviation of the logarithm of a limit around the true F'_ior
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A hidden drive: its F'_ior, limit and 5th and 95th percentile as believed [arcsec], verdict, effective samples.
+
+    refused: why there is no verdict.
+    """
+
+    F_ior: float = np.nan
+    limit: float = np.nan
+    p5: float = np.nan
+    p95: float = np.nan
+    verdict: str = ""
+    effective: float = 0.0
+    refused: str = ""
+
+
+def judged(number: int, draws: int, seed: int) -> Judged:
+    """What check's rule says of a hidden drive, by its number."""
+    from hdassist.belief.evidence import evidence_of
+    from hdassist.belief.prior import prior_of
+    from hdassist.belief.samples import SamplingEffort, draw_samples
+    from hdassist.errors import HdassistError
+    from hdassist.verdict import is_settled, verdict_by_probability
+
+    rng = np.random.default_rng([seed, number])
+    try:
+        preset, M_g, F_ior = hidden(rng)
+        limit = F_ior * np.exp(LIMITS * rng.standard_normal())
+
+        def is_clear(samples) -> bool:
+            found = samples.probability_within(limit, 0)
+            return is_settled(found.low, found.high)
+
+        samples = draw_samples(
+            prior_of(preset), [M_g], evidence=evidence_of(preset), enough=is_clear,
+            effort=SamplingEffort.of(draws), seed=number,
+        )  # fmt: skip
+    except HdassistError as error:
+        return Judged(refused=error.message)
+    found = samples.probability_within(limit, 0)
+    verdict = verdict_by_probability(found.low, found.high).value
+    p5, p95 = (samples.percentile(share, 0) for share in (0.05, 0.95))
+    return Judged(F_ior, limit, p5, p95, verdict, samples.effective)
+
+
+def hidden(rng: np.random.Generator):
+    """The preset that is known of a hidden drive, a torque M_g [N*m] and its true F'_ior [arcsec]."""
+    from hdassist import load_preset
+    from hdassist.belief.evidence import stiffness_figures
+    from hdassist.belief.prior import prior_of
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.loading.load import load_text
+    from hdassist.loading.write_similar import similar_preset
+    from hdassist.model.rules import first_conflict
+    from hdassist.preset.wishes import read_wish
+    from hdassist.solve.window import in_wide_enough_window
+
+    like = load_preset("vzp160")
+    ratio, diameter = float(rng.choice([50, 80, 100, 120])), float(rng.choice([42, 63.5, 90, 160]))
+    wish = partial(read_wish, like, ratio=ratio, diameter=f"{diameter} mm", torque=f"{67 * (diameter / 63.5) ** 3:.4g}")
+    known = load_text(similar_preset("own", like, wish()), "own.yaml")
+    while True:
+        there = known.with_values(_values(prior_of(known), rng))
+        if first_conflict(there) is None:
+            break
+    there = there.with_values(
+        {path: there.number(path) * np.exp(OFF * rng.standard_normal()) for path in EXACT}
+        | {"operation.dT": WARM * rng.standard_normal()}
+    )
+    numerics = {"stations": int(rng.choice([1, 3, 5, 9])), "nominal_curve": str(rng.choice(["linear", "inextensible"]))}
+    there = there.model_copy(update={"numerics": there.numerics.model_copy(update=numerics)})
+    figures, _ = in_wide_enough_window(there, stiffness_figures)
+    stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
+    text = similar_preset("own", like, wish(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
+    preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
+    M_g = preset.operation.M_g[0]
+    teeth = _teeth(there, rng)
+    true = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, cross_check=None))
+    return preset, M_g, true.F_ior_arcsec
+
+
+def _values(prior, rng: np.random.Generator) -> dict[str, float]:
+    """Values of a hidden drive where the belief has distributions: sizes by Rayleigh's law, others toward the ends."""
+    found = {}
+    for each in prior.fields:
+        share = rng.beta(0.8, 0.8)
+        if each.path.startswith(("tolerances.", "harmonics.a_")):
+            share = min(0.35 * rng.rayleigh(), 1.0)
+        found[each.path] = float(each.value(np.array([share]))[0])
+    return found
+
+
+def _teeth(drive, rng: np.random.Generator):
+    """Deviations of the teeth of both wheels [um]: harmonics that fall with their order, and noise."""
+    from hdassist.model.deviations import ToothDeviations
+
+    def wheel(z: int, peak_to_peak: float):
+        angle, found = 2 * np.pi * np.arange(z) / z, NOISE * rng.standard_normal(z)
+        for order in range(1, HIGHEST + 1):
+            size = peak_to_peak / 2 * (1.0 if order == 1 else 0.1 * rng.rayleigh() / order)
+            found += size * np.cos(order * angle - 2 * np.pi * rng.random())
+        return found
+
+    gears = drive.gears
+    return ToothDeviations(
+        wheel(gears.z_g, drive.number("tolerances.F_i1")), wheel(gears.z_b, drive.number("tolerances.F_i2"))
+    )
+
+
+def main() -> None:
+    """Judge drives, and print how often each verdict was wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--n", type=int, default=40, help="hidden drives")
+    parser.add_argument("--draws", type=int, default=64, help="effective samples at least")
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    one = partial(judged, draws=args.draws, seed=args.seed)
+    found = []
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        for k, each in enumerate(pool.map(one, range(args.n))):
+            found.append(each)
+            print(k, each.refused or f"{each.verdict}: {each.F_ior:.1f} of {each.limit:.1f}, believed {each.p5:.1f} to "
+                  f"{each.p95:.1f}, {each.effective:.0f} effective", flush=True)  # fmt: skip
+    answers = [each for each in found if not each.refused]
+    for verdict, is_wrong in (("PASS", lambda a: a.F_ior > a.limit), ("FAIL", lambda a: a.F_ior <= a.limit)):
+        given = [each for each in answers if each.verdict == verdict]
+        print(f"{verdict}: {len(given)} given, {sum(map(is_wrong, given))} wrong")
+    print(f"INCONCLUSIVE: {sum(each.verdict == 'INCONCLUSIVE' for each in answers)} of {len(answers)}")
+    inside = sum(each.p5 <= each.F_ior <= each.p95 for each in answers)
+    print(f"90 % ranges that hold: {inside} of {len(answers)}; no answer: {len(found) - len(answers)}")
+
+
+if __name__ == "__main__":
+    main()
