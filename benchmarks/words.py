@@ -33,8 +33,8 @@ REASONS = {
     "cvxpy": "a solver through cvxpy has the programme stated once and only its parameters changed; what is left is "
     "cvxpy's own work on each of them. Next: nothing, as long as every state keeps its certificate.",
     "proposals": "an island of the error, a few pitches where one zone alone holds the torque, between the points of "
-    "the grid. The values of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer grid where one "
-    "zone takes nearly all.",
+    "the grid. The values of one drive as it is given do not rest on proposals: they solve every state; drawn drives "
+    "do. Next: a finer grid where one zone takes nearly all.",
     "check": "64 drives drawn from what is not known 49 %, the cross-check with the import of cvxpy 14 %, the self "
     "error 10 % (400 pairs of phases, each with contacts, rings and a programme of its own), every state of both "
     "torques 7 %. By kinds of work: states solved in C 31 %, systems set up 6 %, references made 6 %, single states "
@@ -44,9 +44,9 @@ REASONS = {
     "of them is half; the cross-check 6 %, the self error 4 %, every state 3 %. By kinds of work: single states near a "
     "known contact set 21 %, states solved in C 17 %, systems set up 15 %, geometry rules 7 %. Next: fewer draws that "
     "are weeded, by a proposal nearer to the evidence than the prior.",
-    "mount": "every drive drawn is solved in each of the twelve holes at both torques, and more are drawn while the order is "
-    "open; the curve of the drive as given takes every state in each hole. Not profiled by parts since it draws what is "
-    "assumed. Next: holes in one walk, and fewer of them where a few decide.",
+    "mount": "every drive drawn is solved in each of the twelve holes at both torques, and more are drawn while the "
+    "order is open; the curve of the drive as given takes every state in each hole. Not profiled by parts since it draws "
+    "what is assumed. Next: holes in one walk, and fewer of them where a few decide.",
     "trials": "tables of the error 49 % (states solved in C 20 %, walks and their references made 11 %), F'_ior of "
     "12 288 samples in every hole read off them 33 %, nearly all of it in numpy (deviation scalars 16 %, tables read "
     "16 %), both ends of the assumptions 10 %, imports 4 %. Next: scalars and reading of tables in C.",
