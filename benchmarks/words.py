@@ -45,8 +45,8 @@ REASONS = {
     "known contact set 21 %, states solved in C 17 %, systems set up 15 %, geometry rules 7 %. Next: fewer draws that "
     "are weeded, by a proposal nearer to the evidence than the prior.",
     "mount": "every drive drawn is solved in each of the twelve holes at both torques, and more are drawn while the "
-    "order is open; the curve of the drive as given takes every state in each hole. Not profiled by parts since it draws "
-    "what is assumed. Next: holes in one walk, and fewer of them where a few decide.",
+    "order is open; the curve of the drive as given takes every state in each hole. Not profiled by parts since it "
+    "draws what is assumed. Next: holes in one walk, and fewer of them where a few decide.",
     "trials": "tables of the error 49 % (states solved in C 20 %, walks and their references made 11 %), F'_ior of "
     "12 288 samples in every hole read off them 33 %, nearly all of it in numpy (deviation scalars 16 %, tables read "
     "16 %), both ends of the assumptions 10 %, imports 4 %. Next: scalars and reading of tables in C.",
