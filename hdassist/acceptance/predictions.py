@@ -19,6 +19,7 @@ from hdassist.acceptance.limits import Limit, torques_of
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import (
+    SAMPLE_STATES,
     Samples,
     SamplingEffort,
     draw_samples,
@@ -27,7 +28,7 @@ from hdassist.belief.samples import (
 )
 from hdassist.design.check import DRAWS
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.error_map import SEARCHED, searchable
+from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.stiffness import estimate_states as stiffness_states
@@ -202,7 +203,7 @@ def estimate_states(drive: Drive, limits: Sequence[Limit], draws: int = DRAWS) -
 
     if not (searchable(drive) and any(_open_fields(prior_of(drive), limit) for limit in limits)):
         return once(limits)
-    drawn = len(_torques(drive, limits)) * SEARCHED + once([limit for limit in limits if limit.check is not F_IOR])
+    drawn = len(_torques(drive, limits)) * SAMPLE_STATES + once([limit for limit in limits if limit.check is not F_IOR])
     return once(limits) + draws * drawn
 
 

@@ -35,6 +35,7 @@ Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a dri
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 FEW = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
+SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 

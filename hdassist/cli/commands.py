@@ -49,7 +49,9 @@ COMMANDS = {
     "tolerance": LazyCommand(
         "tolerance.tolerance_command", DESIGN, "yield of random drives, as built and best mounted"
     ),
-    "sensitivity": LazyCommand("tolerance.sensitivity_command", DESIGN, "what F'_ior hangs on, what to tighten first"),
+    "sensitivity": LazyCommand(
+        "tolerance.sensitivity_command", DESIGN, "which tolerance to tighten first, and what that brings"
+    ),
     "allocate": LazyCommand("tolerance.allocate_command", DESIGN, "the cheapest tolerances that reach a yield"),
     "sweep": LazyCommand("tolerance.sweep_command", DESIGN, "F'_ior over a grid of values of any fields"),
     "compare": LazyCommand(

@@ -14,9 +14,17 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import ErrorBelief, Probability, Samples, SamplingEffort, draw_samples, limits_settled
+from hdassist.belief.samples import (
+    SAMPLE_STATES,
+    ErrorBelief,
+    Probability,
+    Samples,
+    SamplingEffort,
+    draw_samples,
+    limits_settled,
+)
 from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
-from hdassist.error.error_map import SEARCHED, extremes_of, searchable
+from hdassist.error.error_map import extremes_of, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.errors import HdassistError
@@ -186,7 +194,9 @@ class DesignCheck:
 def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = DRAWS) -> int:
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
-    return len(drive.operation.M_g) * (Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * SEARCHED)
+    return len(drive.operation.M_g) * (
+        Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * SAMPLE_STATES
+    )
 
 
 def check(

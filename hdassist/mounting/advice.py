@@ -13,8 +13,8 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences_on
 from hdassist.belief.measure import MeasurementGain, gains_for
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import Probability, Samples, SamplingEffort, draw_samples, limits_settled
-from hdassist.error.error_map import SEARCHED, searchable
+from hdassist.belief.samples import SAMPLE_STATES, Probability, Samples, SamplingEffort, draw_samples, limits_settled
+from hdassist.error.error_map import searchable
 from hdassist.error.self_error import self_error
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
@@ -190,7 +190,7 @@ def estimate_states(
     """Number of states that an advice solves, about, for a progress bar."""
     sampled = 0 if measured or not searchable(drive) or not prior_of(drive).fields else draws
     curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured, searched=sampled > 0)
-    each = SEARCHED + TURNED_STATES * len(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+    each = SAMPLE_STATES + TURNED_STATES * len(usable_positions(drive.mounting.holes, drive.mounting.allowed))
     return curve + sampled * len(torques) * each
 
 

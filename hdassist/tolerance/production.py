@@ -18,9 +18,9 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
+from hdassist.belief.samples import SAMPLE_STATES, Samples, SamplingEffort, draw_samples
 from hdassist.error.cycle import place
-from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, Extremes, searchable
+from hdassist.error.error_map import Batch, ErrorMap, Extremes, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import carried
@@ -116,7 +116,7 @@ class Production:
 
     def design_states(self, drives: int) -> int:
         """States that the designs of so many drives take, about, for a progress bar."""
-        return (self.design_of(drives - 1) + 1) * len(self.torques) * SEARCHED if self.law.shared else 1
+        return (self.design_of(drives - 1) + 1) * len(self.torques) * SAMPLE_STATES if self.law.shared else 1
 
     def with_designs(
         self, drives: int, *, executor: Executor | None = None, progress: Progress | None = None
