@@ -154,15 +154,6 @@ class TraceFit:
         return np.hypot(*self.pair(self.coefficients))
 
     @property
-    def amplitude_uncertainty(self) -> Array:
-        """Standard uncertainty of the amplitudes [arcsec], along their phase."""
-        a, b = self.pair(self.coefficients)
-        size = np.maximum(np.hypot(a, b), 1e-300)
-        cosine, sine = self.pair(self.factor)
-        along = (a / size)[:, None] * cosine + (b / size)[:, None] * sine
-        return np.asarray(np.sqrt((along**2).sum(axis=1)))
-
-    @property
     def groups(self) -> list[OrderIndices]:
         """Places of the orders, those together that the record does not tell from a line."""
         line = np.isin(self.orders, self.lines)

@@ -70,11 +70,6 @@ class ProductionLaw:
         sizes = [each for each in self.own if each.path == each.group and each.path in deviations(self.drive)]
         return tuple(f.path for f in sizes if not isinstance(f, TolerancedSize) and f.distribution != "normal")
 
-    @property
-    def moves_system(self) -> bool:
-        """Whether clearances scatter from drive to drive, so that each has a contact system of its own."""
-        return any(each.path not in deviations(self.drive) for each in self.own)
-
     def values(self, seed: int, drive: int) -> dict[str, float]:
         """What a drive by its number has of its own, by path: the same however many are drawn, and by whom."""
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
