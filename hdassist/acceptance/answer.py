@@ -333,13 +333,15 @@ def _answer(told: Any, file: str, number: int) -> Answer:
             f"{file}:{number}: no answer of hdassist accept (schema {shown(str(schema))})", f"schema {SCHEMA}"
         )
     try:
-        found = _ANSWER.validate_python(told)
-        where, what = found.missing, "missing"
+        answer = _ANSWER.validate_python(told)
+        faults = [(answer.missing, "missing")] * bool(answer.missing)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
-    if where:
+        faults = [
+            (".".join(str(key) or "''" for key in each["loc"]), each["msg"]) for each in error.errors(include_url=False)
+        ]
+    for where, fault in faults:
         words = "does not say what was asked" if where.partition(".")[0] == "request" else "is not whole"
-        message = f"{file}:{number}: an answer {words}: {where}: {what}"
+        place = f"{where}: " if where else ""
+        message = f"{file}:{number}: an answer {words}: {place}{fault.removeprefix('Value error, ')}"
         raise DataError(message, "it was changed, or another version wrote it")
-    return found
+    return answer

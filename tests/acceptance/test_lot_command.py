@@ -216,6 +216,14 @@ def test_a_kept_answer_that_was_changed_is_refused(folder, here):
         assert (folder / "a.jsonl").read_text().splitlines() == lines
 
 
+def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
+    _, answer, _ = here(*MEASURED, "--json")
+    (folder / "a.json").write_text(json.dumps({**json.loads(answer)["results"][0], "": 1}))
+    code, out, said = here("accept", "--replay", "a.json")
+    assert (code, out) == (4, "")
+    assert "a.json:1: an answer is not whole: '': " in said
+
+
 def test_a_kept_answer_that_does_not_follow_from_its_figures_is_refused_though_its_checksum_holds(folder, here):
     args = (*MEASURED, "--jsonl", "a.jsonl", "-q")
     assert here(*args)[0] == 4
