@@ -39,6 +39,7 @@ FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
+REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
@@ -191,6 +192,7 @@ class ErrorMap:
             if coarse:
                 proposed = _interpolated(proposed, self.points().shape[:2])
             solved.climb(solved.promising(_hills(proposed, self)), STRIDES[coarse])
+            solved.look_around()
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
@@ -362,6 +364,21 @@ class _Solved:
             if stride > 1:
                 to = self._search.to_lattice(point + stride * self._summit(value))
             row, sign, point, stride = row[going], sign[going], to[going], max(stride // 2, 1)
+
+    def look_around(self) -> None:
+        """Solve what is within REACH of each drive's extremes, until nothing there is higher.
+
+        Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
+        """
+        z_b, z_g = self._search.board.shape
+        wide = np.stack(np.meshgrid(*[np.arange(-REACH, REACH + 1)] * 2), axis=-1).reshape(-1, 2)
+        wide = wide[wide.sum(axis=1) % self._search.finest == 0]
+        for sign in (1, -1):
+            row = np.arange(len(self._batch))
+            while len(row):
+                top = np.nanargmax(sign * self.value[row], axis=1)
+                self._at(row[:, None], np.stack([top % z_b, top % z_g], axis=-1)[:, None] + wide)
+                row = row[np.nanargmax(sign * self.value[row], axis=1) != top]
 
     def _at(self, row: Indices, point: Indices) -> Array:
         """Rotation [arcsec] of drives at points, shape (..., 2), solved where that is not known yet."""
