@@ -32,9 +32,9 @@ REASONS = {
     "to four fifths of these times. Next: a certificate that takes over the gaps of the state before.",
     "cvxpy": "a solver through cvxpy has the programme stated once and only its parameters changed; what is left is "
     "cvxpy's own work on each of them. Next: nothing, as long as every state keeps its certificate.",
-    "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values of "
-    "one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer grid where "
-    "one zone takes nearly all.",
+    "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values "
+    "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer "
+    "grid where one zone takes nearly all.",
     "check": "64 drives drawn from what is not known 49 %, the cross-check with the import of cvxpy 14 %, the self "
     "error 10 % (400 pairs of phases, each with contacts, rings and a programme of its own), every state of both "
     "torques 7 %. By kinds of work: states solved in C 31 %, systems set up 6 %, references made 6 %, single states "

@@ -322,8 +322,8 @@ class _Solved:
     def _neighbours_together(self, row: Indices, state: Indices, across: int) -> Indices:
         """Order in which states of a grid, with so many positions across, follow each other by the least of pivots.
 
-        Of few drives, there and back over the rows of the grid. Of many, all drives' states in such a row together: their
-        tooth vectors fill a disc, which is gone over in strips.
+        Of few drives, there and back over the rows of the grid. Of many, all drives' states in such a row together:
+        their tooth vectors fill a disc, which is gone over in strips.
         """
         line, place = np.divmod(np.arange(len(row)) % (len(row) // len(self._batch)), across)
         if len(self._batch) < DISC:
