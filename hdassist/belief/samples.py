@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried
+from hdassist.model.deviations import carried, deviations_of
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
@@ -213,7 +214,9 @@ def draw_samples(
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
-    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
+    alike, proof = _alike(prior, torques, rotations, run)
+    run.solved(proof.states)
+    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, alike)
     draws: list[_Draw] = []
     while True:
         size = min(effort.batch, max(HOPELESS, len(draws)))
@@ -223,7 +226,7 @@ def draw_samples(
         for each in run.map(solve, values, chances):
             draws.append(each)
             run.solved(each.certificate.states)
-        samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed)
+        samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed, proof)
         if seen:
             seen(samples)
         effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
@@ -251,6 +254,7 @@ def _solved(
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
     further: Figures | None,
+    alike: _Maps | None,
     values: dict[str, float],
     chance: float,
 ) -> _Draw:
@@ -268,7 +272,7 @@ def _solved(
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
             if chance >= probability:
                 return _Draw(figures=figures, certificate=proof)
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
@@ -282,27 +286,66 @@ def _solved(
 
 
 def errors_by_turn(
-    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float]
+    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], alike: _Maps | None = None
 ) -> tuple[Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
-    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Raises
-    UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
+    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Arguments:
+    alike, `maps_by_turn` of a drive with the same deviations. Raises UsageError for rolling balls, UntrustedError where
+    an answer cannot be trusted.
     """
-    turns = np.array(rotations_deg, dtype=float)
-    moved = np.flatnonzero(turns % 360)
-    batch = Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})
-    formulation, like, proof = formulate(contact_system(drive)), None, EMPTY
-    F_ior, turned = np.empty(len(torques)), np.empty((len(torques), len(turns)))
+    (own, turned), moved = _turns(drive, rotations_deg)
+    like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
+    F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     for k, M_g in enumerate(torques):
         error_map = ErrorMap(drive, M_g, formulation, like)
-        like = error_map.fresh
-        own = error_map.many_extremes(Batch.of(drive), grid=FEW)
-        F_ior[k], turned[k], proof = own.first, own.first, proof + own.certificate
+        like, maps = error_map.fresh, alike[k] if alike else (None, None)
+        now = error_map.many_extremes(own, grid=FEW, alike=maps[0])
+        F_ior[k], found[k], proof = now.first, now.first, proof + now.certificate
         if len(moved):
-            there = error_map.many_extremes(batch, grid=FEW)
-            turned[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
-    return F_ior, turned, proof
+            there = error_map.many_extremes(turned, grid=FEW, alike=maps[1])
+            found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
+    return F_ior, found, proof
+
+
+_Maps = Sequence[tuple[Array, Array]]  # of each torque
+
+
+def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> tuple[Array, Array, Certificate]:
+    """Maps of the error of a drive at a torque [N*m], as it stands and with its fixed wheel turned, and their proof.
+
+    Errors as those of errors_by_turn.
+    """
+    batches, _ = _turns(drive, rotations_deg)
+    error_map = ErrorMap(drive, M_g)
+    (own, proof), (turned, more) = (error_map.solved_map(batch) for batch in batches)
+    return own, turned, proof + more
+
+
+def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, Batch], NDArray[np.int64]]:
+    """A drive as it stands, and with its fixed wheel turned, by those of the rotations that turn it."""
+    turns = np.array(rotations_deg, dtype=float)
+    moved = np.flatnonzero(turns % 360)
+    return (Batch.of(drive), Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})), moved
+
+
+def _alike(
+    prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run
+) -> tuple[_Maps | None, Certificate]:
+    """Maps of the drive as given, and their proof, where its draws have the same deviations; None where they do not."""
+    deviations = {path for d in deviations_of(prior.drive.mounting.mark_kind) for path in (d.size, d.direction)}
+    if deviations & {each.path for each in prior.fields}:
+        return None, EMPTY
+    solve = partial(maps_by_turn, rotations_deg=rotations_deg)
+    try:
+        found = list(run.map(partial(_in_window, prior.drive, solve), torques))
+    except HdassistError:  # then each draw is on its own
+        return None, EMPTY
+    return [(own, turned) for own, turned, _ in found], sum((proof for _, _, proof in found), EMPTY)
+
+
+def _in_window(drive: Drive, solve: Callable[..., tuple[Array, Array, Certificate]], M_g: float) -> Any:
+    return in_wide_enough_window(drive, partial(solve, M_g=M_g))
 
 
 def _collected(
@@ -312,6 +355,7 @@ def _collected(
     shares: Array,
     draws: Sequence[_Draw],
     seed: int,
+    proof: Certificate,
 ) -> Samples:
     rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
     kept = [draws[k] for k in rows]
@@ -326,7 +370,7 @@ def _collected(
         len(draws),
         dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
         seed,
-        sum((each.certificate for each in draws), EMPTY),
+        sum((each.certificate for each in draws), proof),
         np.array(rows, dtype=np.int64),
         rotations_deg,
         np.array([each.turned_arcsec for each in kept]).reshape(len(kept), len(torques), len(rotations_deg)),
