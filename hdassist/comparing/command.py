@@ -93,6 +93,7 @@ def command(
     from hdassist.model.kinematics import Kinematics
     from hdassist.model.unknown import told
     from hdassist.readers.trace import read_trace
+    from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
@@ -103,7 +104,7 @@ def command(
     angles = o.degrees_or_fit("--phi-g0", start), o.degrees_or_fit("--cam-zero", zero or "0")
     asked = RecordConvention(*angles, error_is, cam_sense)
     orders, stated = parse_orders(traces.orders or None), parse_stated(traces.budget)
-    how = partial(compare, orders=orders, drift=traces.drift, stated=stated, seed=seed)
+    how = partial(compare, orders=orders, drift=traces.drift, stated=stated)
     drive = drives.load(preset, *o.torque_overrides(torque))
     M_g, form = torque_of(drive), traces.form()
     warnings = dict.fromkeys((*drive.origin.warnings, *told(drive)))
@@ -112,7 +113,7 @@ def command(
         trace = read_trace(name, form, abs(Kinematics.of(drive).u))
         convention = asked if zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
         with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
-            analysis = partial(how, trace, M_g=M_g, convention=convention, progress=progress)
+            analysis = partial(how, trace, M_g=M_g, convention=convention, run=Run(progress=progress, seed=seed))
             result = in_wide_enough_window(drive, analysis)
         warnings.update(dict.fromkeys(result.drive.origin.warnings))
         return comparison_answer(result, plots=plot, details=details)
@@ -156,6 +157,7 @@ def _compare_presets(
     from hdassist.comparing.drives import common_torques, compare_drives, estimate_comparison
     from hdassist.comparing.presets_page import comparison_warnings, drives_answer
     from hdassist.run.processes import workers
+    from hdassist.run.run import Run
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
     from hdassist.terminal.runs import give, run_each
@@ -170,7 +172,7 @@ def _compare_presets(
         torques = common_torques(loaded) if torque is None else (torque,)
         total = estimate_comparison(loaded, torques, draws)
         with out.progress(", ".join(drive.name for drive in loaded), total) as progress, workers(jobs) as executor:
-            result = compare_drives(loaded, torques, draws=draws, seed=seed, executor=executor, progress=progress)
+            result = compare_drives(loaded, torques, draws=draws, run=Run(executor, progress, seed))
         for text in comparison_warnings(result):
             warn(text)
         return drives_answer(result, seed=seed, details=details)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import reduce
 from operator import add
 
 import numpy as np
@@ -19,7 +18,8 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import listed, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import ResolvedField, resolved
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.window import in_wide_enough_window
 
 DRAWN_PAIRS = 16  # pairs of drives drawn from what is not known
@@ -156,23 +156,20 @@ def compare_drives(
     torques: Sequence[float],
     *,
     draws: int = DRAWS,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> DrivesComparison:
     """Compare drives with the first of them, at torques [N*m].
 
-    Arguments: two drives or more; torques; draws, of each from what is not known, and seed of these and of samples;
-    executor, to spread the work over (the numbers do not depend on it); progress, called with numbers of states solved.
+    Arguments: two drives or more; torques; draws, of each from what is not known.
     Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
     """
-    how = partial(sheet_of, torques=torques, draws=draws, seed=seed, executor=executor, progress=progress)
-    sheets, pairs = tuple(map(how, drives)), min(draws, DRAWN_PAIRS)
-    changes = tuple(
-        drive_changes(drives[0], other, torques, pairs=pairs, seed=seed, executor=executor, progress=progress)
-        for other in drives[1:]
+    sheets, pairs = (
+        tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives),
+        min(draws, DRAWN_PAIRS),
     )
-    return DrivesComparison(sheets, changes)
+    return DrivesComparison(
+        sheets, tuple(drive_changes(drives[0], each, torques, pairs=pairs, run=run) for each in drives[1:])
+    )
 
 
 def drive_changes(
@@ -181,29 +178,25 @@ def drive_changes(
     torques: Sequence[float],
     *,
     pairs: int = DRAWN_PAIRS,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> DriveChanges:
     """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of single ones alone.
 
-    With rolling balls there are no draws: what is not known is 0. Arguments: pairs that are drawn, with seed; executor,
-    to spread the work over (the numbers do not depend on it); progress, called with numbers of states solved. Raises
-    UntrustedError where one of both drives has no answer that can be trusted.
+    With rolling balls there are no draws: what is not known is 0. Argument: pairs that are drawn. Raises UntrustedError
+    where one of both drives has no answer that can be trusted.
     """
     drawn = searchable(first) and searchable(second)
-    before, after = paired_draws((first, second), pairs if drawn else 0, seed)
+    before, after = paired_draws((first, second), pairs if drawn else 0, run.seed)
     proof, paths = EMPTY, moving((first, second))
 
     def F_ior(drives: Sequence[Drive], *, required: bool = False) -> Array:
         """F'_ior [arcsec], shape (drives, torques); NaN where one has no answer, unless it is required."""
         nonlocal proof
         tasks, values = [(drive, M_g, required) for drive in drives for M_g in torques], []
-        for value, certificate in (executor.map if executor else map)(_searched, tasks):
+        for value, certificate in run.map(_searched, tasks):
             values.append(value)
             proof += certificate
-            if progress:
-                progress(certificate.states)
+            run.solved(certificate.states)
         return np.reshape(values, (len(drives), len(torques)))
 
     errors = F_ior(before, required=True)  # (pairs, torques)

@@ -18,6 +18,7 @@ from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY, Certificate
 
 EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve counts as exact
@@ -188,7 +189,7 @@ class SolvedStates:
         around = np.mod(first[:, None] + np.arange(4), kinematics.cycle_states)  # (turns, 4)
         index, places = np.unique(around.ravel(), return_inverse=True)
         states = pitch_locked_states(kinematics, index, float(np.radians(alignment.start_deg)))
-        error = kinematic_error(drive, self.M_g, states=states, cross_check=None)
+        error = kinematic_error(drive, self.M_g, states=states, run=UNCHECKED)
         self.certificate += error.certificate
         t = pitches - first
         cubic = (
