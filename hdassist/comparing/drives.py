@@ -17,6 +17,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import listed, unknowns
 from hdassist.preset.fields import Drive
+from hdassist.preset.kinds import UNKNOWN
 from hdassist.preset.schema import ResolvedField, resolved
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
@@ -37,76 +38,57 @@ UNRELATED = (
 FieldRow = tuple[ResolvedField, ...]  # a field of each drive
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ErrorChange:
-    """Change of F'_ior of a drive where one field is changed, by path, or all of them together (no path).
+    """Change of F'_ior of a drive [arcsec] where one field is changed, by path, or all together (no path), by torque.
 
-    F_ior_arcsec: before the change; change_arcsec; shape (pairs, torques) each, one pair where all is known.
+    change_arcsec: median over the drawn pairs, with the least and the greatest; share: of the median of F'_ior before.
     """
 
-    path: str
-    F_ior_arcsec: Array
-    change_arcsec: Array
+    field: str
+    change_arcsec: tuple[float, ...]
+    least_arcsec: tuple[float, ...]
+    greatest_arcsec: tuple[float, ...]
+    share: tuple[float, ...]
 
-    @property
-    def median_arcsec(self) -> Array:
-        """Median of the change over the pairs, shape (torques,)."""
-        return np.asarray(np.median(self.change_arcsec, axis=0))
-
-    @property
-    def share(self) -> Array:
-        """Size of the median as a share of that of F'_ior before, shape (torques,)."""
-        return np.asarray(np.abs(self.median_arcsec) / np.median(self.F_ior_arcsec, axis=0))
+    @classmethod
+    def of(cls, field: str, before: Array, after: Array) -> ErrorChange:
+        """The change from F'_ior before to F'_ior after [arcsec], shape (pairs, torques) each."""
+        change = after - before
+        median = np.median(change, axis=0)
+        columns = median, change.min(axis=0), change.max(axis=0), np.abs(median) / np.median(before, axis=0)
+        return cls(field, *(tuple(column.tolist()) for column in columns))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class DriveChanges:
-    """Changes of F'_ior from a first drive to a second one at some torques.
+    """Changes of F'_ior from a first drive to a second one.
 
-    whole: all fields together; single: fields changed alone, the greatest first; impossible: paths of those that,
-    alone, make no drive that can be computed, or leave more unknown; ranged: whether what is not known was drawn, or
-    all is known; certificate of all states.
+    pairs: that were drawn; F_ior_is: less, more or the same at each torque, unknown where what is not known could
+    reverse it; single: fields changed alone, the greatest first; not_alone: paths of those that, alone, make no drive
+    that can be computed, or leave more unknown.
     """
 
-    whole: ErrorChange
+    pairs: int
+    F_ior_is: tuple[str, ...]
+    together: ErrorChange
     single: tuple[ErrorChange, ...]
-    impossible: tuple[str, ...]
-    ranged: bool
-    certificate: Certificate
-
-    def sense(self, torque: int) -> int | None:
-        """Whether the second drive has less (-1), more (1) or the same error (0) at a torque, by its place.
-
-        None where what is not known could reverse it, or there is no range over that.
-        """
-        change = self.whole.change_arcsec[:, torque]
-        if self.ranged and np.all(np.abs(change) < SAME_ERROR):
-            return 0
-        return next((way for way in (-1, 1) if self.ranged and np.mean(way * change > 0) >= SURE_SHARE), None)
+    not_alone: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class DrivesComparison:
-    """Drives beside the first of them: the sheet of each, and the changes from the first one to each of the others."""
+    """Drives beside the first of them.
+
+    sheets; torques [N*m]; fields, every one of each drive; changes from the first drive to each of the others;
+    certificate of all states.
+    """
 
     sheets: tuple[DriveSheet, ...]
+    torques: tuple[float, ...]
+    fields: tuple[FieldRow, ...]
     changes: tuple[DriveChanges, ...]
-
-    @property
-    def drives(self) -> tuple[Drive, ...]:
-        """The drives, in the order asked for."""
-        return tuple(sheet.drive for sheet in self.sheets)
-
-    @property
-    def torques(self) -> tuple[float, ...]:
-        """Torques [N*m] at which they are compared."""
-        return self.drives[0].operation.M_g
-
-    @property
-    def certificate(self) -> Certificate:
-        """Worst residuals of all that was solved."""
-        proofs = *(sheet.certificate for sheet in self.sheets), *(changes.certificate for changes in self.changes)
-        return reduce(add, proofs)
+    certificate: Certificate
 
 
 def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
@@ -119,12 +101,12 @@ def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
     return found
 
 
-def field_rows(drives: Sequence[Drive]) -> list[FieldRow]:
+def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
     """Every field of some drives, in the order of the declarations; uncertainties of fields behind them."""
     rows = list(zip(*map(resolved, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     paths = dict.fromkeys(path for drive in drives for path in drive.uncertainty)
-    return rows + [tuple(_uncertainty(drive, path, units[path]) for drive in drives) for path in paths]
+    return (*rows, *(tuple(_uncertainty(drive, path, units[path]) for drive in drives) for path in paths))
 
 
 def _uncertainty(drive: Drive, path: str, unit: str) -> ResolvedField:
@@ -163,13 +145,12 @@ def compare_drives(
     Arguments: two drives or more; torques; draws, of each from what is not known.
     Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
     """
-    sheets, pairs = (
-        tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives),
-        min(draws, DRAWN_PAIRS),
-    )
-    return DrivesComparison(
-        sheets, tuple(drive_changes(drives[0], each, torques, pairs=pairs, run=run) for each in drives[1:])
-    )
+    sheets = tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives)
+    pairs = min(draws, DRAWN_PAIRS)
+    found = [drive_changes(drives[0], each, torques, pairs=pairs, run=run) for each in drives[1:]]
+    proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in found]
+    changes = tuple(each for each, _ in found)
+    return DrivesComparison(sheets, tuple(torques), field_rows(drives), changes, reduce(add, proofs))
 
 
 def drive_changes(
@@ -179,7 +160,7 @@ def drive_changes(
     *,
     pairs: int = DRAWN_PAIRS,
     run: Run = Run(),
-) -> DriveChanges:
+) -> tuple[DriveChanges, Certificate]:
     """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of single ones alone.
 
     With rolling balls there are no draws: what is not known is 0. Argument: pairs that are drawn. Raises UntrustedError
@@ -199,27 +180,40 @@ def drive_changes(
             run.solved(certificate.states)
         return np.reshape(values, (len(drives), len(torques)))
 
-    errors = F_ior(before, required=True)  # (pairs, torques)
-    whole = ErrorChange("", errors, F_ior(after, required=True) - errors)
+    errors, others = F_ior(before, required=True), F_ior(after, required=True)  # (pairs, torques)
 
     def alone(path: str, count: int) -> ErrorChange | None:
         moved = [one.with_values({path: other.value(path)}) for one, other in zip(before, after, strict=True)][:count]
         if not all(map(_is_drive, moved, before)):
             return None
         found = F_ior(moved)
-        return None if np.isnan(found).any() else ErrorChange(path, errors[:count], found - errors[:count])
+        return None if np.isnan(found).any() else ErrorChange.of(path, errors[:count], found)
 
-    found = {path: alone(path, SCREENED_PAIRS) for path in paths}
-    chosen = _largest_first(found.values())[:REPORTED_FIELDS]
+    single = {path: alone(path, SCREENED_PAIRS) for path in paths}
+    chosen = _largest_first(single.values())[:REPORTED_FIELDS]
     if len(before) > SCREENED_PAIRS:
-        found |= {change.path: alone(change.path, len(before)) for change in chosen}
-    single = _largest_first(found[change.path] for change in chosen)
-    impossible = tuple(path for path in paths if not found[path])
-    return DriveChanges(whole, tuple(single), impossible, drawn or not (unknowns(first) or unknowns(second)), proof)
+        single |= {change.field: alone(change.field, len(before)) for change in chosen}
+    ranged = drawn or not (unknowns(first) or unknowns(second))
+    changes = DriveChanges(
+        len(before),
+        tuple(sense(change) if ranged else UNKNOWN for change in (others - errors).T),
+        ErrorChange.of("", errors, others),
+        tuple(_largest_first(single[change.field] for change in chosen)),
+        tuple(path for path in paths if not single[path]),
+    )
+    return changes, proof
+
+
+def sense(change: Array) -> str:
+    """Whether F'_ior gets less, more or stays the same, by changes [arcsec], shape (pairs,); unknown if they differ."""
+    if np.all(np.abs(change) < SAME_ERROR):
+        return "the same"
+    less, more = np.mean(change < 0), np.mean(change > 0)
+    return "less" if less >= SURE_SHARE else "more" if more >= SURE_SHARE else UNKNOWN
 
 
 def _largest_first(changes: Iterable[ErrorChange | None]) -> list[ErrorChange]:
-    return sorted((each for each in changes if each), key=lambda change: -float(change.share.max()))
+    return sorted((each for each in changes if each), key=lambda change: -max(change.share))
 
 
 def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[list[Drive]]:

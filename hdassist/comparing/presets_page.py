@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from functools import partial
 from itertools import zip_longest
 from string import ascii_uppercase
@@ -33,7 +34,6 @@ from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, Figures
 
 NAMED_PATHS = 6  # in a line
-SENSE = {-1: "less", 0: "the same", 1: "more", None: NOT_KNOWN}
 
 
 def drives_answer(result: DrivesComparison, *, seed: int, details: bool = False) -> Answer:
@@ -43,7 +43,7 @@ def drives_answer(result: DrivesComparison, *, seed: int, details: bool = False)
         page=partial(_page, result, details),
         summary_line=partial(_verdict, result),
         figures=partial(_figures, result),
-        about=", ".join(drive.name for drive in result.drives),
+        about=", ".join(sheet.drive.name for sheet in result.sheets),
         proof=result.certificate,
     )
 
@@ -95,19 +95,18 @@ def _verdict(result: DrivesComparison) -> str:
     return "\n".join(lines)
 
 
-def _at_torque(both: Sequence[DriveSheet], changes: DriveChanges, torque: int, M_g: float) -> str:
-    sense, whole = changes.sense(torque), changes.whole
-    built = " -> ".join(F_ior_words(sheet.check.points[torque]) for sheet in both)
-    mounted = " -> ".join(_mounted_best(sheet, torque) for sheet in both)
-    words = f"{M_g:g} N·m: F'_ior {built} arcsec, mounted best {mounted}"
-    if sense is None:
+def _at_torque(both: Sequence[DriveSheet], changes: DriveChanges, k: int, M_g: float) -> str:
+    built = " -> ".join(F_ior_words(sheet.check.points[k]) for sheet in both)
+    mounted = " -> ".join(_mounted_best(sheet, k) for sheet in both)
+    words, sense = f"{M_g:g} N·m: F'_ior {built} arcsec, mounted best {mounted}", changes.F_ior_is[k]
+    if sense == NOT_KNOWN:
         return f"{words}, open: what is not known could reverse it"
-    if not sense:
+    if sense == "the same":
         return f"{words}, the same"
-    drawn = f" in {len(whole.change_arcsec)} drawn pairs" if len(whole.change_arcsec) > 1 else ""
-    single = max(changes.single, key=lambda change: abs(change.median_arcsec[torque]), default=None)
-    most = f", most by {single.path} alone" if single and len(changes.single) > 1 else ""
-    return f"{words}, {100 * whole.share[torque]:.0f} % {SENSE[sense]}{drawn}{most}"
+    drawn = f" in {changes.pairs} drawn pairs" if changes.pairs > 1 else ""
+    single = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
+    most = f", most by {single.field} alone" if single and len(changes.single) > 1 else ""
+    return f"{words}, {100 * changes.together.share[k]:.0f} % {sense}{drawn}{most}"
 
 
 def _page(result: DrivesComparison, details: bool, style: Style) -> RenderableType:
@@ -117,16 +116,15 @@ def _page(result: DrivesComparison, details: bool, style: Style) -> RenderableTy
     parts: list[RenderableType] = [Text(style.text(_verdict(result)), style="bold"), Text(style.text(subject))]
     parts.append(table_of(style, "side by side", ("", *sheets), _rows(result)))
     for letter, changes in zip([*sheets][1:], result.changes, strict=True):
-        drawn = len(changes.whole.change_arcsec)
         title = f"which field does most: each alone from A to {letter}, change of F'_ior, arcsec"
-        title += f"\nmedian (least to greatest) of {drawn} pairs drawn from what is not known" if drawn > 1 else ""
-        rows = [(each.path or "all together", *_change_cells(each)) for each in (*changes.single, changes.whole)]
+        if changes.pairs > 1:
+            title += f"\nmedian (least to greatest) of {changes.pairs} pairs drawn from what is not known"
+        rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
         if changes.single:
             parts.append(table_of(style, title, ("", *torques), rows))
-    fields = [row for row in field_rows(result.drives) if differs(row)]
-    if fields and details:
-        cells = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in fields)
-        parts.append(table_of(style, "fields that differ", ("", *sheets), cells))
+    if details:
+        differing = ((_named(row), *map(_cell, row)) for row in result.fields if differs(row))
+        parts.append(table_of(style, "fields that differ", ("", *sheets), differing))
     parts.append(facts(style, _lines(result, details)))
     if details:
         parts.append(Text(style.text(f"certificate: {result.certificate}{cross_checked(_cross_checks(result))}")))
@@ -152,38 +150,41 @@ def _rows(result: DrivesComparison) -> Iterator[Sequence[str]]:
         yield whole.words, *(whole.text(sheet.stiffness) for sheet in sheets)
 
 
+def _named(row: Sequence[ResolvedField]) -> str:
+    """Path and unit of a field."""
+    return f"{row[0].path}, {row[0].unit}".removesuffix(", ")
+
+
 def _cell(field: ResolvedField) -> str:
     """A value and its origin."""
     return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind})"
 
 
-def _change_cells(change: ErrorChange) -> list[str]:
+def _change_cells(change: ErrorChange) -> Iterator[str]:
     """The change at each torque: its median, and its range over drawn pairs."""
-    drawn = len(change.change_arcsec) > 1
-    cells = zip(change.median_arcsec, change.change_arcsec.T, strict=True)
-    return [f"{m:+.2f}" + (f" ({v.min():+.2f} to {v.max():+.2f})" if drawn else "") for m, v in cells]
+    for median, low, high in zip(change.change_arcsec, change.least_arcsec, change.greatest_arcsec, strict=True):
+        yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
 def _lines(result: DrivesComparison, details: bool) -> Iterator[tuple[str, str]]:
     """Labelled lines below the tables."""
-    rows = field_rows(result.drives)
-    if paths := [path for changes in result.changes for path in changes.impossible]:
+    if paths := [path for changes in result.changes for path in changes.not_alone]:
         yield "not alone", f"{_some(paths)}: no drive that can be computed, or one that leaves more unknown"
     for letter, sheet in _lettered(result).items():
         yield f"{letter} not known", names(sheet.check.unknown)
         yield f"{letter} mounting", what_to_do(sheet.advice) if sheet.advice.order == "none" else ""
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
-    yield "differs", "" if details else _some([row[0].path for row in rows if differs(row)])
-    origins = _some(_other_origins(rows))
+    yield "differs", "" if details else _some([row[0].path for row in result.fields if differs(row)])
+    origins = _some(_other_origins(result))
     yield "same value", f"{origins}: from another kind of origin" if origins else ""
-    yield "next", again("report", result.drives[-1], "-o", "report.html")
+    yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
     yield "more", "" if details else "--details"
     yield "proof", proof(result.certificate, _cross_checks(result))
 
 
-def _other_origins(rows: Sequence[Sequence[ResolvedField]]) -> list[str]:
+def _other_origins(result: DrivesComparison) -> list[str]:
     """Paths of the fields that drives have with the same value, but not by the same kind of origin."""
-    return [row[0].path for row in rows if not differs(tuple(row)) and len({cell.kind for cell in row}) > 1]
+    return [row[0].path for row in result.fields if not differs(row) and len({cell.kind for cell in row}) > 1]
 
 
 def _cross_checks(result: DrivesComparison) -> list[CrossCheck | None]:
@@ -198,9 +199,8 @@ def _some(paths: Sequence[str]) -> str:
 
 def _json(result: DrivesComparison, seed: int) -> Json:
     """The comparison as a JSON object."""
-    rows = field_rows(result.drives)
     return {
-        **envelope("compare-presets", result.drives[0], warnings=comparison_warnings(result)),
+        **envelope("compare-presets", result.sheets[0].drive, warnings=comparison_warnings(result)),
         "presets": [_drive_object(sheet) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
         "differences": [
@@ -209,22 +209,11 @@ def _json(result: DrivesComparison, seed: int) -> Json:
                 "unit": row[0].unit,
                 "values": [{"value": cell.value, "origin": cell.kind, "reference": cell.ref} for cell in row],
             }
-            for row in rows
+            for row in result.fields
             if differs(row)
         ],
-        "same_value_other_origin": _other_origins(rows),
-        "changes": [
-            {
-                "from": 0,
-                "to": other,
-                "pairs": len(changes.whole.change_arcsec),
-                "F_ior_is": [SENSE[changes.sense(k)] for k in range(len(result.torques))],
-                "together": _change_object(changes.whole),
-                "single": [{"field": change.path, **_change_object(change)} for change in changes.single],
-                "not_alone": list(changes.impossible),
-            }
-            for other, changes in enumerate(result.changes, 1)
-        ],
+        "same_value_other_origin": _other_origins(result),
+        "changes": [{"from": 0, "to": k, **asdict(changes)} for k, changes in enumerate(result.changes, 1)],
         "certificate": certificate_object(result.certificate, _cross_checks(result)),
         "seed": seed,
     }
@@ -243,14 +232,6 @@ def _drive_object(sheet: DriveSheet) -> Json:
         "stiffness": segment_objects(sheet.stiffness.positive),
         "unknown": unknown_objects(check.unknown),
         "influence": influence_objects(check.influences),
-    }
-
-
-def _change_object(change: ErrorChange) -> Json:
-    return {
-        "change_arcsec": change.median_arcsec.tolist(),
-        "least_arcsec": change.change_arcsec.min(axis=0).tolist(),
-        "greatest_arcsec": change.change_arcsec.max(axis=0).tolist(),
     }
 
 

@@ -13,13 +13,13 @@ import pytest
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
 from hdassist.comparing.command import is_preset
 from hdassist.comparing.drives import (
-    ErrorChange,
     compare_drives,
     differs,
     drive_changes,
     field_rows,
     moving,
     paired_draws,
+    sense,
 )
 from hdassist.comparing.presets_page import drives_answer
 from hdassist.model.unknown import unknowns
@@ -77,10 +77,10 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
     here, there, F_i2, j_n = map(F_ior, (small(), small(*BETTER), small(BETTER[0]), small(BETTER[1])))
     [found] = better.changes
     assert better.sheets[1].check.points[0].error.F_ior_arcsec == there
-    assert found.whole.change_arcsec == pytest.approx(there - here, abs=1e-6)
-    assert [change.path for change in found.single] == ["tolerances.F_i2", "gears.j_n"]
-    assert [float(c.change_arcsec[0, 0]) for c in found.single] == pytest.approx([F_i2 - here, j_n - here], abs=1e-6)
-    assert (found.impossible, found.sense(0)) == ((), -1)
+    assert found.together.change_arcsec == pytest.approx([there - here], abs=1e-6)
+    assert [change.field for change in found.single] == ["tolerances.F_i2", "gears.j_n"]
+    assert [c.change_arcsec[0] for c in found.single] == pytest.approx([F_i2 - here, j_n - here], abs=1e-6)
+    assert (found.not_alone, found.F_ior_is) == ((), ("less",))
     alone = stiffness(small(*BETTER), run=UNCHECKED)
     assert better.sheets[1].stiffness.positive == alone.positive
     holes = mounting_curve(small(), [M_G], [0.0, 90.0, 180.0, 270.0], run=UNCHECKED)
@@ -99,16 +99,15 @@ def test_the_verdict_comes_first(better):
     )
 
 
-def test_a_direction_is_a_verdict_only_where_it_is_sure(better):
-    [found] = better.changes
-
-    def sense(*changed: float, ranged: bool = True) -> int | None:
-        whole = ErrorChange("", np.full((len(changed), 1), 20.0), np.array(changed)[:, None])
-        return replace(found, whole=whole, ranged=ranged).sense(0)
-
-    assert [sense(0.001), sense(-3.0), sense(3.0)] == [0, -1, 1]
-    assert sense(*[-3.0] * 15, 1.0) is None
-    assert sense(-3.0, ranged=False) is None  # there is no range over it
+def test_a_direction_is_a_verdict_only_where_it_is_sure():
+    assert [sense(np.array([change])) for change in (0.001, -3.0, 3.0)] == ["the same", "less", "more"]
+    assert sense(np.array([-3.0] * 15 + [1.0])) == "unknown"
+    rolling = [
+        small("bearing.ball_motion=rolling", "bearing.d_ball=3", "numerics.n_beta=4", *more)
+        for more in ([], ["tolerances.e_hb=unknown", "tolerances.F_i2=10"])
+    ]
+    found, _ = drive_changes(*rolling, [M_G])
+    assert found.F_ior_is == ("unknown",)  # there is no range over what is not known
 
 
 def test_what_is_not_known_lies_alike_in_both():
@@ -128,11 +127,11 @@ def test_what_is_not_known_lies_alike_in_both():
 def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
     one = small("tolerances.F_i2=0", "phases.xi_b=unknown")
     other = small("phases.xi_b=90", "gears.z_g=62", "gears.z_b=64", "cam.W_0=0.57")
-    found = drive_changes(one, other, [M_G])
+    found, _ = drive_changes(one, other, [M_G])
     # teeth go in pairs; and the size of a deviation alone leaves its direction open
-    assert set(found.impossible) >= {"gears.z_g", "gears.z_b", "tolerances.F_i2"}
-    assert {change.path for change in found.single} == {"phases.xi_b", "cam.W_0"}
-    assert [float(c.change_arcsec[0, 0]) for c in found.single if c.path == "phases.xi_b"] == [0]
+    assert set(found.not_alone) >= {"gears.z_g", "gears.z_b", "tolerances.F_i2"}
+    assert {change.field for change in found.single} == {"phases.xi_b", "cam.W_0"}
+    assert [c.change_arcsec[0] for c in found.single if c.field == "phases.xi_b"] == [0]
 
 
 def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
