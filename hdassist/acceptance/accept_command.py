@@ -25,6 +25,7 @@ from hdassist.measuring.uncertainty import parse_stated
 from hdassist.preset.overrides import parse
 from hdassist.run.kept import Kept, Owner, open_kept
 from hdassist.run.processes import count, workers
+from hdassist.run.run import Run
 from hdassist.run.stops import at_stop
 from hdassist.runfiles import note_input
 from hdassist.terminal.answers import Json, combine, json_text
@@ -51,7 +52,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
         say_notes(inputs.wheels)
         states = 0 if request.measured_only else estimate_states(drive, limits_of(drive), request.draws)
         with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
-            predictions = request.predict(drive, inputs.wheels, executor=executor, progress=progress)
+            predictions = request.predict(drive, inputs.wheels, Run(executor, progress))
         answer = accept(request, inputs, predictions, fail_on=options.fail_on)
         answers.append(answer)
         return RunAnswer(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isnan
 from typing import Annotated, Any, Literal
@@ -32,7 +31,7 @@ from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
 
@@ -197,14 +196,7 @@ class Request(ClosedRecord):
         """Measured wheels; None without any, and where nothing is predicted. Raises what WheelFiles.read does."""
         return None if self.measured_only else self.wheels.read(drive)
 
-    def predict(
-        self,
-        drive: Drive,
-        wheels: MeasuredTeeth | None,
-        *,
-        executor: Executor | None = None,
-        progress: Progress | None = None,
-    ) -> Predictions | None:
+    def predict(self, drive: Drive, wheels: MeasuredTeeth | None, run: Run = Run()) -> Predictions | None:
         """Predictions that it needs, without a look at what was measured; None where it needs none.
 
         Raises DataError: no limit, or something measured that no limit is for; UntrustedError: no answer to be trusted.
@@ -212,10 +204,8 @@ class Request(ClosedRecord):
         limits = limits_of(drive)
         torques, stated = [each.at(drive) for each in self.measured], [each.limit_of(limits) for each in self.values]
         left = [] if self.measured_only else limits_left(drive, torques, stated)
-        analysis = partial(
-            predict, limits=left, wheels=wheels, cross_check=self.cross_check, draws=self.draws, sure=self.sure,
-            seed=self.seed, executor=executor, progress=progress,
-        )  # fmt: skip
+        run = replace(run, seed=self.seed, cross_check=self.cross_check)
+        analysis = partial(predict, limits=left, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
         return in_wide_enough_window(drive, analysis) if left else None
 
 

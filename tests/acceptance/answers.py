@@ -30,7 +30,5 @@ def accept(
     inputs = Inputs(drive, dict(measured or {}), dict(stated or {}), wheels)
     left = [] if request.measured_only else limits_left(drive, list(inputs.measurements), list(inputs.stated))
     if left and predictions is None:
-        predictions = predict(
-            drive, left, wheels=wheels, cross_check="HIGHS", draws=request.draws, sure=request.sure, seed=request.seed
-        )
+        predictions = predict(drive, left, wheels=wheels, draws=request.draws, sure=request.sure)
     return acceptance.accept(request, inputs, predictions if left else None)
