@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
+from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
@@ -178,21 +180,6 @@ def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
     return Probability(value, low, high)
 
 
-@dataclass(frozen=True)
-class _Draw:
-    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded) and weight.
-
-    F_ior_arcsec, shape (torques,); turned_arcsec, shape (torques, rotations).
-    """
-
-    refused: str = ""
-    figures: Mapping[str, float] | None = None
-    F_ior_arcsec: Array | None = None
-    turned_arcsec: Array | None = None
-    weight: float = 0.0
-    certificate: Certificate = EMPTY
-
-
 def draw_samples(
     prior: DrivePrior,
     torques: Sequence[float],
@@ -200,6 +187,7 @@ def draw_samples(
     rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
     further: Figures | None = None,
+    further_name: str = "",
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     seed: int = 0,
@@ -210,33 +198,41 @@ def draw_samples(
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
-    the drive; further, figures that each sample has beside F'_ior; enough, whether samples suffice for what they are
+    the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
+    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are
     for; effort, limits of sampling; seed; executor, to spread the work over (the numbers do not depend on it);
     progress, called with states solved; seen, called with the samples so far. Raises UsageError for a drive with
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
-    draws: list[_Draw] = []
-    while True:
-        size = min(effort.batch, max(HOPELESS, len(draws)))
-        now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-        shares = prior.shares(now.stop, seed)
-        values, chances = prior.values(shares[now]), shares[now, -1].tolist()
-        for each in (executor.map if executor else map)(solve, values, chances):
-            draws.append(each)
-            if progress:
-                progress(each.certificate.states)
-        samples = _collected(prior, tuple(torques), rotations, shares, draws, seed)
-        if seen:
-            seen(samples)
-        effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-        if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
-            return samples
-        if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
-            if effective < effort.effective:
-                raise _too_few(samples, draws, evidence, effort.effective)
-            return samples
+    kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, seed)
+    earlier = kept.read() if further_name or not further else []
+    draws: list[Draw] = []
+    try:
+        while True:
+            size = min(effort.batch, max(HOPELESS, len(draws)))
+            now = slice(len(draws), min(len(draws) + size, effort.most_draws))
+            shares = prior.shares(now.stop, seed)
+            fresh = shares[max(now.start, len(earlier)) : now.stop]
+            solved = (executor.map if executor else map)(solve, prior.values(fresh), fresh[:, -1].tolist())
+            for each in chain(earlier[now], solved):
+                draws.append(each)
+                if progress:
+                    progress(each.certificate.states)
+            samples = _collected(prior, tuple(torques), rotations, shares, draws, seed)
+            if seen:
+                seen(samples)
+            effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
+            if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
+                return samples
+            if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
+                if effective < effort.effective:
+                    raise _too_few(samples, draws, evidence, effort.effective)
+                return samples
+    finally:
+        if len(draws) > len(earlier) and (further_name or not further):
+            kept.keep(draws)
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
@@ -257,13 +253,13 @@ def _solved(
     further: Figures | None,
     values: dict[str, float],
     chance: float,
-) -> _Draw:
+) -> Draw:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
     moved = drive.with_values(values)
     if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return _Draw(refused=f"{outside}: out of range")
+        return Draw(refused=f"{outside}: out of range")
     if conflict := first_conflict(moved):
-        return _Draw(refused=f"{conflict.path}: {conflict.message}")
+        return Draw(refused=f"{conflict.path}: {conflict.message}")
     figures: dict[str, float] = {}
     proof, probability = EMPTY, 1.0
     try:
@@ -271,18 +267,19 @@ def _solved(
             figures, proof = in_wide_enough_window(moved, stiffness_figures)
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
             if chance >= probability:
-                return _Draw(figures=figures, certificate=proof)
+                return Draw(figures=figures, proof=astuple(proof))
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
-        return _Draw(refused=str(error.fault))
+        return Draw(refused=str(error.fault))
     figures = {**figures, **more}
     if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
         least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
         figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
-    return _Draw("", figures, F_ior, turned, weight, proof + found + more_proof)
+    whole = proof + found + more_proof
+    return Draw("", figures, tuple(F_ior.tolist()), tuple(map(tuple, turned.tolist())), weight, astuple(whole))
 
 
 def errors_by_turn(
@@ -314,7 +311,7 @@ def _collected(
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
     shares: Array,
-    draws: Sequence[_Draw],
+    draws: Sequence[Draw],
     seed: int,
 ) -> Samples:
     rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
@@ -337,7 +334,7 @@ def _collected(
     )
 
 
-def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
+def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
     """The error where fewer samples are effective than needed, with the evidence without which most would agree."""
     found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
     if sum(samples.refused.values()) > len(draws) / 2 or not evidence:
@@ -352,6 +349,6 @@ def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence,
     )
 
 
-def _mean_likelihood(draws: Sequence[_Draw], evidence: tuple[Evidence, ...]) -> float:
+def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
     """Mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
     return float(np.mean([np.exp(log_likelihood(evidence, each.figures or {})) for each in draws if not each.refused]))
