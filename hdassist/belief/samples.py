@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import chain
@@ -28,7 +27,8 @@ from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
@@ -190,9 +190,7 @@ def draw_samples(
     further_name: str = "",
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
@@ -200,27 +198,25 @@ def draw_samples(
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
     drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are
-    for; effort, limits of sampling; seed; executor, to spread the work over (the numbers do not depend on it);
-    progress, called with states solved; seen, called with the samples so far. Raises UsageError for a drive with
+    for; effort, limits of sampling; seen, called with the samples so far. Raises UsageError for a drive with
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
-    kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, seed)
+    kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
     draws: list[Draw] = []
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
             now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-            shares = prior.shares(now.stop, seed)
+            shares = prior.shares(now.stop, run.seed)
             fresh = shares[max(now.start, len(earlier)) : now.stop]
-            solved = (executor.map if executor else map)(solve, prior.values(fresh), fresh[:, -1].tolist())
+            solved = run.map(solve, prior.values(fresh), fresh[:, -1].tolist())
             for each in chain(earlier[now], solved):
                 draws.append(each)
-                if progress:
-                    progress(each.certificate.states)
-            samples = _collected(prior, tuple(torques), rotations, shares, draws, seed)
+                run.solved(each.certificate.states)
+            samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed)
             if seen:
                 seen(samples)
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding

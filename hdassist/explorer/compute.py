@@ -68,7 +68,7 @@ from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_po
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Progress, Run
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.answers import json_text
@@ -126,8 +126,7 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
             torques=drive.operation.M_g,
             rotations_deg=seat_positions(drive),
             draws=effort.draws,
-            seed=SEED,
-            executor=executor,
+            run=Run(executor, seed=SEED),
         )
         yield _mount_advised(in_wide_enough_window(drive, analysis))
 
@@ -161,7 +160,7 @@ def _believed(drive: Drive, effort: Effort, tell: Callable[[Answer], None]) -> I
                 if samples.effective:
                     tell(believed(samples, whole=False))
 
-            found = drive_samples(prior, held, draws=effort.draws, seed=SEED, executor=executor, seen=seen)
+            found = drive_samples(prior, held, draws=effort.draws, run=Run(executor, seed=SEED), seen=seen)
             return believed(found, whole=True)
 
         try:
