@@ -8,27 +8,25 @@ checked as work from anywhere is; whatever does not hold is drawn anew.
 from __future__ import annotations
 
 import json
-import os
-import platform
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from hashlib import sha256
-from importlib.metadata import version
-from pathlib import Path
+from typing import Annotated
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from hdassist.belief.evidence import ACCURACY, STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import DrivePrior
-from hdassist.run.cache import cached, keep, keeps_samples
+from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.certificate import Residual
 from hdassist.solve.walk import library
 
 KIND = "samples"
+Share = Annotated[float, Field(strict=True, ge=0, le=1)]
 # of a preset, what no draw depends on: words, limits; the prior stands in the key by itself
 BESIDE = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
 
@@ -37,7 +35,8 @@ BESIDE = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
 class Draw(ClosedRecord):
     """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
 
-    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; proof: states, residuals, fallbacks.
+    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
+    proof: states, residuals, fallbacks.
     """
 
     refused: str = ""
@@ -45,6 +44,7 @@ class Draw(ClosedRecord):
     F_ior_arcsec: tuple[Magnitude, ...] | None = None
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
     weight: Magnitude = 0.0
+    shares: tuple[Share, ...] = ()
     proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
 
     @property
@@ -52,17 +52,18 @@ class Draw(ClosedRecord):
         """Proof of the states behind it."""
         return Certificate(*self.proof)
 
-    def holds(self, torques: int, turns: int, evidence: Sequence[Evidence]) -> bool:
-        """Whether it can be a draw at so many torques and turns, weeded by evidence."""
+    def holds(self, fields: int, torques: int, turns: int, evidence: Sequence[Evidence]) -> bool:
+        """Whether it can be a draw of so many fields at so many torques and turns, weeded by evidence."""
         figures = frozenset(self.figures or ())
         needed = frozenset(STIFFNESS_FIGURES if any(each.figure != ACCURACY for each in evidence) else ())
         if self.F_ior_arcsec is None:
             is_weeded = not self.refused and figures == needed != frozenset()
             is_refused = bool(self.refused) and self.figures is None
-            return (is_weeded or is_refused) and self.turned_arcsec is None and not self.weight
+            return (is_weeded or is_refused) and not (self.turned_arcsec or self.weight or self.shares)
         turned = self.turned_arcsec or ()
-        shape = len(self.F_ior_arcsec), len(turned), {len(each) for each in turned} - {turns}
-        return not self.refused and shape == (torques, torques, set()) and figures >= needed and self.proof[0] > 0
+        shape = len(self.shares), len(self.F_ior_arcsec), len(turned), {len(each) for each in turned} - {turns}
+        is_proven = self.proof[0] > 0
+        return is_proven and not self.refused and shape == (fields, torques, torques, set()) and figures >= needed
 
 
 _DRAWS = TypeAdapter(list[Draw])
@@ -84,10 +85,10 @@ class KeptDraws:
 
     def read(self) -> list[Draw]:
         """The draws that are kept, from the first on; none where not all of them hold."""
-        data = cached(KIND, self._key) if keeps_samples() else None
+        data = cached(KIND, self._key) if keeps_answers() else None
         with suppress(ValueError, RecursionError):
             draws = _DRAWS.validate_python(json.loads(data or b"[]"))
-            sizes = len(self.torques), len(self.rotations_deg), self.evidence
+            sizes = len(self.prior.fields), len(self.torques), len(self.rotations_deg), self.evidence
             figures = {frozenset(each.figures or ()) for each in draws if each.F_ior_arcsec is not None}
             if len(figures) <= 1 and all(each.holds(*sizes) for each in draws):
                 return draws
@@ -95,7 +96,7 @@ class KeptDraws:
 
     def keep(self, draws: Sequence[Draw]) -> None:
         """Keep draws, from the first on."""
-        if keeps_samples():
+        if keeps_answers():
             with suppress(ValueError):  # a number that is none
                 keep(KIND, self._key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
 
@@ -109,17 +110,6 @@ class KeptDraws:
             "evidence": [astuple(each) for each in self.evidence],
             "further": self.further,
             "seed": self.seed,
-            "program": _program(),
+            "program": [*program("daqp", "pydantic"), library()[1]],
         }
         return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-
-
-@cache
-def _program() -> list[str]:
-    """What computes: source, versions of the packages, engine and machine."""
-    source = sha256()
-    for path in sorted(Path(__file__).parents[1].glob("*/*.[cp]*")):
-        source.update(path.read_bytes())
-    packages = [f"{name} {version(name)}" for name in ("numpy", "scipy", "daqp", "pydantic")]
-    kernels = [f"{name}={text}" for name, text in sorted(os.environ.items()) if name.startswith("OPENBLAS_")]
-    return [source.hexdigest(), *packages, *kernels, library()[1], platform.platform(), platform.python_version()]

@@ -8,7 +8,7 @@ is divided by: the sum of weights stays right on average.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import chain
@@ -210,13 +210,14 @@ def draw_samples(
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
             now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-            shares = prior.shares(now.stop, run.seed)
-            fresh = shares[max(now.start, len(earlier)) : now.stop]
-            solved = run.map(solve, prior.values(fresh), fresh[:, -1].tolist())
+            solved: Iterable[Draw] = ()
+            if now.stop > len(earlier):
+                fresh = prior.shares(now.stop, run.seed)[max(now.start, len(earlier)) :]
+                solved = run.map(solve, prior.values(fresh), fresh.tolist())
             for each in chain(earlier[now], solved):
                 draws.append(each)
                 run.solved(each.certificate.states)
-            samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed)
+            samples = _collected(prior, tuple(torques), rotations, draws, run.seed)
             if seen:
                 seen(samples)
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
@@ -248,9 +249,13 @@ def _solved(
     evidence: tuple[Evidence, ...],
     further: Figures | None,
     values: dict[str, float],
-    chance: float,
+    shares: list[float],
 ) -> Draw:
-    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
+    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
+
+    Arguments: values of the draw, by path, and their shares of probability, with the chance behind them.
+    """
+    *of_fields, chance = shares
     moved = drive.with_values(values)
     if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
         return Draw(refused=f"{outside}: out of range")
@@ -275,7 +280,8 @@ def _solved(
         figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
     whole = proof + found + more_proof
-    return Draw("", figures, tuple(F_ior.tolist()), tuple(map(tuple, turned.tolist())), weight, astuple(whole))
+    at_turns = tuple(map(tuple, turned.tolist()))
+    return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
 
 
 def errors_by_turn(
@@ -306,7 +312,6 @@ def _collected(
     prior: DrivePrior,
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
-    shares: Array,
     draws: Sequence[Draw],
     seed: int,
 ) -> Samples:
@@ -316,7 +321,7 @@ def _collected(
     return Samples(
         prior,
         torques,
-        shares[rows, : len(prior.fields)],
+        np.array([each.shares for each in kept]).reshape(len(kept), len(prior.fields)),
         np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
         {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
         np.array([each.weight for each in kept]),

@@ -103,7 +103,7 @@ def cache() -> Finding:
     """Where answers are kept, how large they are, and how to be rid of them."""
     from hashlib import sha256
 
-    from hdassist.run.cache import FOLDER, NO_CACHE, cache_folder, cached, cached_files, keep, keeps_samples
+    from hdassist.run.cache import FOLDER, NO_CACHE, cache_folder, cached, cached_files, keep, keeps_answers
 
     folder, key = cache_folder(), sha256(b"doctor").hexdigest()
     keep("doctor", key, b"")
@@ -112,7 +112,7 @@ def cache() -> Finding:
     files = cached_files()
     size = f"{len(files)} files, {sum(each for _, each, _ in files) / 1e6:.1f} MB"
     found = f"{folder}, {size}; remove the folder to empty it, {FOLDER} names another one"
-    return Finding("cache", "ok", found if keeps_samples() else f"{found}; {NO_CACHE} is set: no samples are kept")
+    return Finding("cache", "ok", found if keeps_answers() else f"{found}; {NO_CACHE} is set: no answers are kept")
 
 
 def terminal() -> Iterator[Finding]:

@@ -7,16 +7,19 @@ is as if it were not there. The folder may be emptied at any time, and where it 
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
 from hdassist.textfile import in_place_of, is_file
 
-FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether to do without samples
+FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether answers are not kept
 LARGEST = 1 << 24  # bytes of a file
 MOST = 1 << 26  # bytes of all files: above it the oldest go
 _OLDEST_LEFT = 0.75  # of MOST, that is left then
@@ -27,9 +30,21 @@ def cache_folder() -> Path:
     return Path(named) if (named := os.environ.get(FOLDER)) else user_cache_path("hdassist")
 
 
-def keeps_samples() -> bool:
-    """Whether samples are read from the cache and kept there."""
+def keeps_answers() -> bool:
+    """Whether answers are read from the cache and kept there."""
     return not os.environ.get(NO_CACHE)
+
+
+@cache
+def program(*packages: str) -> tuple[str, ...]:
+    """All of this installation that digits of an answer depend on, of packages by name beside hdassist and numpy."""
+    source = sha256()
+    package = Path(__file__).parents[1]
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.c")]):
+        source.update(path.read_bytes())
+    kernels = [f"{name}={text}" for name, text in sorted(os.environ.items()) if name.startswith("OPENBLAS_")]
+    versions = [f"{name} {version(name)}" for name in ("numpy", "scipy", *packages)]
+    return source.hexdigest(), *versions, *kernels, platform.platform(), platform.python_version()
 
 
 def cached(kind: str, key: str, folder: Path | None = None) -> bytes | None:

@@ -2,9 +2,13 @@
 
 import json
 import os
+import shutil
 import stat
+import subprocess
+import sys
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +20,7 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.errors import UntrustedError
 from hdassist.run import cache
+from hdassist.run.run import Run
 from tests import process
 from tests.process import TINY, run
 
@@ -101,7 +106,7 @@ def test_more_draws_go_on_from_those_that_are_kept_and_fewer_leave_them(folder, 
 def test_other_questions_have_other_samples(folder, solved, monkeypatch):
     drawn()
     asked = [
-        {"torques": (5.0,)}, {"seed": 1}, {"rotations_deg": (0.0, 90.0)}, {"overrides": ("gears.j_n=17",)},
+        {"torques": (5.0,)}, {"run": Run(seed=1)}, {"rotations_deg": (0.0, 90.0)}, {"overrides": ("gears.j_n=17",)},
         {"overrides": ("tolerances.e_hb=20±2",)},
         {"evidence": (Evidence("catalogue.accuracy", "accuracy", 50.0, 0.25, one_sided=True),)},
         {"further": stiffness_figures, "further_name": "stiffness"},
@@ -109,7 +114,7 @@ def test_other_questions_have_other_samples(folder, solved, monkeypatch):
     for number, options in enumerate(asked, 2):
         drawn(*options.pop("overrides", ()), **options)
         assert len(list(folder.glob("samples-*"))) == number
-    monkeypatch.setattr(kept, "_program", lambda: ["another"])
+    monkeypatch.setattr(kept, "program", lambda *_: ["another"])
     drawn()
     assert len(list(folder.glob("samples-*"))) == number + 1
     count = len(solved)
@@ -142,6 +147,8 @@ FORGERIES = {
     "no states": lambda draws: draws[3]["proof"].__setitem__(0, 0),
     "too many torques": lambda draws: draws[3].update(F_ior_arcsec=[1.0, 2.0], turned_arcsec=[[], []]),
     "turns that were not asked for": lambda draws: draws[3].update(turned_arcsec=[[1.0]]),
+    "a share above 1": lambda draws: draws[3].update(shares=[1.5]),
+    "no shares": lambda draws: draws[3].update(shares=[]),
     "another figure": lambda draws: draws[3]["figures"].update(K_9=1.0),
     "a field more": lambda draws: draws[3].update(more=1),
     "refused and solved": lambda draws: draws[3].update(refused="no drive"),
@@ -183,10 +190,10 @@ def test_draws_of_another_question_under_its_name_are_not_believed(folder, solve
     path_of["first"] = kept_file(folder)
     other = path_of["first"].read_bytes()
     path_of["first"].unlink()
-    drawn(seed=1)
+    drawn(run=Run(seed=1))
     kept_file(folder).write_bytes(other)
     count = len(solved)
-    assert not np.array_equal(drawn(seed=1).shares, first.shares)
+    assert not np.array_equal(drawn(run=Run(seed=1)).shares, first.shares)
     assert len(solved) == count + 8
 
 
@@ -238,6 +245,24 @@ def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, mo
     assert found["cache"].startswith(f"{folder}, ")
     assert "MB; remove the folder to empty it" in found["cache"]
     monkeypatch.setitem(process.CLEAN, cache.NO_CACHE, "1")
-    assert "no samples are kept" in run("doctor").stdout
+    assert "no answers are kept" in run("doctor").stdout
     monkeypatch.setitem(process.CLEAN, cache.FOLDER, "/proc/nowhere")
     assert "/proc/nowhere can't be used" in " ".join(run("doctor").stdout.split())
+
+
+def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path):
+    copy = tmp_path / "hdassist"
+    shutil.copytree(Path(cache.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
+    ask = [sys.executable, "-c", "from hdassist.run.cache import program; print(program()[0])"]
+
+    def source():
+        found = subprocess.run(
+            ask, cwd=tmp_path, env=process.CLEAN | {"PYTHONPATH": str(tmp_path)}, capture_output=True
+        )
+        return found.stdout
+
+    first = source()
+    assert list(copy.rglob("*.pyc"))
+    assert source() == first != b""
+    (copy / "solve" / "walk.c").write_text("/* another */")
+    assert source() != first
