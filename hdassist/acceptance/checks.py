@@ -62,10 +62,6 @@ class Check(Explained):
         """Unit of its value and limit, as JSON has it."""
         return unit_of(Acceptance.model_fields[self.field])
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """A check goes to another process by its code: its functions cannot."""
-        return check_of, (self.code,)
-
 
 @dataclass(frozen=True)
 class Remark(Explained):
@@ -154,7 +150,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
 )
-CHECKS = (F_IOR, TURN_RANGE, ORDER, SELF_ERROR, LOST_MOTION, *STIFFNESSES)
+CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER, LOST_MOTION, *STIFFNESSES)
 
 COVERAGE = Remark(
     "COVERAGE",

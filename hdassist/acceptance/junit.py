@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -21,8 +20,6 @@ from hdassist.acceptance.page import how_to_decide, sentence
 from hdassist.visible import visible
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
-LOT = "lot_sha256"  # a property of each suite of a lot
-STARTS = 100_000  # bytes in which the first suite of a lot has it
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 NUMBERS = ("value", "expanded_uncertainty", "rise", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
@@ -40,16 +37,6 @@ def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str
     return HEAD + tostring(root, encoding="unicode") + "\n"
 
 
-def is_suite_of_lot(path: str) -> bool:
-    """Whether a file holds suites that `junit` made of a lot."""
-    try:
-        with Path(path).open("rb") as stream:
-            start = stream.read(STARTS).decode("utf-8", "replace")
-    except (OSError, ValueError):
-        return False
-    return start.startswith(f"{HEAD}<testsuites ") and f'<property name="{LOT}" ' in start
-
-
 def _count(element: Element, counted: Mapping[str, str]) -> None:
     kinds = Counter(inner.tag for inner in element.iter())
     element.attrib.update({key: str(kinds[tag]) for key, tag in counted.items()})
@@ -62,12 +49,9 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     place = SubElement(suite, "properties")
     known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
     for check in answer.checks:
-        known |= {f"{_key(check)}.{number}": getattr(check, number) for number in NUMBERS}
-        known |= (
-            {f"{_key(check)}.belief.{key}": value for key, value in asdict(check.belief).items()}
-            if check.belief
-            else {}
-        )
+        figures = {key: getattr(check, key) for key in NUMBERS}
+        figures |= {f"belief.{key}": value for key, value in (asdict(check.belief) if check.belief else {}).items()}
+        known |= {f"{_key(check)}.{key}": value for key, value in figures.items()}
     for key, value in known.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))
@@ -85,7 +69,7 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     for check in answer.checks:
         words = f"{check.verdict}: {sentence(check)}"
         lines = [words, *([f"because: {check.reason}"] if check.reason else [])]
-        element = case(check.held_against.label)
+        element = case(check.label)
         if check.verdict == "PASS":
             SubElement(element, "system-out").text = visible("\n".join(lines))
         else:

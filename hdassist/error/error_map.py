@@ -178,16 +178,16 @@ class ErrorMap:
         ranges = np.bincount(hills.row, np.where(hills.rank, 0, hills.height))
         return np.asarray(ranges, dtype=float), solved.certificate
 
-    def solved_map(self, batch: Batch) -> tuple[Array, Certificate]:
-        """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l), and the proof.
+    def solved_map(self, batch: Batch) -> Array:
+        """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
 
         No points of a short cycle, of which every state is solved. Raises UntrustedError where an answer
         cannot be trusted.
         """
         if not len(batch) or len(self.states) < SHORT:
-            return np.empty((len(batch), 0, 0)), EMPTY
+            return np.empty((len(batch), 0, 0))
         solved = _Solved(self, batch, LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True))
-        return solved.at_points(self.points(GRID)), solved.certificate
+        return solved.at_points(self.points(GRID))
 
     def many_extremes(
         self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID, alike: Array | None = None
