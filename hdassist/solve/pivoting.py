@@ -14,8 +14,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
-from scipy.linalg.blas import dger
 
 from hdassist.model.geometry import Array
 
@@ -76,15 +74,15 @@ class Reference:
         system[:n, n:] = A[:, inside].T
         coupling = np.vstack([P[np.ix_(inside, outside)], A[:, outside]])
         right = np.hstack([np.eye(n + free), coupling])
-        factors, rows, singular = lapack.dgetrf(system)
-        if singular:
+        try:
+            inverted = np.linalg.inv(system)
+        except np.linalg.LinAlgError:
             return None
-        # solved for and refined, not multiplied by the inverse: that cost two digits of the rotation
-        both, _ = lapack.dgetrs(factors, rows, right)
+        both = inverted @ right
         rest = right - system @ both
         if not np.abs(rest[:, : n + free]).max(initial=0) <= INVERSE:
             return None
-        both += lapack.dgetrs(factors, rows, rest)[0]
+        both += inverted @ rest  # refined: without it two digits of the rotation are lost
         inverse, across = both[:, : n + free], both[:, n + free :]
         known = np.concatenate([inside, M + np.arange(free)])
         by_others, by_right = np.zeros((M + free, M)), np.zeros((M + free, free))
@@ -232,7 +230,7 @@ class Pivoting:
                 return False  # without it nothing would hold the torque
             # so that the one update makes of row and column what becomes of them, too
             column[r], row[r] = pivot + 1, pivot - 1
-            dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
+            tableau -= np.multiply.outer(row, column / pivot).T  # in the order of memory
             now[r] = not now[r]
         self._lost += 1
         return False
