@@ -16,7 +16,7 @@ from tests.support import changed
 WITH_ISLANDS = (
     "numerics.nominal_curve=linear", "gears.j_n=6.751", "flexspline.k_t=1.38", "bearing.ring_h=4.011",
     "supports.C_1=1.341e6", "supports.C_2=1.964e4", "supports.C_3=8.887e3",
-    "contact.c_t=2.108e-5", "contact.c_ball=2.528e-5",
+    "contact.c_t=2.108e-5", "contact.c_ball=2.528e-5", "contact.k_face=9", "bearing.beta=0.5",
 )  # fmt: skip
 
 
