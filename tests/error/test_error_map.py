@@ -70,6 +70,16 @@ def test_proposals_go_along_creases(seed):
     assert error_map.many_extremes(Batch.of(drive)).first == pytest.approx(error_map.extremes().first, abs=1e-6)
 
 
+def test_drives_that_are_alike_are_searched_by_their_difference(reference):
+    alike = ErrorMap(reference, 800).solved_map(Batch.of(reference))
+    other = reference.with_values({"bearing.g_b": 3.0, "material.E": 2.1e5, "supports.C_3": 6e3})
+    error_map = ErrorMap(other, 800)
+    found = error_map.many_extremes(Batch.of(other), grid=20, alike=alike)
+    assert found.first == pytest.approx(error_map.extremes().first, abs=1e-6)
+    assert abs(found.first - np.ptp(alike)) > 0.5, "they differ, or this shows nothing"
+    assert found.certificate.states < 450
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["light", "heavy", "any"])
 def test_proposals_find_what_every_state_shows_of_random_drives(kind):
