@@ -167,20 +167,16 @@ def _notes(answer: Answer, predictions: Predictions | None) -> Iterator[str]:
 
 def csv(answers: Sequence[Answer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
-    columns = [each.name for each in fields(Decision) if each.name != "belief"]
-    of_belief = [each.name for each in fields(Belief)]
+    columns, of_belief = (dict.fromkeys(each.name for each in fields(kind)) for kind in (Decision, Belief))
+    del columns["belief"]
     rows: list[list[object]] = []
     for answer in answers:
-        start, end = [answer.serial, answer.preset.name], provenance(answer).values()
-        for check in answer.checks:
-            cells = [
-                *(getattr(check, name) for name in columns),
-                *(getattr(check.belief, name, None) for name in of_belief),
-            ]
-            rows.append(
-                [*start, *(" ".join(c) if isinstance(c, tuple) else c for c in cells), answer.exit_code, None, *end]
-            )
-        if error := answer.error:
-            rows.append([*start, *[None] * len(columns + of_belief), answer.exit_code, error.message, *end])
+        error = answer.error.message if answer.error else None
+        for check in answer.checks or [None]:
+            cells = [getattr(check, name, None) for name in columns]
+            cells += [getattr(check and check.belief, name, None) for name in of_belief]
+            texts = [" ".join(cell) if isinstance(cell, tuple) else cell for cell in cells]
+            start, end = (answer.serial, answer.preset.name), provenance(answer).values()
+            rows.append([*start, *texts, answer.exit_code, error, *end])
     header = ["serial", "preset", *columns, *(f"belief.{name}" for name in of_belief), "exit_code", "error"]
     return csv_text([*header, *provenance(answers[0])], rows)
