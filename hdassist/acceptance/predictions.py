@@ -267,6 +267,7 @@ def predict(
         _torques(drive, open_),
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
+        further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
         enough=enough,
         effort=SamplingEffort.of(draws),
         run=run,

@@ -8,15 +8,17 @@ is divided by: the sum of weights stays right on average.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
+from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
@@ -178,21 +180,6 @@ def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
     return Probability(value, low, high)
 
 
-@dataclass(frozen=True)
-class _Draw:
-    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded) and weight.
-
-    F_ior_arcsec, shape (torques,); turned_arcsec, shape (torques, rotations).
-    """
-
-    refused: str = ""
-    figures: Mapping[str, float] | None = None
-    F_ior_arcsec: Array | None = None
-    turned_arcsec: Array | None = None
-    weight: float = 0.0
-    certificate: Certificate = EMPTY
-
-
 def draw_samples(
     prior: DrivePrior,
     torques: Sequence[float],
@@ -200,6 +187,7 @@ def draw_samples(
     rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
     further: Figures | None = None,
+    further_name: str = "",
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     run: Run = Run(),
@@ -208,31 +196,40 @@ def draw_samples(
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
-    the drive; further, figures that each sample has beside F'_ior; enough, whether samples suffice for what they are
+    the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
+    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are
     for; effort, limits of sampling; seen, called with the samples so far. Raises UsageError for a drive with
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
-    draws: list[_Draw] = []
-    while True:
-        size = min(effort.batch, max(HOPELESS, len(draws)))
-        now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-        shares = prior.shares(now.stop, run.seed)
-        values, chances = prior.values(shares[now]), shares[now, -1].tolist()
-        for each in run.map(solve, values, chances):
-            draws.append(each)
-            run.solved(each.certificate.states)
-        samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed)
-        if seen:
-            seen(samples)
-        effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-        if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
-            return samples
-        if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
-            if effective < effort.effective:
-                raise _too_few(samples, draws, evidence, effort.effective)
-            return samples
+    kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
+    earlier = kept.read() if further_name or not further else []
+    draws: list[Draw] = []
+    try:
+        while True:
+            size = min(effort.batch, max(HOPELESS, len(draws)))
+            now = slice(len(draws), min(len(draws) + size, effort.most_draws))
+            solved: Iterable[Draw] = ()
+            if now.stop > len(earlier):
+                fresh = prior.shares(now.stop, run.seed)[max(now.start, len(earlier)) :]
+                solved = run.map(solve, prior.values(fresh), fresh.tolist())
+            for each in chain(earlier[now], solved):
+                draws.append(each)
+                run.solved(each.certificate.states)
+            samples = _collected(prior, tuple(torques), rotations, draws, run.seed)
+            if seen:
+                seen(samples)
+            effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
+            if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
+                return samples
+            if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
+                if effective < effort.effective:
+                    raise _too_few(samples, draws, evidence, effort.effective)
+                return samples
+    finally:
+        if len(draws) > len(earlier) and (further_name or not further):
+            kept.keep(draws)
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
@@ -252,14 +249,18 @@ def _solved(
     evidence: tuple[Evidence, ...],
     further: Figures | None,
     values: dict[str, float],
-    chance: float,
-) -> _Draw:
-    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
+    shares: list[float],
+) -> Draw:
+    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
+
+    Arguments: values of the draw, by path, and their shares of probability, with the chance behind them.
+    """
+    *of_fields, chance = shares
     moved = drive.with_values(values)
     if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return _Draw(refused=f"{outside}: out of range")
+        return Draw(refused=f"{outside}: out of range")
     if conflict := first_conflict(moved):
-        return _Draw(refused=f"{conflict.path}: {conflict.message}")
+        return Draw(refused=f"{conflict.path}: {conflict.message}")
     figures: dict[str, float] = {}
     proof, probability = EMPTY, 1.0
     try:
@@ -267,18 +268,20 @@ def _solved(
             figures, proof = in_wide_enough_window(moved, stiffness_figures)
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
             if chance >= probability:
-                return _Draw(figures=figures, certificate=proof)
+                return Draw(figures=figures, proof=astuple(proof))
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
-        return _Draw(refused=str(error.fault))
+        return Draw(refused=str(error.fault))
     figures = {**figures, **more}
     if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
         least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
         figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
-    return _Draw("", figures, F_ior, turned, weight, proof + found + more_proof)
+    whole = proof + found + more_proof
+    at_turns = tuple(map(tuple, turned.tolist()))
+    return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
 
 
 def errors_by_turn(
@@ -309,8 +312,7 @@ def _collected(
     prior: DrivePrior,
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
-    shares: Array,
-    draws: Sequence[_Draw],
+    draws: Sequence[Draw],
     seed: int,
 ) -> Samples:
     rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
@@ -319,7 +321,7 @@ def _collected(
     return Samples(
         prior,
         torques,
-        shares[rows, : len(prior.fields)],
+        np.array([each.shares for each in kept]).reshape(len(kept), len(prior.fields)),
         np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
         {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
         np.array([each.weight for each in kept]),
@@ -333,7 +335,7 @@ def _collected(
     )
 
 
-def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
+def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
     """The error where fewer samples are effective than needed, with the evidence without which most would agree."""
     found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
     if sum(samples.refused.values()) > len(draws) / 2 or not evidence:
@@ -348,6 +350,6 @@ def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence,
     )
 
 
-def _mean_likelihood(draws: Sequence[_Draw], evidence: tuple[Evidence, ...]) -> float:
+def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
     """Mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
     return float(np.mean([np.exp(log_likelihood(evidence, each.figures or {})) for each in draws if not each.refused]))

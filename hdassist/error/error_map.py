@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hdassist.error.cycle import kinematic_error, place
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import scalars_of
+from hdassist.model.deviations import TEETH, scalars_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -40,9 +40,11 @@ FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
+REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
+DISC = 8  # drives from which on their states are solved together
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
 
@@ -191,6 +193,7 @@ class ErrorMap:
             if coarse:
                 proposed = _interpolated(proposed, self.points().shape[:2])
             solved.climb(solved.promising(_hills(proposed, self)), STRIDES[coarse])
+            solved.look_around()
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
@@ -310,11 +313,26 @@ class _Solved:
     def at_points(self, grid: int) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (drives, k, l)."""
         points = self._search.points(grid)
-        there_and_back = points.copy()
-        there_and_back[1::2] = points[1::2, ::-1]  # so that neighbours follow each other
         rows = np.arange(len(self._batch))[:, None, None]
-        self._at(rows, there_and_back[None])
-        return np.asarray(self.value[rows, self._search.state(points)[None]])
+        row, state = (each.ravel() for each in np.broadcast_arrays(rows, self._search.state(points)))
+        order = self._neighbours_together(row, state, points.shape[1])
+        self._at(row[order], np.broadcast_to(points, (len(rows), *points.shape)).reshape(-1, 2)[order])
+        return np.asarray(self.value[rows, self._search.state(points)])
+
+    def _neighbours_together(self, row: Indices, state: Indices, across: int) -> Indices:
+        """Order in which states of a grid, with so many positions across, follow each other by the least of pivots.
+
+        Of few drives, there and back over the rows of the grid. Of many, all drives' states in such a row together:
+        their tooth vectors fill a disc, which is gone over in strips.
+        """
+        line, place = np.divmod(np.arange(len(row)) % (len(row) // len(self._batch)), across)
+        if len(self._batch) < DISC:
+            return np.lexsort((np.where(line % 2, -place, place), line, row))
+        states = self._search.states.take(state)
+        x, y = self._batch.scalars(row, states.alpha_g, states.alpha_b)[:, TEETH : TEETH + 2].T
+        strip = np.floor((x - x.min()) / max(np.ptp(x), 1e-9) * np.sqrt(len(self._batch) * across / 2))
+        strip = np.where(line % 2, -strip, strip)
+        return np.lexsort((np.where(strip % 2, -y, y), strip, line))
 
     def promising(self, hills: _Hills) -> _Hills:
         """Hills near the highest of their drive, after one state was solved on each that may be it."""
@@ -347,6 +365,21 @@ class _Solved:
             if stride > 1:
                 to = self._search.to_lattice(point + stride * self._summit(value))
             row, sign, point, stride = row[going], sign[going], to[going], max(stride // 2, 1)
+
+    def look_around(self) -> None:
+        """Solve what is within REACH of each drive's extremes, until nothing there is higher.
+
+        Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
+        """
+        z_b, z_g = self._search.board.shape
+        wide = np.stack(np.meshgrid(*[np.arange(-REACH, REACH + 1)] * 2), axis=-1).reshape(-1, 2)
+        wide = wide[wide.sum(axis=1) % self._search.finest == 0]
+        for sign in (1, -1):
+            row = np.arange(len(self._batch))
+            while len(row):
+                top = np.nanargmax(sign * self.value[row], axis=1)
+                self._at(row[:, None], np.stack([top % z_b, top % z_g], axis=-1)[:, None] + wide)
+                row = row[np.nanargmax(sign * self.value[row], axis=1) != top]
 
     def _at(self, row: Indices, point: Indices) -> Array:
         """Rotation [arcsec] of drives at points, shape (..., 2), solved where that is not known yet."""
