@@ -17,7 +17,6 @@ from hdassist.preset.similarity import Entry, Wish, similar
 
 WIDTH = 110  # of the description
 OF_DEVIATIONS = ("tolerances", "phases", "harmonics")
-PHASE_OF_ORDER = ("xi_g2", "xi_g3", "xi_g4", "xi_b2", "xi_b3", "xi_b4", "xi_s2")  # needless without their amplitudes
 
 
 def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") -> str:
@@ -74,7 +73,7 @@ def _section(section: str, model: type[Section], written: Mapping[str, Entry]) -
     for field, info in model.model_fields.items():
         if field in written:
             yield f"{f'  {field}: {_value(written[field].value)}':<23} # {about(info)}"
-        elif may_be_unknown(info) and not field.startswith(PHASE_OF_ORDER):
+        elif may_be_unknown(info) and (section, field[:3]) != ("harmonics", "xi_"):  # needless without an amplitude
             yield f"{f'  {field}: {UNKNOWN}':<23} # {about(info)}"
 
 
