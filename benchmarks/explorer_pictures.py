@@ -53,9 +53,9 @@ def main() -> None:
 async def picture(scene: Scene) -> str:
     """The SVG of a scene."""
     from hdassist.explorer.app import Explorer
+    from hdassist.explorer.export import without_fonts
     from hdassist.explorer.service import Service
     from hdassist.explorer.state import opened, with_trials
-    from hdassist.explorer.export import without_fonts
 
     session = opened(scene.preset, scene.overrides)
     session = with_trials(session, scene.trials) if scene.trials else session

@@ -46,6 +46,7 @@ def judged(number: int, draws: int, seed: int) -> Judged:
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import SamplingEffort, draw_samples
     from hdassist.errors import HdassistError
+    from hdassist.run.run import Run
     from hdassist.verdict import is_settled, verdict_by_probability
 
     rng = np.random.default_rng([seed, number])
@@ -59,7 +60,7 @@ def judged(number: int, draws: int, seed: int) -> Judged:
 
         samples = draw_samples(
             prior_of(preset), [M_g], evidence=evidence_of(preset), enough=is_clear,
-            effort=SamplingEffort.of(draws), seed=number,
+            effort=SamplingEffort.of(draws), run=Run(seed=number),
         )  # fmt: skip
     except HdassistError as error:
         return Judged(refused=error.message)
@@ -79,6 +80,7 @@ def hidden(rng: np.random.Generator):
     from hdassist.loading.write_similar import similar_preset
     from hdassist.model.rules import first_conflict
     from hdassist.preset.wishes import read_wish
+    from hdassist.run.run import UNCHECKED
     from hdassist.solve.window import in_wide_enough_window
 
     like = load_preset("vzp160")
@@ -101,7 +103,7 @@ def hidden(rng: np.random.Generator):
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
     M_g = preset.operation.M_g[0]
     teeth = _teeth(there, rng)
-    true = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, cross_check=None))
+    true = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
     return preset, M_g, true.F_ior_arcsec
 
 

@@ -22,7 +22,8 @@ from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import CAM, ODD, SHIFT, TEETH, deviation_scalars, deviations_of, is_half_turn_symmetric
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate, Progress
+from hdassist.run.run import Progress
+from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate
 from hdassist.solve.loadcase import LoadCase
 
 SLABS = 8  # tasks that a table is solved in

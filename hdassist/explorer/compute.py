@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -33,6 +32,7 @@ from hdassist.mounting.trial import read_trial
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.brief import proof
@@ -165,11 +165,10 @@ def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
         )
         tell(_seat_curve(rotations, in_wide_enough_window(drive, partial(_searched, rotations)), Sure.REFINED))
     with workers(effort.jobs) as executor:
-        tell(in_wide_enough_window(drive, partial(_checked, effort=effort, executor=executor, tell=tell)))
-        analysis = partial(
-            advise, torques=drive.operation.M_g, rotations_deg=seat_positions(drive), draws=effort.draws, seed=SEED,
-            executor=executor,
-        )  # fmt: skip
+        run = Run(executor, seed=SEED)
+        tell(in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell)))
+        torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
+        analysis = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
         advice = in_wide_enough_window(drive, analysis)
     if not advice.any_hole:
         tell(_mount_curve(advice))
@@ -195,7 +194,7 @@ def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
 
 def cam_turn(drive: Drive, rotation_deg: float, M_g: float, tell: Tell) -> None:
     """The answer of `trace` with the fixed wheel turned. Raises HdassistError where there is none."""
-    tell(in_wide_enough_window(rotated(drive, rotation_deg), partial(trace, M_g=M_g, cross_check=None)))
+    tell(in_wide_enough_window(rotated(drive, rotation_deg), partial(trace, M_g=M_g, run=UNCHECKED)))
 
 
 def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
@@ -286,7 +285,7 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     )
 
 
-def _checked(drive: Drive, effort: Effort, executor: Executor, tell: Tell) -> Headline:
+def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> Headline:
     """The answer of `check`; told on the way, by the samples so far."""
     prior, torques, samples = prior_of(drive), drive.operation.M_g, None
     if prior.fields and effort.draws and searchable(drive):
@@ -299,8 +298,8 @@ def _checked(drive: Drive, effort: Effort, executor: Executor, tell: Tell) -> He
                 rows = (_sampled(samples, k, own[k], limits[k]) for k in range(len(torques)))
                 tell(Headline(tuple(rows), samples.effective))
 
-        samples = drive_samples(prior, held, draws=effort.draws, seed=SEED, executor=executor, seen=seen)
-    found = check(drive, draws=effort.draws, samples=samples, executor=executor)
+        samples = drive_samples(prior, held, draws=effort.draws, run=run, seen=seen)
+    found = check(drive, draws=effort.draws, samples=samples, run=run)
     rows = tuple(map(_row, found.points))
     return Headline(rows, samples.effective if samples else 0.0, True, tuple(_notes(found)), _typical(found))
 

@@ -17,7 +17,7 @@ from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
 from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Progress
 from hdassist.trials.cloud import MESH
 from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, prediction, require_reachable
 from hdassist.trials.prior import SAMPLES, Prior, Rig, prior_of

@@ -21,7 +21,8 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import listed, uncertain_values, unknowns
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Progress
+from hdassist.solve.answers import EMPTY, Certificate
 
 Places = NDArray[np.int64]
 Fields = Mapping[str, tuple[float, float]]

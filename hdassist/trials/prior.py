@@ -17,7 +17,7 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Progress
 from hdassist.trials.cloud import MESH, Cloud, Places, any_direction, cloud_of, directions_of, open_fields
 
 SAMPLES = 12_288  # times directions that are alike likely, about
