@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,7 +16,7 @@ from hdassist.acceptance.junit import junit
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.predictions import estimate_states
-from hdassist.acceptance.replay import Replay, still_stands, summary_line
+from hdassist.acceptance.replay import Replay, still_stands
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import answer_rows
 from hdassist.errors import HdassistError, UsageError
@@ -202,10 +203,12 @@ def replay_answers(path: str, presets: Sequence[str], options: AcceptOptions) ->
                 replays[place] = each.done(next(fresh))
                 progress(1)
     if options.json:
-        out.text(json_text(combine("accept-replay", [each.object() for each in replays])))
+        out.text(json_text(combine("accept-replay", [each.to_json() for each in replays])))
     else:
-        out.text(summary_line(replays) + "\n" if options.quiet else out.style.text("\n".join(map(str, replays))) + "\n")
+        words = Counter(each.outcome[0] for each in replays)
+        short = ", ".join(f"{count} {word}" for word, count in words.items()) if len(words) > 1 else next(iter(words))
+        out.text((short if options.quiet else out.style.text("\n".join(map(str, replays)))) + "\n")
     for each in replays:
         if each.fault and each.recorded.request:
             complain(each.fault)
-    return worst_exit_code(each.exit_code for each in replays)
+    return worst_exit_code(each.outcome[1] for each in replays)

@@ -30,16 +30,12 @@ def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str
     root = Element("testsuites", name=visible(name))
     for answer in answers:
         _suite(root, answer, facts)
-    for suite in root:
-        _count(suite, COUNTED)
-    _count(root, {key: tag for key, tag in COUNTED.items() if key != "skipped"})
+    for element in (*root, root):
+        kinds = Counter(inner.tag for inner in element.iter())
+        counted = {key: str(kinds[tag]) for key, tag in COUNTED.items() if element is not root or key != "skipped"}
+        element.attrib.update(counted)
     indent(root)
     return HEAD + tostring(root, encoding="unicode") + "\n"
-
-
-def _count(element: Element, counted: Mapping[str, str]) -> None:
-    kinds = Counter(inner.tag for inner in element.iter())
-    element.attrib.update({key: str(kinds[tag]) for key, tag in counted.items()})
 
 
 def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
@@ -56,29 +52,29 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))
 
-    def case(words: str) -> Element:
-        return SubElement(suite, "testcase", classname=visible(name), name=visible(words))
+    def case(words: str, tag: str, message: str, kind: str, *lines: str) -> None:
+        place = SubElement(suite, "testcase", classname=visible(name), name=visible(words))
+        attributes = {key: visible(text) for key, text in (("message", message), ("type", kind)) if text}
+        SubElement(place, tag, attributes).text = visible("\n".join(filter(None, lines))) or None
 
     if error := answer.error:
-        message = f"{answer.status}: {error.message.splitlines()[0]}"
-        body = [error.message, f"hint: {error.hint}"] if error.hint else [error.message]
-        body += [f"what it means: hdassist explain {error.code}"] if error.code else []
-        _say(case("no answer"), "error", message, body, ERRORS.get(answer.exit_code, "DATA"))
-        return
-    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
+        hint = f"hint: {error.hint}" if error.hint else ""
+        code = f"what it means: hdassist explain {error.code}" if error.code else ""
+        message, kind = f"{answer.status}: {error.message.splitlines()[0]}", ERRORS.get(answer.exit_code, "DATA")
+        case("no answer", "error", message, kind, error.message, hint, code)
     for check in answer.checks:
         words = f"{check.verdict}: {sentence(check)}"
-        lines = [words, *([f"because: {check.reason}"] if check.reason else [])]
-        element = case(check.label)
+        because = f"because: {check.reason}" if check.reason else ""
         if check.verdict == "PASS":
-            SubElement(element, "system-out").text = visible("\n".join(lines))
+            case(check.label, "system-out", "", "", words, because)
         else:
-            todo = how_to_decide(check) or f"hdassist explain {check.code}"
-            _say(element, "failure", words, [*lines, f"what to do: {todo}"], str(check.verdict))
+            todo = f"what to do: {how_to_decide(check) or f'hdassist explain {check.code}'}"
+            case(check.label, "failure", words, str(check.verdict), words, because, todo)
     for label in answer.left_out:
-        _say(case(label), "skipped", "not tested: nothing was measured")
+        case(label, "skipped", "not tested: nothing was measured", "")
+    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
     if answer.fail_on == "warn" and remarks:
-        _say(case("remarks"), "failure", f"FAIL: {remarks[0]}", remarks, "REMARK")
+        case("remarks", "failure", f"FAIL: {remarks[0]}", "REMARK", *remarks)
     elif remarks:
         SubElement(suite, "system-out").text = visible("\n".join(remarks))
 
@@ -87,9 +83,3 @@ def _key(check: Decision) -> str:
     """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
     order = "" if check.per_cam_rev is None else f"_{check.per_cam_rev:g}"
     return f"{check.code}{order}" + ("" if check.M_g_Nm is None else f"@{check.M_g_Nm:g}")
-
-
-def _say(case: Element, tag: str, message: str, body: Sequence[str] = (), kind: str = "") -> None:
-    said = SubElement(case, tag, message=visible(message))
-    said.attrib.update({"type": kind} if kind else {})
-    said.text = visible("\n".join(body)) or None

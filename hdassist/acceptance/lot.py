@@ -26,11 +26,11 @@ from hdassist.readers.table import TextTable, few, read_texts
 from hdassist.textfile import STDIN, is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
-PLAIN = ("serial", "preset", "measured")
+PLAIN = ("serial", "preset")
 WHEELS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
 FILES = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
-_AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
+_MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 _PITCH = re.compile(r"(?P<stem>.+)\.pitch-(?P<wheel>[bg])\.(?:csv|tsv|txt)(?:\.gz)?")
 _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
@@ -96,16 +96,8 @@ class Lot:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of a table: its heading; the option or the field of a request that cells give; and of what they are.
-
-    of: a torque, the name of a limit, or the path of an override.
-    """
-
-    name: str
-    gives: str
-    of: str = ""
+# what cells of a column give: an option or a field of a request, and of what: torque, name of a limit, or override
+Column = tuple[str, str]
 
 
 def is_lot(path: str) -> bool:
@@ -131,7 +123,7 @@ def _of_table(table: TextTable, base: Request) -> Lot:
     notes = [f"{len(rows)} drives"]
     if inside := [number for number in table.remarks if number > table.names_line]:
         notes.append(f"left out as remarks: line {few(inside, 20)}")
-    if base.measured_only and any(column and column.gives in WHEELS[:2] for column in columns):
+    if base.measured_only and {("pitch_b", ""), ("pitch_g", "")} & set(columns):
         notes.append("measured teeth are not used: --measured-only predicts nothing")
     left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
     if any(left):
@@ -143,44 +135,42 @@ def _columns(table: TextTable) -> list[Column | None]:
     """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
     findings: list[Finding] = []
     columns: list[Column | None] = []
-    known: dict[tuple[str, str], int] = {}
-    for number, name in enumerate(table.names, 1):
-        column, message = None, ""
+    for name in table.names:
+        column, message, hint = None, "", ""
         if name.text and not _UNUSED.match(name.text):
-            column, hint = _column(name.text)
-            if column is None:
-                message, hint = "no such column", hint or "section.key, limit NAME@TORQUE, or note for what is not used"
-            elif (there := known.setdefault((column.gives, column.of), number)) != number:
-                message = f"column {there} is the same"
-            if message:
-                findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
+            try:
+                column = _column(name.text)
+                message = f"column {columns.index(column) + 1} is the same" if column in columns else ""
+            except UsageError as error:
+                message, hint = "no such column", error.hint
+        if message:
+            findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
         columns.append(column)
     if not any(columns) and not findings:
-        message = "no column that is used"
-        findings.append(Finding(table.file, table.names_line, 1, "", message, hint=", ".join(PLAIN)))
+        hint = ", ".join((*PLAIN, "measured"))
+        findings.append(Finding(table.file, table.names_line, 1, "", "no column that is used", hint=hint))
     if findings:
         raise PresetError(findings)
     return columns
 
 
-def _column(name: str) -> tuple[Column | None, str]:
-    """What a column is for, or a hint."""
+def _column(name: str) -> Column:
+    """What a column is for. Raises UsageError: nothing, with a hint."""
     if name.lower() in (*PLAIN, *WHEELS):
-        return Column(name, "--measured" if name.lower() == "measured" else name.lower()), ""
-    if at := _AT.fullmatch(name):
-        torque = f"{float(at[1]):g}" if is_number(at[1]) else ""
-        return (Column(name, "--measured", torque), "") if torque else (None, "like measured@80")
+        return name.lower(), ""
+    if at := _MEASURED.fullmatch(name):
+        if at[1] and not is_number(at[1]):
+            raise UsageError(name, "like measured@80")
+        return "--measured", f"{float(at[1]):g}" if at[1] else ""
     limit = _LIMIT.fullmatch(name)
-    for option, text in (("--limit", limit and limit[1]), ("--value", name)):
-        if text and LimitText(text.strip(), "").is_known:
-            try:
-                return Column(name, option, str(TEXTS[option][1](f"{text}=0")).removesuffix("=0")), ""
-            except UsageError as error:
-                return None, error.hint
+    for option, text in (("--limit", limit[1] if limit else ""), ("--value", name)):
+        if LimitText(text.strip(), "").is_known:
+            return option, str(TEXTS[option][1](f"{text}=0")).removesuffix("=0")
     if ".".join(map(str, path_of(name)[:2])) in field_table():
-        return Column(name, "--set", name), ""
-    known = [*PLAIN, *WHEELS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
-    return None, REMOVED.get(name) or near(name, known)
+        return "--set", name
+    known = [*PLAIN, "measured", *WHEELS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    hint = REMOVED.get(name) or near(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
+    raise UsageError(name, hint)
 
 
 def _row(
@@ -188,8 +178,7 @@ def _row(
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
-    numbered = not any(column and column.gives == "serial" for column in columns)
-    request, named, faults = replace(base, serial=f"line {line}" if numbered else ""), [], []
+    request, named, faults = replace(base, serial="" if ("serial", "") in columns else f"line {line}"), [], []
     marks: dict[str, int] = {}  # columns of the line in which marks of wheels stand
     folder = Path() if table.file == STDIN else Path(table.file).parent
 
@@ -197,27 +186,21 @@ def _row(
         faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
 
     for index, cell in enumerate(cells):
-        if not cell.text:
+        name, column = (table.names[index].text, columns[index]) if index < len(columns) else ("", None)
+        if cell.text and not name:
+            wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
+        if not cell.text or column is None:
             continue
-        column = columns[index] if index < len(columns) else None
-        if index >= len(columns):
-            wrong(cell.column, "", f"a cell beyond the {len(columns)} columns", cell.text, "quotes around a comma?")
-        elif column is None:
-            if not table.names[index].text:
-                wrong(cell.column, "", "a cell in a column without a name", cell.text)
-        else:
-            text = cell.text if column.gives in (*PLAIN, *FILES) else table.with_points(cell.text)
-            if column.gives.startswith("mark"):
-                marks[column.gives] = cell.column
-                if not is_number(text):
-                    wrong(cell.column, column.name, "must be an angle in deg", cell.text)
-                    continue
-            request, found = _with_cell(request, column, text, folder)
-            named.append(
-                replace(found, name=f"{table.file}:{line}:{cell.column}: {shown(column.name)}", text=cell.text)
-            )
-            if found.file == "-":
-                wrong(cell.column, column.name, "a row cannot read standard input", "-", "name a file")
+        text = cell.text if column[0] in (*PLAIN, *FILES) else table.with_points(cell.text)
+        if column[0].startswith("mark"):
+            marks[name] = cell.column
+            if not is_number(text):
+                wrong(cell.column, name, "must be an angle in deg", cell.text)
+                continue
+        request, found = _with_cell(request, *column, text, folder)
+        named.append(replace(found, name=f"{table.file}:{line}:{cell.column}: {shown(name)}", text=cell.text))
+        if found.file == "-":
+            wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
     if not request.serial:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
         request = replace(request, serial=f"line {line}")
@@ -227,14 +210,13 @@ def _row(
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
     for mark, at in marks.items():
-        if mark[-1] not in request.wheels.files:
+        if mark[-1].lower() not in request.wheels.files:
             wrong(at, mark, "the mark of a wheel that is not measured", hint=f"its file in pitch_{mark[-1]}")
     return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, tuple(named))
 
 
-def _with_cell(request: Request, column: Column, text: str, folder: Path) -> tuple[Request, Cell]:
+def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, Cell]:
     """A request with what a cell says, and the cell as messages know it; folder, from which paths count."""
-    gives, of = column.gives, column.of
     trace = TraceFile.parse(text) if gives == "--measured" and not of else TraceFile(of, text)
     is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
     file = trace.file if is_name else str(folder / trace.file)

@@ -55,9 +55,7 @@ def render(answer: Answer, predictions: Predictions | None, style: Style, *, det
             kept = [k for k in range(len(HEADINGS)) if k in (1, 5) or any(row[k] for row in rows)]
             cells = [[row[k] or "-" for k in kept] for row in rows]
             parts.append(numbers(style, title, [HEADINGS[k] for k in kept], cells))
-    if details:
-        return Group(*parts, *(Text(style.text(line)) for line in _notes(answer, predictions)))
-    return Group(*parts, facts(style, _facts(answer, predictions)))
+    return Group(*parts, facts(style, _facts(answer, predictions, details)))
 
 
 def numbers(style: Style, title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
@@ -122,13 +120,6 @@ def to_explain(checks: Iterable[Decision]) -> str:
     return f"hdassist explain {' '.join(dict.fromkeys(each.code for each in open_))}" if open_ else ""
 
 
-def _reasons(answer: Answer) -> list[str]:
-    """Why a check is decided as it is, or what would decide it."""
-    return [
-        f"{each.verdict}, {each.label}: {how_to_decide(each) or each.reason}" for each in answer.checks if each.reason
-    ]
-
-
 def _of_belief(predictions: Predictions | None) -> Iterator[tuple[str, str]]:
     """What predictions hang on and what to measure next, a label and a text each, as `hdassist check` has them."""
     if predictions is None or predictions.samples is None:
@@ -140,47 +131,40 @@ def _of_belief(predictions: Predictions | None) -> Iterator[tuple[str, str]]:
     yield "exact", fitted_words(predictions.samples.prior)
 
 
-def _facts(answer: Answer, predictions: Predictions | None) -> Iterator[tuple[str, str]]:
-    """What is to be known beside the verdicts, a label and a text each."""
-    if reasons := _reasons(answer):
-        yield "why", reasons[0] + (f"; {len(reasons) - 1} more" if len(reasons) > 1 else "")
+def _facts(answer: Answer, predictions: Predictions | None, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the verdicts, a label and a text each; with details all reasons, remarks and files."""
+    decided = [check for check in answer.checks if check.reason]
+    reasons = [f"{check.verdict}, {check.label}: {how_to_decide(check) or check.reason}" for check in decided]
+    if reasons:
+        more = f"; {len(reasons) - 1} more" if len(reasons) > 1 else ""
+        yield "why", "\n".join(reasons) if details else reasons[0] + more
     yield from _of_belief(predictions)
-    remarks = list(dict.fromkeys(note.code for note in answer.remarks))
-    yield "remarks", f"{', '.join(remarks)}: hdassist explain {' '.join(remarks)}" if remarks else ""
+    codes = list(dict.fromkeys(note.code for note in answer.remarks))
+    words = f"{', '.join(codes)}: hdassist explain {' '.join(codes)}" if codes else ""
+    yield "remarks", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks) if details else words
     yield "next", to_explain(answer.checks)
     if predictions:
-        yield "proof", proof(predictions.certificate, predictions.quantities.cross_checks)
-    yield "more", "--details"
-
-
-def _notes(answer: Answer, predictions: Predictions | None) -> Iterator[str]:
-    yield from (f"{label}: {text}" for label, text in _of_belief(predictions) if text)
-    if predictions:
-        yield f"certificate: {predictions.certificate}{cross_checked(predictions.quantities.cross_checks)}"
-    yield f"hdassist {__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
-    yield from (f"{each.file}: sha256 {each.sha256[:12]}" for each in (*answer.measured, *answer.pitch))
-    yield from _reasons(answer)
-    yield from (f"remark {note.code}: {note.text}" for note in answer.remarks)
-    if command := to_explain(answer.checks):
-        yield f"what to do: {command}"
+        proved, crosses = predictions.certificate, predictions.quantities.cross_checks
+        yield "proof", f"{proved}{cross_checked(crosses)}" if details else proof(proved, crosses)
+    if not details:
+        yield "more", "--details"
+        return
+    yield "version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
+    yield "files", "\n".join(f"{each.file}: sha256 {each.sha256[:12]}" for each in (*answer.measured, *answer.pitch))
 
 
 def csv(answers: Sequence[Answer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
-    columns = [each.name for each in fields(Decision) if each.name != "belief"]
-    of_belief = [each.name for each in fields(Belief)]
+    columns, of_belief = (dict.fromkeys(each.name for each in fields(kind)) for kind in (Decision, Belief))
+    del columns["belief"]
     rows: list[list[object]] = []
     for answer in answers:
-        start, end = [answer.serial, answer.preset.name], provenance(answer).values()
-        for check in answer.checks:
-            cells = [
-                *(getattr(check, name) for name in columns),
-                *(getattr(check.belief, name, None) for name in of_belief),
-            ]
-            rows.append(
-                [*start, *(" ".join(c) if isinstance(c, tuple) else c for c in cells), answer.exit_code, None, *end]
-            )
-        if error := answer.error:
-            rows.append([*start, *[None] * len(columns + of_belief), answer.exit_code, error.message, *end])
+        error = answer.error.message if answer.error else None
+        for check in answer.checks or [None]:
+            cells = [getattr(check, name, None) for name in columns]
+            cells += [getattr(check and check.belief, name, None) for name in of_belief]
+            texts = [" ".join(cell) if isinstance(cell, tuple) else cell for cell in cells]
+            start, end = (answer.serial, answer.preset.name), provenance(answer).values()
+            rows.append([*start, *texts, answer.exit_code, error, *end])
     header = ["serial", "preset", *columns, *(f"belief.{name}" for name in of_belief), "exit_code", "error"]
     return csv_text([*header, *provenance(answers[0])], rows)

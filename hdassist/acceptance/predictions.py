@@ -5,10 +5,9 @@ The samples are those of `hdassist check`: F'_ior has the same probability of ke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -199,23 +198,14 @@ def quantities(
     """What limits need of a drive, at its own numbers. Arguments and errors as those of predict."""
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
-    error = partial(kinematic_error, there, teeth=teeth, run=run.of_task)
-    jobs: list[Callable[[], Any]] = [partial(error, M_g) for M_g in cycles]
-    jobs += [partial(self_error, drive, own_at, run=run.of_task)] * bool(own_at)
-    twist = any("stiffness" in limit.check.needs for limit in limits)
-    jobs += [partial(stiffness, drive, points=1, run=run.of_task)] * twist
-    results = []
-    for result in run.map(_called, jobs):
-        results.append(result)
-        parts = result if isinstance(result, list) else [result]
-        run.finished(sum(part.certificate.states for part in parts))
-    own = results[len(cycles)] if own_at else []
-    errors = dict(zip(cycles, results, strict=False))
-    return Quantities(errors, dict(zip(own_at, own, strict=True)), results[-1] if twist else None)
-
-
-def _called(job: Callable[[], Any]) -> Any:
-    return job()
+    twists = any("stiffness" in limit.check.needs for limit in limits)
+    errors = run.map(partial(kinematic_error, there, teeth=teeth, run=run.of_task), cycles)
+    own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
+    twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
+    by_torque = dict(zip(cycles, errors, strict=True))
+    found = Quantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
+    run.finished(found.certificate.states)
+    return found
 
 
 def estimate_states(drive: Drive, limits: Sequence[Limit], draws: int = DRAWS) -> int:

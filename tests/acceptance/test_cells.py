@@ -79,7 +79,7 @@ def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Answer]) 
     Path("a.jsonl").write_text(to_lines(told), encoding="utf-8")
     recorded = read_answers("a.jsonl")
     prepared = [Replay.prepare(answer) for answer in recorded]
-    assert [before.words == "left out" for before in prepared] == [a.serial in "jmn" for a in told]
+    assert [before.outcome == ("left out", 0) for before in prepared] == [a.serial in "jmn" for a in told]
     rows = [LotRow(each.request, each.recorded.place) for each in prepared if each.request]
     with ThreadPoolExecutor(1) as executor:
         again = list(answer_rows(rows, executor, "fail", jobs=1))

@@ -99,7 +99,7 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     faults = [str(row.fault or "") for row in lot.rows]
     assert [row.request.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
     expected = (
-        "", "3:1: serial: stands in line 2", "4:1: serial: missing", "5:1: preset: missing", "6:7: a cell beyond",
+        "", "3:1: serial: stands in line 2", "4:1: serial: missing", "5:1: preset: missing", "6:7: a cell in a column",
         "7:3: preset: a row cannot read standard",
     )  # fmt: skip
     for said, words in zip(faults, expected, strict=True):
@@ -402,8 +402,10 @@ def test_differences_are_those_beyond_the_tolerance(told):
     verdict, error = differences(told[0], told[3])
     assert (verdict.recorded, verdict.now, error.recorded) == ("PASS", "BROKEN", None)
     assert error.now == told[3].error.message
-    (found,) = differences(told[0], replace(told[0], checks=told[0].checks[:-1]))
-    assert (found.check, found.key) == (f"{told[0].checks[-1].code} {told[0].checks[-1].M_g_Nm}", "check")
+    *_, last = told[0].checks
+    found = differences(told[0], replace(told[0], checks=told[0].checks[:-1]))
+    assert (found[0].key, found[0].recorded - found[0].now) == ("checks.length", 1)
+    assert {each.check for each in found[1:]} == {f"{last.code} {last.M_g_Nm}"}
 
 
 def test_a_line_that_breaks_off_is_left_out(tmp_path, told):
