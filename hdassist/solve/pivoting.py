@@ -214,6 +214,8 @@ class Pivoting:
 
     def _reach(self, k: int, abreast: int, now: Flags) -> bool:
         """Pivot to the contact set that solves state k of those abreast; False where that is not found."""
+        from scipy.linalg.blas import dger  # a tenth of a second, which the compiled walk saves
+
         n = len(now)
         tableau = self._tableau[:, : n + abreast]
         values = tableau[:, n + k]
@@ -230,7 +232,7 @@ class Pivoting:
                 return False  # without it nothing would hold the torque
             # so that the one update makes of row and column what becomes of them, too
             column[r], row[r] = pivot + 1, pivot - 1
-            tableau -= np.multiply.outer(row, column / pivot).T  # in the order of memory
+            dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
             now[r] = not now[r]
         self._lost += 1
         return False
