@@ -36,7 +36,7 @@ from hdassist.verdict import SURE, is_settled
 Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-FEW = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
+COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
@@ -303,10 +303,10 @@ def errors_by_turn(
     for k, M_g in enumerate(torques):
         error_map = ErrorMap(drive, M_g, formulation, like)
         like, maps = error_map.fresh, alike[k] if alike else (None, None)
-        now = error_map.many_extremes(own, grid=FEW, alike=maps[0])
+        now = error_map.many_extremes(own, grid=COARSE_POINTS, alike=maps[0])
         F_ior[k], found[k], proof = now.first, now.first, proof + now.certificate
         if len(moved):
-            there = error_map.many_extremes(turned, grid=FEW, alike=maps[1])
+            there = error_map.many_extremes(turned, grid=COARSE_POINTS, alike=maps[1])
             found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
     return F_ior, found, proof
 

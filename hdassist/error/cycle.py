@@ -33,7 +33,7 @@ from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CHECKED = 8  # random states beside the extremes that another solver solves again
-BLOCK = 4 * CHUNK  # states whose gaps are held at once
+CYCLE_BLOCK = 4 * CHUNK  # states whose gaps are held at once
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def kinematic_error(
         programmes += 1
         rows = rows[neighbours_together(kinematics, states.take(rows))]
         case = LoadCase(formulation, M_g, solver=solver)
-        for some in np.split(rows, range(BLOCK, len(rows), BLOCK)):
+        for some in np.split(rows, range(CYCLE_BLOCK, len(rows), CYCLE_BLOCK)):
             part = states.take(some)
             gaps = state_gaps(drive, case.system, part, teeth)
             parts.append((some, case.solve(gaps, partial(place, part, M_g), run.solved)))

@@ -35,14 +35,14 @@ Indices = NDArray[np.int64]
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
 DIFFERENCES = 12  # positions of each wheel at which drives that are alike are compared, at least
-BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
+HILL_BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
 HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
-LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
+LEAST_F_IOR = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
 MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
@@ -133,7 +133,7 @@ class ErrorMap:
     def points(self, count: int = READ) -> Indices:
         """Points of the torus at which the error is estimated, at most so many around each wheel, shape (k, l, 2)."""
         lines = [
-            np.linspace(0, z, max(min(count, z // 2) // BLOCK, 1) * BLOCK, endpoint=False).astype(np.int64)
+            np.linspace(0, z, max(min(count, z // 2) // HILL_BLOCK, 1) * HILL_BLOCK, endpoint=False).astype(np.int64)
             for z in self.board.shape
         ]
         return self.to_lattice(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1))
@@ -267,14 +267,16 @@ def _hills(maps: Array, search: ErrorMap) -> _Hills:
     Between the points of a map they lie where a parabola through their neighbours has its top.
     """
     n, *across = maps.shape
-    blocks = [count // BLOCK for count in across]
+    blocks = [count // HILL_BLOCK for count in across]
     step = np.array(search.board.shape) / across
     found = []
     for sign in (1, -1):
         up = sign * maps
-        tiles = up.reshape(n, blocks[0], BLOCK, blocks[1], BLOCK).swapaxes(2, 3).reshape(n, -1, BLOCK**2)
+        tiles = up.reshape(n, blocks[0], HILL_BLOCK, blocks[1], HILL_BLOCK).swapaxes(2, 3).reshape(n, -1, HILL_BLOCK**2)
         row, tile = (axis.ravel() for axis in np.indices(tiles.shape[:2]))
-        at = np.stack(np.divmod(tile, blocks[1])) * BLOCK + np.stack(np.divmod(tiles.argmax(axis=2).ravel(), BLOCK))
+        at = np.stack(np.divmod(tile, blocks[1])) * HILL_BLOCK + np.stack(
+            np.divmod(tiles.argmax(axis=2).ravel(), HILL_BLOCK)
+        )
         here = up[row, at[0], at[1]]
         height, moved = here.copy(), at.astype(float)
         for axis in (0, 1):
@@ -352,7 +354,7 @@ class _Solved:
         """Hills near the highest of their drive, after one state was solved on each that may be it."""
         drives = len(self._batch)
         # the first hill of each sign is the highest, the second upside down: their sum is F'_ior by the table
-        scale = np.maximum(np.bincount(hills.row, np.where(hills.rank, 0, hills.height)), LEAST)
+        scale = np.maximum(np.bincount(hills.row, np.where(hills.rank, 0, hills.height)), LEAST_F_IOR)
         chosen, known = hills.rank < FIRST, np.full(len(hills.row), np.nan)
         while len(fresh := np.flatnonzero(chosen & np.isnan(known))):
             known[fresh] = hills.sign[fresh] * self._at(hills.row[fresh], hills.point[fresh])

@@ -14,7 +14,7 @@ from hdassist.preset.fields import Drive
 
 DEGREE = 4  # products of up to so many deviations are named
 LARGEST = 12  # orders without a known cause that are kept all the same
-UNKNOWN = "no single cause known"
+NO_CAUSE = "no single cause known"
 FLOOR = 1e-9  # arcsec: what is smaller is rounding
 
 
@@ -103,6 +103,6 @@ def _phase(value: complex) -> float:
 
 def _simplest(causes: list[tuple[int, str]]) -> str:
     if not causes:
-        return UNKNOWN
+        return NO_CAUSE
     least = min(degree for degree, _ in causes)
     return "; ".join(words for degree, words in causes if degree == least)

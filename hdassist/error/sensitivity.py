@@ -17,14 +17,14 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
 MICROMETRE = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # in the unit of each field
-STEP = 0.1  # micrometres to both sides, so that no contact set changes much
+LENGTH_STEP = 0.1  # micrometres to both sides, so that no contact set changes much
 
 
 @dataclass(frozen=True)
 class Sensitivity:
     """Change of F'_ior [arcsec per um] with the flank clearance j_n, the wave W_0 and the bearing clearance g_b.
 
-    Differences over STEP to both sides; where a clearance is less than that, to one side.
+    Differences over LENGTH_STEP to both sides; where a clearance is less than that, to one side.
     """
 
     j_n: float
@@ -37,14 +37,14 @@ def sensitivity(drive: Drive, extremes: Sequence[KinematicError]) -> tuple[Sensi
     """Sensitivity of a drive at each of its torques.
 
     F'_ior is the difference of two states, which stay the extremes where a length moves a little: so those two are
-    solved at lengths STEP away. Arguments: extremes, the error at each torque. Raises UntrustedError where an
+    solved at lengths LENGTH_STEP away. Arguments: extremes, the error at each torque. Raises UntrustedError where an
     answer cannot be trusted.
     """
     slopes = np.empty((len(extremes), len(MICROMETRE)))
     proofs = [EMPTY] * len(extremes)
     for column, (path, micrometre) in enumerate(MICROMETRE.items()):
         value = drive.number(path)
-        ends = (max(value - STEP * micrometre, 0.0), value + STEP * micrometre)
+        ends = (max(value - LENGTH_STEP * micrometre, 0.0), value + LENGTH_STEP * micrometre)
         found = [_range_of_extremes(drive.with_values({path: end}), extremes) for end in ends]
         width = (ends[1] - ends[0]) / micrometre
         for row, ((less, proof), (more, other)) in enumerate(zip(*found, strict=True)):

@@ -27,10 +27,10 @@ NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist 
 # Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
 T_58, D_58 = (168.0, 598.0), 147.32
-BEYOND = 1.5  # of T_2: how far the curve goes by default
+CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
 POINTS = 40  # torques to each side by default
 # of a torque, to both sides: the twist is straight between changes of contact, and its proof holds ten digits
-STEP = 1e-4
+TORQUE_STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
 
 def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
     """End of the curve [N*m]: T_max, by default 1.5 T_2, by default the catalogues'."""
-    return BEYOND * (catalogue_torques(drive)[1] if T_2 is None else T_2) if T_max is None else T_max
+    return CURVE_BEYOND * (catalogue_torques(drive)[1] if T_2 is None else T_2) if T_max is None else T_max
 
 
 def estimate_states(points: int = POINTS) -> int:
@@ -207,13 +207,13 @@ class Twist:
     def tangent(self, torque: float, progress: Progress | None = None) -> tuple[Tangent, Certificate]:
         """The slope of torque over twist at a torque [N*m], with the certificate of its two states.
 
-        Where a contact closes or opens within STEP of the torque it is the mean slope across that corner.
+        Where a contact closes or opens within TORQUE_STEP of the torque it is the mean slope across that corner.
         Raises UntrustedError where an answer cannot be trusted.
         """
-        ends = torque * np.array([1 - STEP, 1 + STEP])
+        ends = torque * np.array([1 - TORQUE_STEP, 1 + TORQUE_STEP])
         contact, tube, proof = self.at(ends, progress)
         low, high = ((contact + tube) / ARCSEC).tolist()
-        return Tangent(torque, 2 * STEP * torque / (high - low)), proof
+        return Tangent(torque, 2 * TORQUE_STEP * torque / (high - low)), proof
 
     def between(self, low: float, high: float) -> float:
         """Twist [arcsec] from one torque to another [N*m]."""

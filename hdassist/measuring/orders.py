@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.error.orders import UNKNOWN, known_causes
+from hdassist.error.orders import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import Gearing
 from hdassist.measuring.fit import OrderIndices, TraceFit
@@ -109,7 +109,7 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
             words += [CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
         if np.isin(orders[own], fit.lines).any():
             words.append(LINE_CAUSE if len(own) == 1 else TOGETHER_CAUSE.format(orders[own[0]], orders[own[-1]]))
-        return "; ".join(dict.fromkeys(words)) or (UNKNOWN if drive else "")
+        return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
     found = []
     for own in fit.groups:

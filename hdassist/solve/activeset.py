@@ -20,9 +20,9 @@ SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
 ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
-SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
+DAQP_SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
-FEW = 4  # states for which a model is not worth its set-up
+FEW_STATES = 4  # states for which a model is not worth its set-up
 
 
 class ActiveSet:
@@ -71,7 +71,7 @@ class ActiveSet:
         forces, free = np.empty(delta_p.shape), np.empty((len(delta_p), len(self._right)))
         fallbacks = 0
         for k in range(len(q)):
-            first_way = None if len(q) > FEW or self._model else self._near(q[k])
+            first_way = None if len(q) > FEW_STATES or self._model else self._near(q[k])
             first_way = first_way or (self._warm(q[k]) if self._model else self._set_up(q[k], self.contact))
             answer = first_way or self._set_up(q[k], np.ones_like(self.contact))
             fallbacks += first_way is None
@@ -102,7 +102,7 @@ class ActiveSet:
         sense = np.where(contact, 0, ACTIVE_LOWER)
         sense = np.concatenate([sense, np.full(len(self._right), ALWAYS_ACTIVE)]).astype(np.int32)
         self._model = daqp.Model()
-        self._model.settings = SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
+        self._model.settings = DAQP_SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
         flag, _ = self._model.setup(self._formulation.P, q, self._formulation.A, self._upper, self._lower, sense)
         if flag < 0:  # coefficients too far apart to be factored
             self._model = None

@@ -19,7 +19,7 @@ from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
 from hdassist.solve.walk import Walk, library
 
-MANY = 64  # states from which on a reference pays
+MANY_STATES = 64  # states from which on a reference pays
 AT_ONCE = 256  # states whose forces are held at once: in the cache
 CARRIES = 1e-9  # of the greatest force: more is contact
 
@@ -52,7 +52,7 @@ class Engine:
         self._pivoting: Pivoting | None = None
         self._walk: Walk | None = None
         self._compiled = compiled and library()[0] is not None
-        self._pays = 0 if many else MANY
+        self._pays = 0 if many else MANY_STATES
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]; what was factored stays."""

@@ -10,8 +10,8 @@ from hdassist.solve.formulation import Formulation
 from hdassist.solve.pivoting import ZERO
 
 SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
-STEPS = 100  # after which it is given up; most states take a dozen
-PATIENCE = 10  # steps in which no fewer candidates change sides, after which one at a time does
+NEAR_STEPS = 100  # after which it is given up; most states take a dozen
+NEAR_PATIENCE = 10  # steps in which no fewer candidates change sides, after which one at a time does
 
 
 def solve_near(
@@ -30,8 +30,8 @@ def solve_near(
     A = formulation.A_places
     free, lowest = len(A), gaps[first]
     above = gaps - lowest[place]  # so that a place with one candidate has 0, not a difference of large numbers
-    patience, fewest = PATIENCE, len(gaps) + 1
-    for _ in range(STEPS):
+    patience, fewest = NEAR_PATIENCE, len(gaps) + 1
+    for _ in range(NEAR_STEPS):
         # candidates in contact at a place are springs side by side
         springs = contact / local
         stiffness = np.add.reduceat(springs, first)
@@ -62,7 +62,7 @@ def solve_near(
         if not (loose or len(moved)):
             return np.maximum(forces, 0), found[n:]
         fewer = loose or len(moved) < fewest
-        patience, fewest = (PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
+        patience, fewest = (NEAR_PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
         contact = contact.copy()
         contact[moved if patience >= 0 else moved[-1:]] ^= True
     return None

@@ -42,19 +42,25 @@ SECOND_SOLVER = "CLARABEL"
 SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # with cvxpy, by their packages
 KIND = "again"
 
-LONGEST = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
+LONGEST_SOLVE = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
 
 # Tolerances at which each solver's answers earn their certificate, and where it stops without one; a name that is not
 # here runs at its defaults, which bound its iterations.
 SETTINGS: dict[str, dict[str, Any]] = {
-    "CLARABEL": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200, "time_limit": LONGEST},
-    "COPT": {"TimeLimit": LONGEST},
-    "CPLEX": {"cplex_params": {"timelimit": LONGEST}},
-    "GUROBI": {"TimeLimit": LONGEST},
-    "HIGHS": {"time_limit": LONGEST},
-    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": LONGEST}},
-    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": LONGEST},
-    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": LONGEST},
+    "CLARABEL": {
+        "tol_gap_abs": 1e-11,
+        "tol_gap_rel": 1e-11,
+        "tol_feas": 1e-11,
+        "max_iter": 200,
+        "time_limit": LONGEST_SOLVE,
+    },
+    "COPT": {"TimeLimit": LONGEST_SOLVE},
+    "CPLEX": {"cplex_params": {"timelimit": LONGEST_SOLVE}},
+    "GUROBI": {"TimeLimit": LONGEST_SOLVE},
+    "HIGHS": {"time_limit": LONGEST_SOLVE},
+    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": LONGEST_SOLVE}},
+    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": LONGEST_SOLVE},
+    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": LONGEST_SOLVE},
 }
 
 

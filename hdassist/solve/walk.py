@@ -15,7 +15,7 @@ from hdassist.model.geometry import Array
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.certificate import Residuals
 from hdassist.solve.formulation import Formulation
-from hdassist.solve.near import SOFT, STEPS
+from hdassist.solve.near import NEAR_STEPS, SOFT
 from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
 
@@ -134,7 +134,7 @@ def near(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[n
     data = (formulation.H, formulation.local, ends, formulation.A_places, np.ascontiguousarray(gaps), right)
     sizes = len(gaps), len(system.first), len(right)
     given, made = ([_address(array) for array in some] for some in (data, (held, forces, duals)))
-    found = library()[0].walk_near(*sizes, *given, SOFT, STEPS, *made)
+    found = library()[0].walk_near(*sizes, *given, SOFT, NEAR_STEPS, *made)
     return (forces, duals) if found else None
 
 

@@ -10,7 +10,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import overridden
 
 FIELD = "numerics.window"
-WIDER, WIDEST = 1.5, 85.0  # a window over the one before; deg, the most that a preset may have
+WIDER, WIDEST_WINDOW = 1.5, 85.0  # a window over the one before; deg, the most that a preset may have
 Result = TypeVar("Result")
 
 
@@ -31,9 +31,9 @@ def in_wide_enough_window(drive: Drive, analysis: Callable[[Drive], Result]) -> 
         try:
             return analysis(there)
         except EdgeOfWindowError:
-            if there.numerics.window >= WIDEST:
+            if there.numerics.window >= WIDEST_WINDOW:
                 raise
-            there = with_window(drive, round(min(WIDER * there.numerics.window, WIDEST), 1))
+            there = with_window(drive, round(min(WIDER * there.numerics.window, WIDEST_WINDOW), 1))
 
 
 def with_window(drive: Drive, window: float) -> Drive:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import trace
-from hdassist.error.orders import UNKNOWN, known_causes, order_legend, orders
+from hdassist.error.orders import NO_CAUSE, known_causes, order_legend, orders
 from hdassist.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.support import changed
@@ -64,7 +64,7 @@ def test_a_cause_taken_away_takes_its_order_along(reference, cycle, quiet, order
 def test_most_of_the_error_has_a_known_cause(cycle):
     power = {True: 0.0, False: 0.0}
     for order in cycle.orders:
-        power[order.cause == UNKNOWN] += order.amplitude_arcsec**2
+        power[order.cause == NO_CAUSE] += order.amplitude_arcsec**2
     assert power[False] > 0.98 * np.var(cycle.error.error_arcsec) * 2
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hdassist.model.contacts import contact_system
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.engine import MANY, Engine
+from hdassist.solve.engine import MANY_STATES, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
 from tests.support import changed
@@ -75,11 +75,11 @@ def test_engine_agrees_with_two_other_solvers_on_coned_flanks(reference, fields,
 def test_many_states_at_once_are_what_each_is_alone(reference, stations, fields, tau, beta, seed, torque):
     system = contact_system(changed(reference, **fields, numerics__stations=stations), tau, beta)
     formulation = formulate(system)
-    scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY, 4))
+    scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY_STATES, 4))
     delta_p = system.delta_p + scalars @ system.deviation_map[:, :4].T
     forces, free, _ = Engine(formulation, torque).forces(delta_p)
     assert residuals(system, delta_p, torque, forces, free).worst.max() <= TOLERANCE
-    others, same, _ = Engine(formulation, torque).forces(delta_p[: MANY - 1])
+    others, same, _ = Engine(formulation, torque).forces(delta_p[: MANY_STATES - 1])
     k = system.free_rotation
     assert same[:, k] * ARCSEC == pytest.approx(free[:-1, k] * ARCSEC, abs=1e-7)
     assert others == pytest.approx(forces[:-1], abs=1e-6 * forces.max())

@@ -13,7 +13,7 @@ from hdassist.solve import pivoting
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.engine import MANY, Engine
+from hdassist.solve.engine import MANY_STATES, Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.pivoting import Reference, exchanged
 from hdassist.solve.sums import StateSums
@@ -119,7 +119,7 @@ def test_measured_teeth(small):
 @pytest.mark.parametrize("torque", [1e-3, 1.0, 1e3, -1e3, 4e3])
 def test_symmetric_states_in_which_contacts_just_touch(small, torque):
     system = contact_system(changed(small, gears__j_n=0.0))
-    delta_p = np.repeat(system.delta_p[None], 2 * MANY, axis=0)
+    delta_p = np.repeat(system.delta_p[None], 2 * MANY_STATES, axis=0)
     # and next to them states that break the symmetry by next to nothing
     delta_p[::3] += system.deviation_map[:, :4] @ [0, 0, 1e-13, 1e-12]
     formulation = formulate(system)
@@ -147,10 +147,10 @@ def test_the_same_states_give_the_same_digits(formulation, delta_p):
 def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, delta_p):
     for many in (False, True):
         engine = Engine(formulation, 4e3, many=many)
-        engine.forces(delta_p[: MANY - 1])
+        engine.forces(delta_p[: MANY_STATES - 1])
         assert (engine._pivoting is not None) is many
     alone = Engine(formulation, 4e3)
-    alone.forces(delta_p[:MANY])
+    alone.forces(delta_p[:MANY_STATES])
     assert alone._pivoting is not None
 
 

@@ -10,7 +10,7 @@ from hdassist import load_preset
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.window import FIELD, WIDEST, EdgeOfWindowError, in_wide_enough_window, with_window
+from hdassist.solve.window import FIELD, WIDEST_WINDOW, EdgeOfWindowError, in_wide_enough_window, with_window
 from tests.process import SMALL, run
 
 NARROW, WIDE = "12", "18"
@@ -46,8 +46,8 @@ def test_the_window_grows_until_it_holds_the_load_or_is_the_widest():
     with pytest.raises(EdgeOfWindowError, match="edge"):
         windows_until(86)
     drive = load_preset(SMALL)
-    assert drive.allows(FIELD, WIDEST)
-    assert not drive.allows(FIELD, WIDEST + 0.1)
+    assert drive.allows(FIELD, WIDEST_WINDOW)
+    assert not drive.allows(FIELD, WIDEST_WINDOW + 0.1)
 
 
 def test_a_drives_own_window_is_no_other_one():
