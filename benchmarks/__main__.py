@@ -37,9 +37,9 @@ def measure(quick: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:
 
 
 def joined(earlier: dict[str, Any], later: dict[str, Any]) -> dict[str, Any]:
-    """An earlier run with parts that were measured anew, and on which machine."""
-    anew = {"parts": [name for name in PARTS if name in later], "load": later["machine"]["load"]}
-    return earlier | later | {"machine": earlier["machine"], "anew": anew}
+    """An earlier run with parts that were measured anew, and the load of the machine then."""
+    anew = {name: later["machine"]["load"] for name in PARTS if name in later}
+    return earlier | later | {"machine": earlier["machine"], "anew": earlier.get("anew", {}) | anew}
 
 
 def table(measured: dict[str, Any]) -> str:

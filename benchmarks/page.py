@@ -18,7 +18,7 @@ def page(measured: dict[str, Any]) -> str:
     parts = [
         HEAD,
         _machine(measured["machine"]),
-        *_anew(**measured.get("anew", {})),
+        *_anew(measured.get("anew", {})),
         "## Targets\n",
         _table(("work", "target", "measured", ""), map(_target, targets)),
         _missed(targets),
@@ -55,9 +55,10 @@ def _machine(machine: dict[str, Any]) -> str:
     return f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start; {versions}.\n"
 
 
-def _anew(parts: Iterable[str] = (), load: float = 0.0) -> Iterable[str]:
-    if parts:
-        yield f"Measured anew later, at load {load}, each compared within itself: {', '.join(parts)}.\n"
+def _anew(loads: dict[str, float]) -> Iterable[str]:
+    if loads:
+        words = ", ".join(f"{part} at load {load}" for part, load in loads.items())
+        yield f"Measured anew later, each compared within itself: {words}.\n"
 
 
 def _table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:

@@ -57,7 +57,7 @@ def test_the_page_has_every_target_and_part():
 def test_parts_that_were_measured_anew_are_named():
     later = {"engine": slow()["engine"], "machine": {"load": 3.5}}
     made = page(joined(slow(), later))
-    assert "Measured anew later, at load 3.5, each compared within itself: engine." in made
+    assert "Measured anew later, each compared within itself: engine at load 3.5." in made
     assert "load 0.1 at the start" in made
     assert "anew later" not in page(slow())
 
