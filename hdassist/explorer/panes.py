@@ -14,6 +14,7 @@ from hdassist.error.trace import Trace
 from hdassist.explorer.compute import LeverEffects, SeatCurve, Sure
 from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
+from hdassist.mounting.positions import bare
 from hdassist.mounting.seat_page import Hole, Seat, SeatMark, drawing
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
@@ -83,11 +84,11 @@ class Holes(Table):
         highest = max([0.1, *(value for _, value in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())])
         highest = max([highest, *(limit for limit in limits if limit < 1.5 * highest)])
         top = ticks(0.0, highest, 5)[-1]
-        values = {at: _values(found, at) for at in sorted({*session.positions, *letters})}
+        values = {at: _values(found, at) for at in sorted({*session.positions, *letters, *(at for at, _ in trials)})}
         width = self.size.width - max(map(len, values.values())) - 12
         rows = {}
         for rotation, numbers in values.items():
-            hole, signs = self.hole(session, rotation), letters.get(rotation, "")
+            hole, signs = bare(rotation, session.drive.mounting.holes), letters.get(rotation, "")
             measured = [value for at, value in trials if abs(at - rotation) < 1e-6]
             head = Text.assemble((f"{hole:>4} ", "bold" if rotation == session.turn_deg else ""))
             for sign in f"{signs}{'◆' * bool(measured)}"[:4].ljust(4):
@@ -95,16 +96,10 @@ class Holes(Table):
             bar = _bar(max(width, BAR), top, rotation, found, behind, limits, measured)
             rows[f"{rotation:.9g}"] = (head, Text.assemble(" ", numbers, " "), bar)
         self.fill(rows)
-        self.border_title = f"F'_ior, arcsec, 0 to {top:g}{' (| limit)' if limits else ''}"
+        self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
         if (at := f"{session.turn_deg:.9g}") in self.rows and self.key != at:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(at))
-
-    @staticmethod
-    def hole(session: Session, rotation_deg: float) -> str:
-        """A position as its hole, or its angle."""
-        holes = session.drive.mounting.holes
-        return f"{round(rotation_deg * holes / 360)}" if holes else f"{rotation_deg:g}°"
 
 
 def _values(found: SeatCurve | None, rotation_deg: float) -> Text:
@@ -191,7 +186,7 @@ class Levers(Table):
     """The fields of the preset with their values and what a plausible step of each does."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("plus,equals_sign", "app.nudge(1)", "+ step", key_display="+ -"),
+        Binding("plus,equals_sign", "app.nudge(1)", "step", key_display="+ -"),
         Binding("minus", "app.nudge(-1)", "- step", show=False),
     ]
 
@@ -206,16 +201,15 @@ class Levers(Table):
 
         rows = {}
         for lever in sorted(found, key=change, reverse=True):
-            step = ""
-            if lever.path in steps:
-                by, changes = steps[lever.path]
-                step = f"  {by:+g}: {changes[torque]:+.2f}"
+            by, changes = steps.get(lever.path, (0.0, ()))
             ink = "green" if lever.mark == "*" else "dim" if lever.text == "unknown" else ""
             value = visible(lever.text)
             value = value if len(value) <= 12 else f"{value[:11]}…"
             rows[lever.path] = (
-                Text.assemble(lever.path, (f" {lever.mark or ' '}", "yellow" if lever.mark == "?" else "green")),
+                Text.assemble(
+                    f"{lever.path:.22}", (f" {lever.mark or ' '}", "yellow" if lever.mark == "?" else "green")
+                ),
                 Text.assemble((f"{value:>8}", ink), (f" {lever.unit}", "dim")),
-                Text(step, "cyan"),
+                Text(f" {by:+g}: {changes[torque]:+.2f}" if changes else "", "cyan"),
             )
         self.fill(rows)

@@ -32,7 +32,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
         await settled(app, pilot)
         told = screen(app)
         assert app.known.advice is not None and "Turn the rigid wheel" in told and "c writes the card" in told
-        assert "SEAT, cam side" in told and "LEVERS" in told and "F'_ior, arcsec, 0 to" in told
+        assert "SEAT, cam side" in told and "LEVERS" in told and "F'_ior in each hole, arcsec" in told
         assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told
         trace = app.known.trace
@@ -57,7 +57,7 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "right", "left")
         assert app.session.turn_deg == 60
-        assert "hole 1, turned +60°" in screen(app) and f"4 N·m {F_ior(app, 60):.1f}″" in screen(app)
+        assert "hole 1 (60 deg)" in screen(app) and f"4 N·m {F_ior(app, 60):.1f}″" in screen(app)
         await pilot.press("b")
         positions = [60.0 * k for k in range(6)]
         assert app.session.turn_deg == min(positions, key=lambda at: F_ior(app, at)) != 0
@@ -258,7 +258,7 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
         await pilot.press("right")
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
-        assert "cam turn at 4 N·m, arcsec, unknown as 0" in screen(app) and "hdassist mount" in screen(app)
+        assert "cam turn at 4 N·m, ″, unknown as 0" in screen(app) and "hdassist mount" in screen(app)
         await pilot.press("4")
         await settled(app, pilot)
         assert "hdassist trace" in screen(app) and "PROVEN" not in told + screen(app)
@@ -384,14 +384,14 @@ def test_a_session_that_cannot_be_kept_is_said_once_and_when_leaving(tmp_path: P
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
-        assert "F'_ior, arcsec, 0 to" in screen(app)
-        for key, title in (("l", "LEVERS"), ("2", "SEAT"), ("4", "cam turn"), ("1", "F'_ior, arcsec, 0 to")):
+        assert "F'_ior in each hole, arcsec" in screen(app)
+        for key, title in (("l", "LEVERS"), ("2", "SEAT"), ("4", "cam turn"), ("1", "F'_ior in each hole, arcsec")):
             await pilot.press(key)
             await pilot.pause()
             assert title in screen(app)
         await pilot.resize_terminal(60, 18)
         await pilot.pause()
-        assert "hole 0, where it stands" in screen(app) and "too small" not in screen(app)
+        assert "hole 0 (0 deg), where it stands" in screen(app) and "too small" not in screen(app)
         await pilot.resize_terminal(140, 40)
         await pilot.pause()
         assert "LEVERS" in screen(app) and "SEAT" in screen(app)
