@@ -222,9 +222,11 @@ def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, te
 def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str, float]]:
     """Plausible steps of the fields of a drive, the other way where the first leaves what is allowed."""
     for path, info in field_table().items():
-        if kind_of(info) != "number" or path.split(".")[0] in SETTINGS or drive.value(path) is None:
+        prior = priors.get(path)
+        is_setting = path.split(".")[0] in SETTINGS and not prior
+        if kind_of(info) != "number" or is_setting or drive.value(path) is None:
             continue
-        if prior := priors.get(path):
+        if prior:
             low, high = prior.value(np.array([MIDDLE - STEP, MIDDLE + STEP]))
             step = float(f"{(high - low) / 2:.2g}")
         else:

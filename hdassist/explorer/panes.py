@@ -41,7 +41,7 @@ class Table(DataTable[Text]):
         self.cursor_type, self.show_header, self.cell_padding = "row", False, 0
 
     def fill(self, rows: Mapping[str, Sequence[Text]]) -> None:
-        """Show rows; the cursor stays on its key."""
+        """Show rows; the cursor stays on its key while somebody uses it."""
         with self.prevent(DataTable.RowHighlighted):
             if [key.value for key in self.rows] == list(rows):
                 for key, cells in rows.items():
@@ -54,7 +54,7 @@ class Table(DataTable[Text]):
             self.add_columns(*[""] * len(next(iter(rows.values()), ())))
             for key, cells in rows.items():
                 self.add_row(*cells, key=key)
-            if before in rows:
+            if before in rows and self.has_focus:
                 self.move_cursor(row=self.get_row_index(before))
 
     @property

@@ -275,6 +275,9 @@ def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> No
         changes = {path: abs(change[0]) for path, (_, change) in effects.steps.items()}
         shown = [str(key.value) for key in app.levers.rows]
         assert shown[: len(changes)] == sorted(changes, key=lambda path: -changes[path])
+        assert (
+            app.levers.cursor_row == 0 and "operation.dT" in changes
+        )  # not known exactly, though no part of the drive
         by, (change,) = effects.steps["gears.j_n"]
         assert by > 1 and app.known.headline is not None  # about a standard deviation of its plausible range
         assert f"{by:+g}: {change:+.2f}" in str(app.levers.get_row("gears.j_n")[2])
@@ -284,7 +287,8 @@ def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> No
         found = [str(key.value) for key in app.levers.rows]
         assert {"tolerances.e_hb", "tolerances.e_hh"} <= set(found) and "gears.j_n" not in found
 
-    explored(act, tiny("source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"), size=(140, 40))
+    assumed = ("source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}", "uncertainty.operation.dT=2")
+    explored(act, tiny(*assumed), size=(140, 40))
 
 
 def test_teeth_change_together() -> None:
