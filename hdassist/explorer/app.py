@@ -162,7 +162,8 @@ class Explorer(Exporting):
             return
         session, known, of_trials = self.session, self.known, self.of_trials
         shown, any_hole = of_trials or known, is_any_hole(session.drive)
-        letters, trials = self._letters(), self._trials()
+        letters, holes = self._letters(), session.drive.mounting.holes
+        trials = [read_trial(text, holes) for text in session.trials]
         behind = known if of_trials else self.pinned
         self.lines["head"].update(words.head(session))
         self.lines["headline"].update(words.headline(session, known, self.pinned))
@@ -180,13 +181,6 @@ class Explorer(Exporting):
         self.lines["trials"].update(words.trials_text(session))
         self.lines["advice-text"].update(words.advice_text(known, of_trials, any_hole))
         self.lines["command"].update(visible(f"= {self.command_line()}"))
-
-    def _trials(self) -> list[tuple[float, float]]:
-        """Turn [deg] and F'_ior [arcsec] of each trial."""
-        holes = self.session.drive.mounting.holes
-        return [
-            (one.rotation_deg, one.F_ior_arcsec) for one in (read_trial(text, holes) for text in self.session.trials)
-        ]
 
     def _letters(self) -> dict[float, str]:
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
@@ -212,11 +206,9 @@ class Explorer(Exporting):
             return text.append(", directions unknown: any hole" * is_any_hole(session.drive))
         if (place := curve.place(turn)) is not None:
             now = curve.F_ior_arcsec[1, :, curve.rotations_deg.index(0.0)]
-            for k, (M_g, value) in enumerate(
-                zip(session.drive.operation.M_g, curve.F_ior_arcsec[1, :, place], strict=False)
-            ):
+            for k, value in enumerate(curve.F_ior_arcsec[1, :, place]):
                 change = f" {value / max(now[k], 1e-9) - 1:+.0%}" if turn else ""
-                text.append(f"  {M_g:g} N·m {value:.1f}″{change}", TORQUES[k % len(TORQUES)])
+                text.append(f"  {session.drive.operation.M_g[k]:g} N·m {value:.1f}″{change}", TORQUES[k % len(TORQUES)])
             sure = curve.sure[place]
             at_zero = sure is not Sure.RANGE and unknowns(session.drive)
             text.append(f"  {MARKS[sure]} {sure}{', unknown as 0' if at_zero else ''}")
@@ -228,7 +220,7 @@ class Explorer(Exporting):
         if event.data_table is self.levers:
             lever = self._lever()
             self.lines["about"].update(f"{lever.path}: {lever.words}" if lever else "")
-        elif (key := self.holes.key) and key != f"{self.session.turn_deg:.9g}":
+        elif (key := self.holes.key) and key != f"{self.session.turn_deg}":
             self.show(replace(self.session, turn_deg=float(key)))
 
     def _lever(self) -> Lever | None:

@@ -16,6 +16,7 @@ from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.mounting.seat_page import Hole, Seat, SeatMark, drawing
+from hdassist.mounting.trial import Trial
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
 from hdassist.visible import visible
@@ -72,32 +73,36 @@ class Holes(Table):
         found: SeatCurve | None,
         behind: SeatCurve | None,
         letters: Mapping[float, str],
-        trials: Sequence[tuple[float, float]],
+        trials: Sequence[Trial],
     ) -> None:
         """Show positions.
 
-        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials, turn
-        [deg] and value [arcsec].
+        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials.
         """
         drive = session.drive
         limits = [limit for M_g in drive.operation.M_g if (limit := drive.limit(M_g))]
-        highest = max([0.1, *(value for _, value in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())])
+        highest = max(
+            [0.1, *(one.F_ior_arcsec for one in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())]
+        )
         highest = max([highest, *(limit for limit in limits if limit < 1.5 * highest)])
         top = ticks(0.0, highest, 5)[-1]
-        values = {at: _values(found, at) for at in sorted({*session.positions, *letters, *(at for at, _ in trials)})}
+        values = {
+            at: _values(found, at)
+            for at in sorted({*session.positions, *letters, *(one.rotation_deg for one in trials)})
+        }
         width = self.size.width - max(map(len, values.values())) - 12
         rows = {}
         for rotation, numbers in values.items():
             hole, signs = bare(rotation, session.drive.mounting.holes), letters.get(rotation, "")
-            measured = [value for at, value in trials if abs(at - rotation) < 1e-6]
+            measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - rotation) < 1e-6]
             head = Text.assemble((f"{hole:>4} ", "bold" if rotation == session.turn_deg else ""))
             for sign in f"{signs}{'◆' * bool(measured)}"[:4].ljust(4):
                 head.append(sign, LETTERS.get(sign, "bold"))
             bar = _bar(max(width, BAR), top, rotation, found, behind, limits, measured)
-            rows[f"{rotation:.9g}"] = (head, Text.assemble(" ", numbers, " "), bar)
+            rows[f"{rotation}"] = (head, Text.assemble(" ", numbers, " "), bar)
         self.fill(rows)
         self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
-        if (at := f"{session.turn_deg:.9g}") in self.rows and self.key != at:
+        if (at := f"{session.turn_deg}") in self.rows and self.key != at:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(at))
 

@@ -67,7 +67,7 @@ def head(session: Session) -> Text:
 
 def headline(session: Session, known: Known, pinned: Known | None) -> Text:
     """F'_ior by torque as `check` has it, as it stands and in the best hole; an old answer is called so."""
-    found = known.headline or known.old
+    found = known.headline or (None if known.failed else known.old)
     if found is None:
         return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
     is_old, advice = found is not known.headline, known.advice
