@@ -464,7 +464,7 @@ def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp
         await pilot.press("plus")
         await save(app, pilot)
         wanted = original.replace("j_n: 18", "j_n: 19").replace("[1, 4]", "[4.0]")
-        assert there.read_text() == f"{wanted}\nmounting:\n  holes: 6\n"
+        assert there.read_text() == f"{wanted}mounting:\n  holes: 6\n"
         assert load_text(there.read_bytes(), str(there)).gears.j_n == 19 and f"wrote {there}" in said(app)
         there.write_text("precious")
         await save(app, pilot)
