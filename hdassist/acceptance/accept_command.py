@@ -83,8 +83,8 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
 def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     """Accept the drives of a lot; returns the exit code.
 
-    Arguments: path of a table or folder; base, what is asked of every drive; options.
-    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table, folder or file
+    Arguments: path of a table; base, what is asked of every drive; options.
+    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
     out, begun = options.open(), time.monotonic()
@@ -98,7 +98,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     width = max(len(row.request.serial) for row in lot.rows)
     done: list[Answer] = []
     lines: list[str] = []
-    owner = Owner(command="accept", inputs={"lot": lot.sha256} if lot.sha256 else {})
+    owner = Owner(command="accept", inputs={"lot": lot.sha256})
     with open_kept(options.lines_file, owner, ANSWERS, force=not options.resume, any_inputs=True) as kept:
         known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
         before, is_known = kept.done, sum(map(bool, known))
