@@ -71,12 +71,9 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
 
     kept = options.json or options.has_lines
     code = give("accept", run_each("accept", presets, one, options, failed=failed, keep_failures=kept), options, out)
-    if out.csv is not None and not all(answer.error for answer in answers):
-        out.figures(page.csv(answers))
     if options.jsonl is not None:
         write_text(options.jsonl, to_lines(answers), options.force)
-    if options.junit is not None:
-        write_text(options.junit, junit("accept", answers, {"seed": base.seed}), options.force)
+    _write_tables(options, "accept", answers, {"seed": base.seed})
     return code
 
 
@@ -143,12 +140,16 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         if not options.quiet:
             lines += ["\n", out.page(lot_page.render(lot, done, out.style))]
         out.text("".join(lines))
-    if out.csv is not None:
-        out.figures(page.csv(done))
-    if options.junit is not None:
-        facts = {"lot_sha256": lot.sha256, "seed": base.seed}
-        write_text(options.junit, junit(lot.file, done, facts), options.force)
+    _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
     return worst_exit_code(answer.exit_code for answer in done)
+
+
+def _write_tables(options: AcceptOptions, name: str, answers: Sequence[Answer], facts: Json) -> None:
+    """Write answers as CSV and as JUnit, with a name of the whole and facts, where they are asked for."""
+    if options.csv is not None:
+        write_text(options.csv, page.csv(answers), options.force)
+    if options.junit is not None:
+        write_text(options.junit, junit(name, answers, facts), options.force)
 
 
 def _require_sound(base: Request) -> None:
