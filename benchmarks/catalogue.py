@@ -14,7 +14,7 @@ from pathlib import Path
 
 from hdassist import Drive, Stiffness, load_preset, stiffness
 from hdassist.loading.load import load_text
-from hdassist.loading.write_similar import similar_preset
+from hdassist.loading.write import similar_preset
 from hdassist.preset.similarity import Entry, Wish
 from hdassist.run.run import UNCHECKED
 

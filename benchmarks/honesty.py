@@ -77,7 +77,7 @@ def hidden(rng: np.random.Generator):
     from hdassist.belief.prior import prior_of
     from hdassist.error.cycle import kinematic_error
     from hdassist.loading.load import load_text
-    from hdassist.loading.write_similar import similar_preset
+    from hdassist.loading.write import similar_preset
     from hdassist.model.rules import first_conflict
     from hdassist.preset.wishes import read_wish
     from hdassist.run.run import UNCHECKED

@@ -5,8 +5,9 @@ WALK, NUMPY, WARM_DAQP = "compiled walk, AVX2", "numpy engine", "DAQP, warm from
 HEAD = """\
 # Speed and memory
 
-Made by `python -m benchmarks --write`, which measures everything below in one run and takes some ten minutes. Ratios
-count; absolute times belong to the machine named here and to what else it had to do.
+Made by `python -m benchmarks --write`, which measures everything below in one run and takes some ten minutes; `--from`
+with `--anew` measures parts of an earlier run again. Ratios count; absolute times belong to the machine named here and
+to what else it had to do.
 
 Times are processor time: of whole processes that of the command and its workers, over that of an import which every
 answer needs or could do with; of all else that of one thread. Whole processes have all that a user waits for: the

@@ -23,7 +23,7 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried
+from hdassist.model.deviations import carried, deviations_of
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
@@ -202,7 +202,7 @@ def draw_samples(
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
-    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
+    solve: Callable[..., Draw] | None = None
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
     draws: list[Draw] = []
@@ -213,6 +213,9 @@ def draw_samples(
             solved: Iterable[Draw] = ()
             if now.stop > len(earlier):
                 fresh = prior.shares(now.stop, run.seed)[max(now.start, len(earlier)) :]
+                if not solve:
+                    alike = _alike(prior, torques, rotations, run)
+                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, alike)
                 solved = run.map(solve, prior.values(fresh), fresh.tolist())
             for each in chain(earlier[now], solved):
                 draws.append(each)
@@ -248,6 +251,7 @@ def _solved(
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
     further: Figures | None,
+    alike: _Maps | None,
     values: dict[str, float],
     shares: list[float],
 ) -> Draw:
@@ -269,7 +273,7 @@ def _solved(
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
             if chance >= probability:
                 return Draw(figures=figures, proof=astuple(proof))
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
@@ -285,27 +289,58 @@ def _solved(
 
 
 def errors_by_turn(
-    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float]
+    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], alike: _Maps | None = None
 ) -> tuple[Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
-    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Raises
-    UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
+    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Arguments:
+    alike, `maps_by_turn` of a drive with the same deviations. Raises UsageError for rolling balls, UntrustedError where
+    an answer cannot be trusted.
     """
-    turns = np.array(rotations_deg, dtype=float)
-    moved = np.flatnonzero(turns % 360)
-    batch = Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})
-    formulation, like, proof = formulate(contact_system(drive)), None, EMPTY
-    F_ior, turned = np.empty(len(torques)), np.empty((len(torques), len(turns)))
+    (own, turned), moved = _turns(drive, rotations_deg)
+    like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
+    F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     for k, M_g in enumerate(torques):
         error_map = ErrorMap(drive, M_g, formulation, like)
-        like = error_map.fresh
-        own = error_map.many_extremes(Batch.of(drive), grid=FEW)
-        F_ior[k], turned[k], proof = own.first, own.first, proof + own.certificate
+        like, maps = error_map.fresh, alike[k] if alike else (None, None)
+        now = error_map.many_extremes(own, grid=FEW, alike=maps[0])
+        F_ior[k], found[k], proof = now.first, now.first, proof + now.certificate
         if len(moved):
-            there = error_map.many_extremes(batch, grid=FEW)
-            turned[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
-    return F_ior, turned, proof
+            there = error_map.many_extremes(turned, grid=FEW, alike=maps[1])
+            found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
+    return F_ior, found, proof
+
+
+_Maps = Sequence[tuple[Array, Array]]  # of each torque
+
+
+def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> tuple[Array, Array]:
+    """Maps of the error of a drive at a torque [N*m], as it stands and with its fixed wheel turned.
+
+    Errors as those of errors_by_turn.
+    """
+    (own, turned), _ = _turns(drive, rotations_deg)
+    error_map = ErrorMap(drive, M_g)
+    return error_map.solved_map(own), error_map.solved_map(turned)
+
+
+def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, Batch], NDArray[np.int64]]:
+    """A drive as it stands, and with its fixed wheel turned, by those of the rotations that turn it."""
+    turns = np.array(rotations_deg, dtype=float)
+    moved = np.flatnonzero(turns % 360)
+    return (Batch.of(drive), Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})), moved
+
+
+def _alike(prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run) -> _Maps | None:
+    """Maps of the drive as given where its draws have the same deviations; None where they do not."""
+    deviations = {path for d in deviations_of(prior.drive.mounting.mark_kind) for path in (d.size, d.direction)}
+    if deviations & {each.path for each in prior.fields}:
+        return None
+    solve = partial(maps_by_turn, rotations_deg=rotations_deg)
+    try:
+        return list(run.map(partial(in_wide_enough_window, prior.drive), [partial(solve, M_g=M_g) for M_g in torques]))
+    except HdassistError:  # then each draw is on its own
+        return None
 
 
 def _collected(

@@ -74,7 +74,7 @@ def command(
 
     A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
     one that is called like a preset). Presets are compared with the first: fields that differ, F'_ior, best hole,
-    stiffness; of two, which field does most, changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
+    stiffness; which field does most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
     if any(map(is_preset, files)):

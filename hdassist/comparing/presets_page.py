@@ -14,6 +14,7 @@ from rich.text import Text
 from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs, field_rows
 from hdassist.comparing.page import table_of
 from hdassist.comparing.sheet import DriveSheet
+from hdassist.design import check_page
 from hdassist.design.check import OperatingPoint
 from hdassist.design.check_page import BELIEF, POINT
 from hdassist.design.stiffness_page import WHOLE, segment_objects
@@ -26,10 +27,8 @@ from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
-from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style
-from hdassist.terminal.influence_words import influence_objects
 from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, Figures
 
@@ -78,7 +77,8 @@ def _hole(sheet: DriveSheet) -> str:
 
 def _mounted_best(sheet: DriveSheet, torque: int) -> str:
     """F'_ior [arcsec] in the position that is ordered, at a torque by its place."""
-    return "-" if sheet.advice.order == "none" else f"{sheet.advice.choice.target.F_ior_arcsec[torque]:.2f}"
+    best = sheet.advice.choice.target
+    return NOT_KNOWN if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}"
 
 
 def _verdict(result: DrivesComparison) -> str:
@@ -201,7 +201,7 @@ def _json(result: DrivesComparison, seed: int) -> Json:
     """The comparison as a JSON object."""
     return {
         **envelope("compare-presets", result.sheets[0].drive, warnings=comparison_warnings(result)),
-        "presets": [_drive_object(sheet) for sheet in result.sheets],
+        "presets": [_drive_object(sheet, seed) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
         "differences": [
             {
@@ -219,28 +219,23 @@ def _json(result: DrivesComparison, seed: int) -> Json:
     }
 
 
-def _drive_object(sheet: DriveSheet) -> Json:
-    check, advice, best = sheet.check, sheet.advice, sheet.advice.choice.target
+def _drive_object(sheet: DriveSheet, seed: int) -> Json:
+    """What `check`, `mount` and `stiffness` say of a drive in their JSON, as far as it is compared."""
+    check, best = check_page.to_json(sheet.check, seed), sheet.advice.choice.target
     ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
     return {
-        **envelope("compare-presets", sheet.drive)["preset"],
+        **check["preset"],
         "file": sheet.drive.origin.file,
-        "operating_points": [as_object((*POINT, *BELIEF), point) for point in check.points],
-        "order": advice.order,
-        "best": None if advice.order == "none" else ordered,
+        **{key: check[key] for key in ("operating_points", "unknown", "influence")},
+        "order": sheet.advice.order,
+        "best": None if sheet.advice.order == "none" else ordered,
         **as_object(WHOLE, sheet.stiffness),
         "stiffness": segment_objects(sheet.stiffness.positive),
-        "unknown": unknown_objects(check.unknown),
-        "influence": influence_objects(check.influences),
     }
 
 
 def _figures(result: DrivesComparison) -> Figures:
     """One row per drive and torque."""
-    columns = (*POINT, *BELIEF)
-    rows = [
-        [letter, sheet.drive.name, *(quantity.value(point) for quantity in columns)]
-        for letter, sheet in _lettered(result).items()
-        for point in sheet.check.points
-    ]
-    return ["drive", "preset", *(quantity.key for quantity in columns)], rows
+    tables = {letter: check_page.figures(sheet.check) for letter, sheet in _lettered(result).items()}
+    heads, _ = tables["A"]
+    return ["drive", *heads], [[letter, *row] for letter, (_, rows) in tables.items() for row in rows]

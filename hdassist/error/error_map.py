@@ -34,6 +34,7 @@ Indices = NDArray[np.int64]
 
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
+DIFFERENCES = 12  # positions of each wheel at which drives that are alike are compared, at least
 BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
 HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others
@@ -44,6 +45,7 @@ REACH = 5  # steps from an extreme, along each wheel, within which nothing is hi
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
+MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
 DISC = 8  # drives from which on their states are solved together
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
@@ -172,24 +174,40 @@ class ErrorMap:
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
-        hills = _hills(solved.at_points(grid), self)
+        hills = _hills(solved.at_points(self.points(grid)), self)
         ranges = np.bincount(hills.row, np.where(hills.rank, 0, hills.height))
         return np.asarray(ranges, dtype=float), solved.certificate
 
-    def many_extremes(self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID) -> Extremes:
+    def solved_map(self, batch: Batch) -> Array:
+        """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
+
+        No points of a short cycle, of which every state is solved. Raises UntrustedError where an answer
+        cannot be trusted.
+        """
+        if not len(batch) or len(self.states) < SHORT:
+            return np.empty((len(batch), 0, 0))
+        solved = _Solved(self, batch, LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True))
+        return solved.at_points(self.points(GRID))
+
+    def many_extremes(
+        self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID, alike: Array | None = None
+    ) -> Extremes:
         """Extremes of drives, solved and proven where estimates propose them.
 
         Arguments: batch, the drives; estimates of their rotation [arcsec] at points of the map, shape (drives, k, l),
-        by default solved at so many positions of each wheel (grid), and in every state of a short cycle. Raises
-        UntrustedError where an answer cannot be trusted.
+        by default solved at so many positions of each wheel (grid), and in every state of a short cycle; alike, the
+        solved_map of drives with the same deviations and other parts, from which these differ less than from point to
+        point: then the difference is solved on a coarse grid. Raises UntrustedError where an answer cannot be trusted.
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
         if estimates is None and len(self.states) < SHORT:
             solved.every_state()
         else:
+            if alike is not None:
+                estimates = solved.near(alike)
             coarse = estimates is None and grid < READ
-            proposed = solved.at_points(grid) if estimates is None else estimates
+            proposed = solved.at_points(self.points(grid)) if estimates is None else estimates
             if coarse:
                 proposed = _interpolated(proposed, self.points().shape[:2])
             solved.climb(solved.promising(_hills(proposed, self)), STRIDES[coarse])
@@ -310,13 +328,21 @@ class _Solved:
         points = np.stack(np.divmod(np.flatnonzero(self._search.board.ravel() >= 0), self._search.board.shape[1]), -1)
         self._at(np.arange(len(self._batch))[:, None], points[None])
 
-    def at_points(self, grid: int) -> Array:
-        """Rotation [arcsec] at the points of a grid, shape (drives, k, l)."""
-        points = self._search.points(grid)
+    def near(self, alike: Array) -> Array:
+        """Rotation [arcsec] at the points of the map of drives that are alike, by its difference at some of them."""
+        points, shape = self._search.points(GRID), alike.shape[1:]
+        down, across = (
+            max(step for step in (1, 2, 3, 4, 5) if n % step == 0 and n // step >= DIFFERENCES) for n in shape
+        )
+        return alike + _interpolated(self.at_points(points[::down, ::across]) - alike[:, ::down, ::across], shape)
+
+    def at_points(self, points: Indices) -> Array:
+        """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
         rows = np.arange(len(self._batch))[:, None, None]
-        row, state = (each.ravel() for each in np.broadcast_arrays(rows, self._search.state(points)))
-        order = self._neighbours_together(row, state, points.shape[1])
-        self._at(row[order], np.broadcast_to(points, (len(rows), *points.shape)).reshape(-1, 2)[order])
+        for lines in np.array_split(points, 1 + len(rows) * points[..., 0].size // MAP_STATES):
+            row, state = (each.ravel() for each in np.broadcast_arrays(rows, self._search.state(lines)))
+            order = self._neighbours_together(row, state, points.shape[1])
+            self._at(row[order], np.broadcast_to(lines, (len(rows), *lines.shape)).reshape(-1, 2)[order])
         return np.asarray(self.value[rows, self._search.state(points)])
 
     def _neighbours_together(self, row: Indices, state: Indices, across: int) -> Indices:

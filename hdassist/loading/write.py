@@ -1,9 +1,10 @@
-"""Texts of presets: a commented one to start from, and one with other values put into it."""
+"""Texts of presets: a commented one to start from, one of a drive like another, one with other values put into it."""
 
 from __future__ import annotations
 
 import json
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
@@ -11,18 +12,21 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
+from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import SCHEMA, Drive, Source, field_table, fields, sections
-from hdassist.preset.kinds import Section, plain, unit_of
+from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain, unit_of
 from hdassist.preset.overrides import path_of
+from hdassist.preset.similarity import Entry, Wish, similar
 from hdassist.preset.yamltext import resolve
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
 MAX_NAME = 200
+WIDTH = 110  # of a description
 
 
 def new_preset(name: str) -> str:
@@ -32,13 +36,13 @@ def new_preset(name: str) -> str:
     commented out, with its default.
     Raises UsageError: a name that a preset cannot have.
     """
-    require_name(name)
+    _require_name(name)
     lines = [
         "# A preset to start from. EVERY NUMBER BELOW IS AN EXAMPLE: put in those of your drive.",
         '# A bare number is in the unit beside it; a text with a unit, such as "75 um", is converted.',
         "# Lines that are commented out show what else can be given, with the value used without them.",
         f"schema: {SCHEMA}",
-        f"name: {quoted(name)}",
+        f"name: {_name(name)}",
         "description: Example numbers, not yet those of a drive.",
     ]
     for section, model in sections():
@@ -52,7 +56,7 @@ def new_preset(name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def require_name(name: str) -> None:
+def _require_name(name: str) -> None:
     """Raise UsageError for a name that a preset cannot have."""
     if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
         raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
@@ -65,29 +69,95 @@ def _section(section: str, model: type[Section]) -> Iterator[str]:
         value = info.examples[0] if info.examples else info.default
         if value is not None:
             entry = f"{'  ' if info.examples else '#  '}{name}: {_value(value)}"
-            yield f"{entry:<27} # {about(info)}"
+            yield f"{entry:<27} # {_about(info)}"
         else:
-            yield f"{f'#  {name}:':<27} # {about(info)}"
+            yield f"{f'#  {name}:':<27} # {_about(info)}"
 
 
-def about(info: FieldInfo) -> str:
+def _about(info: FieldInfo) -> str:
     """Unit and meaning of a field, as a comment beside it says them."""
     unit = unit_of(info)
     return f"{unit}, {info.description}" if unit else str(info.description)
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return value
+    """A value as YAML, with every digit it has, and no more."""
     if isinstance(value, tuple):
-        return f"[{', '.join(map(plain, value))}]"
-    return "{}" if isinstance(value, dict) else plain(value)
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, dict):
+        return "{}"
+    if not isinstance(value, int | float):
+        return str(value)
+    short = plain(value)
+    return short if float(short) == value else repr(value)
 
 
-def quoted(text: str) -> str:
+def _name(text: str) -> str:
     """A text as YAML: as it is where that is safe, else in quotes."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
-    return text if word and isinstance(resolve(text), str) else json.dumps(text, ensure_ascii=False)
+    return text if word and isinstance(resolve(text), str) else _quoted(text)
+
+
+def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") -> str:
+    """Text of a preset of a drive that is like another one.
+
+    Arguments: name; like, the other drive; wish, what is given of the new one; description, in place of the usual.
+    Raises UsageError: a name that a preset cannot have, wishes that contradict each other, or no drive that meshes.
+    """
+    _require_name(name)
+    entries = similar(like, wish)
+    text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
+    try:
+        load_text(text, name)
+    except PresetError as error:
+        raise UsageError(f"no such drive meshes: {error.findings[0].message}", "other teeth, or another size") from None
+    return text
+
+
+def _similar_lines(name: str, like: Drive, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
+    z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
+    kinds = [entry.kind for path, entry in entries.items() if not of_catalogue(path)]
+    sure = kinds.count("given")
+    other = like.name if like.name.isprintable() else "another drive"
+    yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(kinds) - sure} assumed."
+    yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
+    yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
+    yield f"schema: {SCHEMA}"
+    yield f"name: {_name(name)}"
+    words = description or (
+        f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
+        "Its absolute values are guesses; what each rests on stands in source."
+    )
+    if words.isprintable():
+        yield "description: >-"
+        yield from textwrap.wrap(words, WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
+    else:
+        yield f"description: {_quoted(words)}"
+    for section, model in sections():
+        written = {
+            field: entries[f"{section}.{field}"] for field in model.model_fields if f"{section}.{field}" in entries
+        }
+        if written or section in ("tolerances", "phases", "harmonics"):
+            yield ""
+            yield from _similar_section(section, model, written)
+    yield ""
+    yield "source:"
+    for path, entry in entries.items():
+        bounds = f"range: {_value(entry.range)}, " if entry.range else ""
+        yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {_quoted(entry.ref)}}}"
+
+
+def _similar_section(section: str, model: type[Section], written: Mapping[str, Entry]) -> Iterator[str]:
+    yield f"{section}:"
+    for field, info in model.model_fields.items():
+        if field in written:
+            yield f"{f'  {field}: {_value(written[field].value)}':<23} # {_about(info)}"
+        elif may_be_unknown(info) and (section, field[:3]) != ("harmonics", "xi_"):  # needless without an amplitude
+            yield f"{f'  {field}: {UNKNOWN}':<23} # {_about(info)}"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=not text.isprintable())
 
 
 def with_found_values(
@@ -173,7 +243,7 @@ def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
     bounds = before.range if before else None
     inside = bounds and isinstance(value, int | float) and bounds[0] <= value <= bounds[1]
     kept = f"range: {list(bounds)!r}, " if bounds and inside else ""
-    return _tables(f"{{kind: {kind}, {kept}ref: {json.dumps(ref, ensure_ascii=False)}}}")
+    return _tables(f"{{kind: {kind}, {kept}ref: {_quoted(ref)}}}")
 
 
 def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | int] | None = None) -> str:

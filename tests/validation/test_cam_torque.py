@@ -9,7 +9,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.loading.load import load_text
-from hdassist.loading.write_similar import similar_preset
+from hdassist.loading.write import similar_preset
 from hdassist.model.contacts import ContactSystems
 from hdassist.preset.similarity import Wish
 from tests.support import changed, solve_state
