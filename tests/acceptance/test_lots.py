@@ -9,6 +9,7 @@ import statistics
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -195,6 +196,22 @@ def test_rows_are_answered_while_others_are_predicted(lot, monkeypatch, jobs):
             # no further than processes go: what is done is known when an interrupt comes
             assert len(begun) <= len(set(names[: place + 1])) + 2 * jobs
     assert len(begun) == len(set(names))
+
+
+def test_drives_further_down_are_predicted_while_the_first_one_is(lot, monkeypatch):
+    """A lot in blocks: the second drive is begun beside the first, whose rows are many."""
+    xi_b = [*["a"] * 6, "b"]
+    requests_ = [replace(lot.rows[0].request, serial=f"{n}", overrides=(f"xi={x}",)) for n, x in enumerate(xi_b)]
+    begun, both = [], Barrier(2, timeout=20)
+
+    def predict(request):
+        begun.append(request.overrides)
+        both.wait()  # broken where only one is under way
+
+    monkeypatch.setattr(lotwork, "_predict", predict)
+    monkeypatch.setattr(lotwork, "_answer", lambda row, *_: row.request.serial)
+    assert worked([LotRow(request) for request in requests_], jobs=2) == [str(n) for n in range(7)]
+    assert len(begun) == 2
 
 
 def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
