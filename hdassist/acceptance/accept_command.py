@@ -149,7 +149,7 @@ def _write_tables(options: AcceptOptions, name: str, answers: Sequence[Answer], 
     if options.csv is not None:
         write_text(options.csv, page.csv(answers), options.force)
     if options.junit is not None:
-        write_text(options.junit, junit(name, answers, facts), options.force)
+        write_text(options.junit, junit(name, answers, facts), options.replaces_suite)
 
 
 def _require_sound(base: Request) -> None:

@@ -26,16 +26,16 @@ from hdassist.readers.table import TextTable, few, read_texts
 from hdassist.textfile import STDIN
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
-PLAIN = ("serial", "preset")
-WHEELS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
-FILES = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
+PLAIN_COLUMNS = ("serial", "preset")
+WHEEL_COLUMNS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
+FILE_COLUMNS = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Cell:
+class NamedCell:
     """A cell that says something of a drive.
 
     name: how a message about it begins (FILE:LINE:COLUMN: heading); text; said: the option that says the same ("--value
@@ -68,7 +68,7 @@ class LotRow:
     request: Request
     place: str | None = None
     fault: HdassistError | None = None
-    cells: tuple[Cell, ...] = field(default=(), compare=False)
+    cells: tuple[NamedCell, ...] = field(default=(), compare=False)
 
     def message(self, error: HdassistError) -> str:
         """What is wrong with the drive; of the cells of its row, not the options that would say the same."""
@@ -142,7 +142,7 @@ def _columns(table: TextTable) -> list[Column | None]:
             findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
         columns.append(column)
     if not any(columns) and not findings:
-        hint = ", ".join((*PLAIN, "measured"))
+        hint = ", ".join((*PLAIN_COLUMNS, "measured"))
         findings.append(Finding(table.file, table.names_line, 1, "", "no column that is used", hint=hint))
     if findings:
         raise PresetError(findings)
@@ -151,7 +151,7 @@ def _columns(table: TextTable) -> list[Column | None]:
 
 def _column(name: str) -> Column:
     """What a column is for. Raises UsageError: nothing, with a hint."""
-    if name.lower() in (*PLAIN, *WHEELS):
+    if name.lower() in (*PLAIN_COLUMNS, *WHEEL_COLUMNS):
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
@@ -163,7 +163,7 @@ def _column(name: str) -> Column:
             return option, str(TEXTS[option][1](f"{text}=0")).removesuffix("=0")
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "--set", name
-    known = [*PLAIN, "measured", *WHEELS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    known = [*PLAIN_COLUMNS, "measured", *WHEEL_COLUMNS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     hint = REMOVED.get(name) or near(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
     raise UsageError(name, hint)
 
@@ -186,7 +186,7 @@ def _row(
             wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
         if not cell.text or column is None:
             continue
-        text = cell.text if column[0] in (*PLAIN, *FILES) else table.with_points(cell.text)
+        text = cell.text if column[0] in (*PLAIN_COLUMNS, *FILE_COLUMNS) else table.with_points(cell.text)
         if column[0].startswith("mark"):
             marks[name] = cell.column
             if not is_number(text):
@@ -210,17 +210,17 @@ def _row(
     return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, tuple(named))
 
 
-def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, Cell]:
+def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, NamedCell]:
     """A request with what a cell says, and the cell as messages know it; folder, from which paths count."""
     trace = TraceFile.parse(text) if gives == "--measured" and not of else TraceFile(of, text)
     is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
     file = trace.file if is_name else str(folder / trace.file)
-    cell = Cell("", text, file=file if gives in FILES else "")
+    cell = NamedCell("", text, file=file if gives in FILE_COLUMNS else "")
     change: dict[str, Any]
-    if gives in PLAIN:
-        change = {gives: file if gives in FILES else text}
-    elif gives in WHEELS:
-        wheel: dict[str, Any] = {gives: file if gives in FILES else float(text)}
+    if gives in PLAIN_COLUMNS:
+        change = {gives: file if gives in FILE_COLUMNS else text}
+    elif gives in WHEEL_COLUMNS:
+        wheel: dict[str, Any] = {gives: file if gives in FILE_COLUMNS else float(text)}
         change = {"wheels": replace(request.wheels, **wheel)}
     else:
         into, parse = TEXTS[gives]

@@ -30,7 +30,7 @@ from hdassist.measuring.uncertainty import STATED
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.process import TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 

@@ -17,7 +17,7 @@ from hdassist.loading.load import load_preset
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.process import TINY, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"

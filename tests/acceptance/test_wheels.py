@@ -13,7 +13,7 @@ from hdassist import load_preset
 from hdassist.acceptance.answer import ANSWERS
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import Owner, open_kept
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.process import TINY, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
