@@ -259,19 +259,13 @@ def _solved(
     chance: float,
 ) -> _Draw:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
+    if refused := conflict_of(drive, values):
+        return _Draw(refused=refused)
     moved = drive.with_values(values)
-    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return _Draw(refused=f"{outside}: out of range")
-    if conflict := first_conflict(moved):
-        return _Draw(refused=f"{conflict.path}: {conflict.message}")
-    figures: dict[str, float] = {}
-    proof, probability = EMPTY, 1.0
     try:
-        if any(each.figure != ACCURACY for each in evidence):
-            figures, proof = in_wide_enough_window(moved, stiffness_figures)
-            probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD)
-            if chance >= probability:
-                return _Draw(figures=figures, certificate=proof)
+        figures, probability, proof = going_on(moved, evidence)
+        if chance >= probability:
+            return _Draw(figures=figures, certificate=proof)
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
@@ -283,6 +277,26 @@ def _solved(
         figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
     return _Draw("", figures, F_ior, turned, weight, proof + found + more_proof)
+
+
+def conflict_of(drive: Drive, values: Mapping[str, float]) -> str:
+    """Why a drive with other values of some fields, by path, is none; empty where it is one."""
+    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
+        return f"{outside}: out of range"
+    conflict = first_conflict(drive.with_values(values))
+    return f"{conflict.path}: {conflict.message}" if conflict else ""
+
+
+def going_on(drive: Drive, evidence: tuple[Evidence, ...]) -> tuple[dict[str, float], float, Certificate]:
+    """Stiffnesses and lost motion of a draw by name, where there is evidence of them, with the proof of its states.
+
+    Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that. Raises
+    UntrustedError where an answer cannot be trusted.
+    """
+    if all(each.figure == ACCURACY for each in evidence):
+        return {}, 1.0, EMPTY
+    figures, proof = in_wide_enough_window(drive, stiffness_figures)
+    return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD), proof
 
 
 def errors_by_turn(

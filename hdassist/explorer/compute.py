@@ -75,8 +75,7 @@ from hdassist.terminal.answers import json_text
 from hdassist.terminal.texts import texts
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.cloud import MESH
-from hdassist.trials.prior import SAMPLES
+from hdassist.trials.prior import TrialEffort, trial_states
 from hdassist.verdict import verdict_by_probability
 
 FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once

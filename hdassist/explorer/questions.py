@@ -19,7 +19,7 @@ class Effort:
 
     turns: int = 8
     draws: int = 64
-    trial_samples: int | None = None
+    trial_draws: int | None = None
     jobs: int = 0
 
 

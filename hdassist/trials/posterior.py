@@ -12,21 +12,20 @@ misread (MISREAD), so that one wrong value does not carry an order.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from scipy.special import logsumexp, softmax
 from scipy.stats import chi2, norm
 
+from hdassist.belief.evidence import FREEDOM
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.mounting.losses import GOOD, Criterion, PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
-from hdassist.trials.cloud import Places
-from hdassist.trials.prior import Prior
+from hdassist.trials.prior import Places, Prior
 
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
 LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
@@ -40,6 +39,7 @@ NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice 
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
 TRUSTED = 5.0  # effective samples: fewer are no cloud any more
+WEEDED = 4096  # samples that are looked at closer
 OUTCOMES = 64  # of a next trial that are looked at
 
 
@@ -80,6 +80,30 @@ class Prediction(Trial):
         return self.low_arcsec <= self.F_ior_arcsec <= self.high_arcsec
 
 
+def weeded(prior: Prior, trials: Sequence[Trial], count: int = WEEDED) -> Prior:
+    """The prior with about so many of its samples, those that the trials make likely, all or the first few of them.
+
+    Kept by chance with a probability that their weight is divided by: the sum of weights stays right on average.
+    """
+    possible, rng = prior.possible, np.random.default_rng([prior.seed, 2])
+    weight = prior.weight.ravel()[possible]
+    log, chance = np.log(weight), weight / weight.sum()
+    for trial in trials:
+        f = prior.at([trial.rotation_deg], possible)[:, 0]
+        off = (trial.F_ior_arcsec - f) / np.hypot(2 * prior.noise(f), (SCALE + MISFITS[-1]) * f)
+        log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
+        chance = chance + softmax(log)
+    low, high = 0.0, float(count)
+    for _ in range(50):
+        factor = (low + high) / 2
+        low, high = (factor, high) if np.minimum(factor * chance, 1).sum() < count else (low, factor)
+    chance = np.minimum(high * chance, 1)
+    kept = rng.random(len(possible)) < chance
+    left = np.zeros(prior.weight.size)
+    left[possible[kept]] = (weight / chance)[kept]
+    return replace(prior, weight=(left / left.sum()).reshape(prior.weight.shape))
+
+
 def learnt(
     prior: Prior,
     trials: Sequence[Trial],
@@ -88,7 +112,6 @@ def learnt(
     torques: Sequence[float] = (),
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
-    executor: Executor | None = None,
 ) -> tuple[Draws, PositionStatistics]:
     """What trials teach of the positions that may be chosen [deg].
 
@@ -108,8 +131,8 @@ def learnt(
     def at(M_g: float) -> Array:
         if M_g == prior.M_g:
             return draws.F_ior_arcsec
-        f = prior.at(everywhere, draws.places, M_g, executor)
-        spread = np.hypot(draws.misfit * f.mean(axis=1), prior.tables[M_g].standard_error)[:, None]
+        f = prior.at(everywhere, draws.places, M_g)
+        spread = (np.hypot(draws.misfit, prior.read_error[M_g]) * f.mean(axis=1))[:, None]
         return np.asarray(np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f))
 
     decide, shares = torques or [prior.M_g], None if weights is None else tuple(weights)
@@ -151,7 +174,8 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
     """
     rng = np.random.default_rng(prior.seed)
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
-    told, f = prior.noise(y), prior.at(tried) if trials else np.zeros((prior.weight.size, 0))
+    possible = prior.possible
+    told, f = prior.noise(y), prior.at(tried, possible) if trials else np.zeros((len(possible), 0))
     rows, doubts = (KINDS if kinds is None else kinds).tolist(), np.log(1 - MISREAD)
     plain = [(s, factor, -1, -0.5 * (np.log(factor) / NOISE_SPREAD) ** 2) for s, factor in rows]
     each_kind = plain
@@ -162,15 +186,16 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
         each_kind += [(s, 1.0, k, doubt) for k in range(len(trials)) for s in MISFITS]
     spreads = np.array([_with_misread(told, y, k) for _, _, k, _ in each_kind])
     with np.errstate(divide="ignore"):
-        log = np.log(prior.weight.ravel()) + np.array([share for *_, share in each_kind])[:, None]
+        log = np.log(prior.weight.ravel()[possible]) + np.array([share for *_, share in each_kind])[:, None]
     if trials:
         log += [
-            _likelihood(f, y, spread, _variance(prior, s), tried, factor)[1]
+            _likelihood(f, y, spread, _variance(prior, s, possible), tried, factor)[1]
             for (s, factor, _, _), spread in zip(each_kind, spreads, strict=True)
         ]
     weight = softmax(log)
     at = np.searchsorted(np.cumsum(weight), (np.arange(DRAWS) + 0.5) / DRAWS)
-    kind, places = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    places = possible[row]
     misfit, noise = np.array([row[:2] for row in each_kind])[kind].T
     # drawn without the values, then moved by what these differ from their own draw (Matheron's rule)
     count, everywhere, spread = len(rotations_deg), [*rotations_deg, *tried], noise[:, None] * spreads[kind]
@@ -198,7 +223,7 @@ def _with_misread(told: Array, y: Array, k: int) -> Array:
 def _variance(prior: Prior, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
     """Variance of the misfit [arcsec^2] of samples: the drive's and the table's."""
     mean = np.repeat(prior.F_ior_arcsec.mean(axis=1), prior.weight.shape[1])[places]
-    return np.asarray(np.square(misfit * mean) + prior.tables[prior.M_g].standard_error ** 2)
+    return np.asarray((np.square(misfit) + prior.read_error[prior.M_g] ** 2) * mean**2)
 
 
 def _likelihood(

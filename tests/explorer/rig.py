@@ -20,7 +20,7 @@ from hdassist.explorer.state import USUAL, Session, opened
 from hdassist.terminal.options import TrialOptions
 from tests.process import TINY, no_processes
 
-QUICK = Effort(turns=4, draws=8, trial_samples=1024, jobs=1)
+QUICK = Effort(turns=4, draws=8, trial_draws=8, jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states
 LONGEST = 60.0  # s
 
