@@ -16,6 +16,7 @@ import numpy as np
 from hdassist import load_preset, trace
 from hdassist.comparing.compare import RecordConvention, compare
 from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.run.run import UNCHECKED
 from tests.rigs import recorded, slow_noise
 
 SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
@@ -34,7 +35,7 @@ def rig(seed: int) -> None:
         vectors[k] += rng.uniform(6, 25) * np.exp(1j * rng.uniform(0, 2 * np.pi))
         hidden = with_vectors(drive, vectors, [k])
     start = float(rng.uniform(0, 360))
-    error = trace(hidden, M_G, revolutions=turns, start_deg=start, cross_check=None).error
+    error = trace(hidden, M_G, revolutions=turns, start_deg=start, run=UNCHECKED).error
     count = len(error.states)
     noise = slow_noise(rng, count, NOISE, 0.8) if seed % 5 == 3 else NOISE * rng.standard_normal(count)
     record = recorded(error.states.phi_h / (2 * np.pi), error.error_arcsec + noise)

@@ -106,8 +106,9 @@ def _trace(path: Path) -> str:
 
     from hdassist import load_preset
     from hdassist.error.trace import trace
+    from hdassist.run.run import UNCHECKED
 
-    found = trace(load_preset("vzp160", ["phases.xi_b=235"]), 80.0, revolutions=3, cross_check=None)
+    found = trace(load_preset("vzp160", ["phases.xi_b=235"]), 80.0, revolutions=3, run=UNCHECKED)
     noise = np.random.default_rng(1).normal(0, 0.15, len(found.error.error_arcsec))
     rows = zip(np.degrees(found.error.states.phi_h), found.error.error_arcsec + noise, strict=True)
     path.write_text("phi_h_deg,error_arcsec\n" + "".join(f"{a:.4f},{b:.3f}\n" for a, b in rows), encoding="utf-8")

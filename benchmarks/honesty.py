@@ -46,6 +46,7 @@ def judged(number: int, draws: int, seed: int) -> Judged:
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import SamplingEffort, draw_samples
     from hdassist.errors import HdassistError
+    from hdassist.run.run import Run
     from hdassist.verdict import is_settled, verdict_by_probability
 
     rng = np.random.default_rng([seed, number])
@@ -59,7 +60,7 @@ def judged(number: int, draws: int, seed: int) -> Judged:
 
         samples = draw_samples(
             prior_of(preset), [M_g], evidence=evidence_of(preset), enough=is_clear,
-            effort=SamplingEffort.of(draws), seed=number,
+            effort=SamplingEffort.of(draws), run=Run(seed=number),
         )  # fmt: skip
     except HdassistError as error:
         return Judged(refused=error.message)
@@ -71,10 +72,26 @@ def judged(number: int, draws: int, seed: int) -> Judged:
 
 def hidden(rng: np.random.Generator):
     """The preset that is known of a hidden drive, a torque M_g [N*m] and its true F'_ior [arcsec]."""
+    preset, there, teeth = hidden_drive(rng)
+    M_g = preset.operation.M_g[0]
+    return preset, M_g, true_F_ior(there, M_g, teeth)
+
+
+def true_F_ior(drive, M_g: float, teeth) -> float:
+    """F'_ior [arcsec] of a hidden drive at a torque M_g [N*m]."""
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.run.run import UNCHECKED
+    from hdassist.solve.window import in_wide_enough_window
+
+    found = in_wide_enough_window(drive, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
+    return found.F_ior_arcsec
+
+
+def hidden_drive(rng: np.random.Generator):
+    """The preset that is known of a hidden drive, the drive, and the deviations of its teeth."""
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
     from hdassist.belief.prior import prior_of
-    from hdassist.error.cycle import kinematic_error
     from hdassist.loading.load import load_text
     from hdassist.loading.write_similar import similar_preset
     from hdassist.model.rules import first_conflict
@@ -99,10 +116,7 @@ def hidden(rng: np.random.Generator):
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
     text = similar_preset("own", like, wish(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
-    M_g = preset.operation.M_g[0]
-    teeth = _teeth(there, rng)
-    true = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, cross_check=None))
-    return preset, M_g, true.F_ior_arcsec
+    return preset, there, _teeth(there, rng)
 
 
 def _values(prior, rng: np.random.Generator) -> dict[str, float]:

@@ -69,9 +69,10 @@ def solved(name: str) -> Callable[[np.ndarray], np.ndarray]:
     """The error of a drive over its full cycle, between its states by its own orders."""
     from hdassist import load_preset
     from hdassist.error.cycle import kinematic_error
+    from hdassist.run.run import UNCHECKED
 
     preset, overrides, M_g, turns = SOLVED[name]
-    error = kinematic_error(load_preset(preset, overrides), M_g, cross_check=None)
+    error = kinematic_error(load_preset(preset, overrides), M_g, run=UNCHECKED)
     x, y = error.states.phi_h / (2 * np.pi), error.error_arcsec
     sorting = np.argsort(np.mod(x, turns))
     x, y = np.mod(x, turns)[sorting], y[sorting]

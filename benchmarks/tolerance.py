@@ -49,12 +49,13 @@ class Drawn:
 
 def production(case: str, drives: int, executor: Executor | None = None):
     from hdassist import load_preset
+    from hdassist.run.run import Run
     from hdassist.tolerance.law import production_law
     from hdassist.tolerance.production import Production
 
     drive = load_preset("vzp160", [f"{path}={value}" for path, value in CASES[case].items()])
     made = Production.of(production_law(drive), drive.operation.M_g, seed=SEED, per_design=10)
-    return made.with_designs(drives, executor=executor)[0]
+    return made.with_designs(drives, run=Run(executor))[0]
 
 
 def compare(task) -> list[Drawn]:
@@ -63,6 +64,7 @@ def compare(task) -> list[Drawn]:
     from hdassist import kinematic_error
     from hdassist.error.error_map import ErrorMap
     from hdassist.mounting.positions import merit, rotated
+    from hdassist.run.run import UNCHECKED
 
     case, made, first, last = task
     found = []
@@ -71,7 +73,7 @@ def compare(task) -> list[Drawn]:
         turned = rotated(drive, record.best_rotation_deg)
 
         def every_state(there) -> list[float]:
-            return [kinematic_error(there, M_g, cross_check=None).F_ior_arcsec for M_g in made.torques]
+            return [kinematic_error(there, M_g, run=UNCHECKED).F_ior_arcsec for M_g in made.torques]
 
         exact = every_state(drive)
         missed = [e - v for e, v in zip(exact, record.F_ior_arcsec, strict=True)]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.preset.library import preset_names
     from hdassist.readers.pitch import read_pitch
+    from hdassist.run.run import Run
 
 _HOMES = {
     "check": "hdassist.design.check",
@@ -47,6 +48,7 @@ _HOMES = {
     "load_preset": "hdassist.loading.load",
     "preset_names": "hdassist.preset.library",
     "read_pitch": "hdassist.readers.pitch",
+    "Run": "hdassist.run.run",
 }
 
 __all__ = [
@@ -57,6 +59,7 @@ __all__ = [
     "MeasuredWheel",
     "MountingCurve",
     "PitchFile",
+    "Run",
     "SelfError",
     "Stiffness",
     "ToothDeviations",

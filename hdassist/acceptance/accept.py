@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,8 +33,7 @@ from hdassist.model.unknown import names
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
-from hdassist.solve.answers import Progress
-from hdassist.solve.throughcvxpy import CROSS_SOLVER
+from hdassist.run.run import Run
 from hdassist.verdict import SEVERITY, SURE, Verdict, worst
 
 QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
@@ -114,12 +112,9 @@ def accept(
     stated: Mapping[Limit, Value] | None = None,
     measured_only: bool = False,
     predictions: Predictions | None = None,
-    cross_check: str = CROSS_SOLVER,
     draws: int = DRAWS,
     sure: float = SURE,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> AcceptanceResult:
     """Hold a drive against the limits of its preset.
 
@@ -127,7 +122,7 @@ def accept(
     stated, values measured otherwise, by their limit;
     measured_only, leave out limits that nothing was measured for, else the model predicts their values; predictions, of
     the same drive and limits where they are known already; sure, probability of keeping a limit that PASS of a
-    prediction needs; cross_check, draws, seed, executor and progress as those of predict. Raises DataError: no limit,
+    prediction needs; draws and run as those of predict. Raises DataError: no limit,
     something measured that no limit is for, or an order that the full cycle does not have; UsageError: such an order on
     the command line; UntrustedError where a prediction cannot be trusted.
     """
@@ -141,10 +136,7 @@ def accept(
     if not left or measured_only:
         predictions = None
     elif predictions is None:
-        predictions = predict(
-            drive, left, wheels=wheels, cross_check=cross_check, draws=draws, sure=sure, seed=seed, executor=executor,
-            progress=progress,
-        )  # fmt: skip
+        predictions = predict(drive, left, wheels=wheels, draws=draws, sure=sure, run=run)
     decisions = []
     for limit in limits:
         values: Sequence[Value | None]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from hdassist.errors import HdassistError, UsageError
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class FileOptions(o.OptionGroup):
 
 
 @dataclass(frozen=True)
-class Run:
+class AcceptRun:
     """What is asked of a run: base, of every drive; files and out, where answers go; the others as options are."""
 
     base: Request
@@ -190,7 +191,7 @@ def command(
         tuple(LimitText.parse(text, "--value") for text in value), reading, measured_only, cross_check, seed, wheels,
         draws, sure,
     )  # fmt: skip
-    run = Run(base, files, options, options.open(), fail_on, jobs, details)
+    run = AcceptRun(base, files, options, options.open(), fail_on, jobs, details)
     run.require_sound()
     if replay is not None:
         if lots or options.csv or fail_on != "fail" or files != FileOptions() or base != Request(""):
@@ -199,7 +200,7 @@ def command(
     raise typer.Exit(accept_lot(lots[0], run) if lots else accept_presets(presets, run))
 
 
-def accept_presets(presets: Sequence[str], run: Run) -> int:
+def accept_presets(presets: Sequence[str], run: AcceptRun) -> int:
     """Accept drives one after the other; returns the exit code.
 
     Raises what is wrong with the only drive, and UsageError with any.
@@ -226,7 +227,7 @@ def accept_presets(presets: Sequence[str], run: Run) -> int:
         say_notes(teeth)
         states = 0 if request.measured_only else estimate_states(drive, limits_of(drive), request.draws)
         with run.out.progress(drive.name, states) as progress, workers(run.jobs) as executor:
-            result = carry_out(request, drive, traces, teeth, executor=executor, progress=progress)
+            result = carry_out(request, drive, traces, teeth, run=Run(executor, progress))
         answer = answer_of(request, result, run.fail_on)
         answers.append(answer)
         page = partial(report.render, result, serial=request.serial, details=run.details)

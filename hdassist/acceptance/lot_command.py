@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from hdassist.acceptance import lot_page as report
 from hdassist.acceptance.answer import ANSWERS, Answer, to_lines
-from hdassist.acceptance.command import Run
+from hdassist.acceptance.command import AcceptRun
 from hdassist.acceptance.lot import Lot, read_lot
 from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.page import csv
@@ -31,7 +31,7 @@ from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
 
-def accept_lot(path: str, run: Run) -> int:
+def accept_lot(path: str, run: AcceptRun) -> int:
     """Accept the drives of a lot; returns the exit code.
 
     Arguments: path of a table or folder; run, its base being what is asked of every drive.
@@ -53,7 +53,7 @@ def accept_lot(path: str, run: Run) -> int:
         return _accept_lot(lot, run, kept)
 
 
-def _accept_lot(lot: Lot, run: Run, file: Kept[Answer] | None) -> int:
+def _accept_lot(lot: Lot, run: AcceptRun, file: Kept[Answer] | None) -> int:
     files, options, out = run.files, run.options, run.out
     begun = time.monotonic()
     kept = _known(lot, file, run) if file is not None and files.resume else {}
@@ -111,7 +111,7 @@ def _require_sound(base: Request) -> None:
         parse(text, place)
 
 
-def _known(lot: Lot, file: Kept[Answer], run: Run) -> dict[str, Answer]:
+def _known(lot: Lot, file: Kept[Answer], run: AcceptRun) -> dict[str, Answer]:
     """Answers by serial that are there from before and still stand.
 
     Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
@@ -133,7 +133,7 @@ def _known(lot: Lot, file: Kept[Answer], run: Run) -> dict[str, Answer]:
     return known
 
 
-def _all(lot: Lot, kept: dict[str, Answer], run: Run, file: Kept[Answer] | None) -> Generator[Answer, None, None]:
+def _all(lot: Lot, kept: dict[str, Answer], run: AcceptRun, file: Kept[Answer] | None) -> Generator[Answer, None, None]:
     """Answers in the order of the rows, known or worked out, added to the file of lines as they come."""
     known = [None if row.fault else kept.get(row.serial) for row in lot.rows]
     to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]

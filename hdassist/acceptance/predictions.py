@@ -6,7 +6,6 @@ The samples are those of `hdassist check`: F'_ior has the same probability of ke
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -39,8 +38,9 @@ from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord
-from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
+from hdassist.run.run import UNCHECKED, Run
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import SURE, is_settled
 
 
@@ -164,32 +164,27 @@ def quantities(
     limits: Sequence[Limit],
     *,
     wheels: MeasuredTeeth | None = None,
-    cross_check: str | None = None,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Quantities:
     """What limits need of a drive, at its own numbers. Arguments and errors as those of predict."""
-    told = None if executor else progress
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
-    error = partial(kinematic_error, there, teeth=teeth, cross_check=cross_check, seed=seed, progress=told)
+    error = partial(kinematic_error, there, teeth=teeth, run=run.of_task)
     jobs: list[Callable[[], Any]] = [partial(error, M_g) for M_g in cycles]
-    jobs += [partial(self_error, drive, own_at, progress=told)] * bool(own_at)
+    jobs += [partial(self_error, drive, own_at, run=run.of_task)] * bool(own_at)
     twist = any("stiffness" in limit.check.needs for limit in limits)
-    jobs += [partial(stiffness, drive, points=1, cross_check=cross_check, progress=told)] * twist
+    jobs += [partial(stiffness, drive, points=1, run=run.of_task)] * twist
     results = []
-    for result in (executor.map if executor else map)(_run, jobs):
+    for result in run.map(_called, jobs):
         results.append(result)
-        if progress and executor:
-            parts = result if isinstance(result, list) else [result]
-            progress(sum(part.certificate.states for part in parts))
+        parts = result if isinstance(result, list) else [result]
+        run.finished(sum(part.certificate.states for part in parts))
     own = results[len(cycles)] if own_at else []
     errors = dict(zip(cycles, results, strict=False))
     return Quantities(errors, dict(zip(own_at, own, strict=True)), results[-1] if twist else None)
 
 
-def _run(job: Callable[[], Any]) -> Any:
+def _called(job: Callable[[], Any]) -> Any:
     return job()
 
 
@@ -212,23 +207,18 @@ def predict(
     limits: Sequence[Limit],
     *,
     wheels: MeasuredTeeth | None = None,
-    cross_check: str = CROSS_SOLVER,
     draws: int = DRAWS,
     sure: float = SURE,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Predictions:
     """Predict what limits need of a drive, and nothing else.
 
     Arguments: limits; wheels, with measured teeth in place of first harmonics, for which there are no samples;
-    cross_check, solver of some states again; draws, effective samples of what is not known at least, 0 for none; sure,
-    probability of keeping a limit that PASS needs; seed, of these and of the choice of states; executor, to spread the
-    work over (the numbers do not depend on it); progress, called with states solved. Raises UntrustedError where an
+    draws, effective samples of what is not known at least, 0 for none; sure, probability of keeping a limit that PASS
+    needs. Raises UntrustedError where an
     answer cannot be trusted, or the preset's catalogue contradicts its other values.
     """
-    options: dict[str, Any] = {"seed": seed, "executor": executor, "progress": progress}
-    known = quantities(drive, limits, wheels=wheels, cross_check=cross_check, **options)
+    known = quantities(drive, limits, wheels=wheels, run=run)
     without = wheels.without_harmonics(drive) if wheels else drive
     prior = prior_of(without)
     if wheels:  # of a wheel that was measured nothing is open
@@ -259,7 +249,7 @@ def predict(
         further=partial(_figures, figured) if figured else None,
         enough=enough,
         effort=SamplingEffort.of(draws),
-        **options,
+        run=run,
     )
     return replace(found, samples=samples, error_samples=first[0] if first else samples)
 
@@ -284,7 +274,7 @@ def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Values of a drive, by the label of the limit that they are for, with their proof."""
-    found = quantities(drive, limits)
+    found = quantities(drive, limits, run=UNCHECKED)
     values = {each.label: each.check.predicted(found, each.M_g or 0.0, each.order or 0.0) for each in limits}
     return values, found.certificate
 

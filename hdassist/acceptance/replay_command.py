@@ -8,7 +8,7 @@ from typing import Any
 
 from hdassist.acceptance.answer import read_answers
 from hdassist.acceptance.answer import to_json as answer_json
-from hdassist.acceptance.command import Run
+from hdassist.acceptance.command import AcceptRun
 from hdassist.acceptance.lot_runner import answer_rows
 from hdassist.acceptance.replay import RELATIVE, Replayed, differences, prepare
 from hdassist.errors import DataError, UsageError
@@ -19,7 +19,7 @@ from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 
 
-def replay_answers(path: str, presets: Sequence[str], run: Run) -> int:
+def replay_answers(path: str, presets: Sequence[str], run: AcceptRun) -> int:
     """Do the answers of a file again; returns the exit code.
 
     Arguments: path of --json or --jsonl; presets, one at most, in place of the recorded one; run.

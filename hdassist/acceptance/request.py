@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isnan
 from typing import Annotated, Any, Literal
@@ -32,7 +31,7 @@ from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window, with_window
 from hdassist.verdict import SURE
 
@@ -132,7 +131,11 @@ class Request(ClosedRecord):
     @property
     def effort(self) -> dict[str, Any]:
         """How predictions are made, as arguments of predict and accept."""
-        return {"cross_check": self.cross_check, "draws": self.draws, "sure": self.sure, "seed": self.seed}
+        return {"draws": self.draws, "sure": self.sure}
+
+    def seeded(self, run: Run) -> Run:
+        """A run with the seed and the other solver of the request."""
+        return replace(run, seed=self.seed, cross_check=self.cross_check)
 
     def files(self) -> list[str]:
         """Paths of all that is read for it; its preset may be one of the library."""
@@ -218,7 +221,8 @@ def predict_for(request: Request) -> Predictions | None:
     left = () if request.measured_only else without_values(drive, torques, stated)
     if not left:
         return None
-    analysis = partial(predict, limits=left, wheels=read_wheels(request, drive), **request.effort)
+    wheels, run = read_wheels(request, drive), request.seeded(Run())
+    analysis = partial(predict, limits=left, wheels=wheels, run=run, **request.effort)
     return in_wide_enough_window(drive, analysis)
 
 
@@ -229,13 +233,12 @@ def carry_out(
     wheels: MeasuredTeeth | None = None,
     *,
     predictions: Predictions | None = None,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> AcceptanceResult:
     """Accept the drive of a request, loaded and measured before.
 
     Arguments: measurements by torque [N*m]; wheels, with measured teeth; predictions, where they are known already,
-    else executor and progress for them. Raises DataError: no limit, or something measured that no limit is for;
+    else run for them. Raises DataError: no limit, or something measured that no limit is for;
     UsageError: a value that no limit is for; UntrustedError where a prediction cannot be trusted.
     """
     analysis = partial(
@@ -245,8 +248,7 @@ def carry_out(
         stated=stated_values(request.values, drive),
         measured_only=request.measured_only,
         predictions=predictions,
-        executor=executor,
-        progress=progress,
+        run=request.seeded(run),
         **request.effort,
     )
     there = with_window(drive, predictions.prior.drive.numerics.window) if predictions else drive

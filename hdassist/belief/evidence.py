@@ -14,6 +14,7 @@ import numpy as np
 from hdassist.error.stiffness import stiffness
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate
 
 FREEDOM = 4.0  # degrees of freedom of Student's t
@@ -66,7 +67,7 @@ def stiffness_figures(drive: Drive) -> tuple[dict[str, float], Certificate]:
 
     Raises UntrustedError where an answer cannot be trusted.
     """
-    found = stiffness(drive, points=1, cross_check=None)
+    found = stiffness(drive, points=1, run=UNCHECKED)
     segments = [segment.stiffness for segment in found.positive]
     return dict(zip(STIFFNESS_FIGURES, (*segments, found.lost_motion_arcsec), strict=True)), found.certificate
 

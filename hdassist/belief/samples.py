@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -26,7 +25,8 @@ from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
@@ -202,17 +202,14 @@ def draw_samples(
     further: Figures | None = None,
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior; enough, whether samples suffice for what they are
-    for; effort, limits of sampling; seed; executor, to spread the work over (the numbers do not depend on it);
-    progress, called with states solved; seen, called with the samples so far. Raises UsageError for a drive with
+    for; effort, limits of sampling; seen, called with the samples so far. Raises UsageError for a drive with
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
@@ -221,13 +218,12 @@ def draw_samples(
     while True:
         size = min(effort.batch, max(HOPELESS, len(draws)))
         now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-        shares = prior.shares(now.stop, seed)
+        shares = prior.shares(now.stop, run.seed)
         values, chances = prior.values(shares[now]), shares[now, -1].tolist()
-        for each in (executor.map if executor else map)(solve, values, chances):
+        for each in run.map(solve, values, chances):
             draws.append(each)
-            if progress:
-                progress(each.certificate.states)
-        samples = _collected(prior, tuple(torques), rotations, shares, draws, seed)
+            run.solved(each.certificate.states)
+        samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed)
         if seen:
             seen(samples)
         effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding

@@ -104,14 +104,11 @@ def calibrate(
     points: int = 64,
     starts: int = 4,
     iterations: int = 12,
-    seed: int = 0,
-    progress: Callable[[int], None] | None = None,
 ) -> Calibration:
     """Find the unknowns of a drive from its targets.
 
     Arguments: evaluations, which computes drives and remembers them; points of the Sobol set; starts, its best points,
-    far from each other, that least squares starts from; iterations of a least-squares run at most; seed, of the set;
-    progress, called with how many drives were computed or remembered.
+    far from each other, that least squares starts from; iterations of a least-squares run at most.
     Raises UntrustedError where no drive could be computed or least squares did not come to rest.
     """
     cube = _UnitCube(targets.unknowns)
@@ -119,11 +116,10 @@ def calibrate(
 
     def residuals(at: Sequence[Array]) -> Array:
         rows = evaluations.residuals([cube.values(point) for point in at])
-        if progress:
-            progress(len(at))
+        evaluations.run.solved(len(at))  # drives here
         return rows
 
-    sobol = qmc.Sobol(len(start), seed=seed).random(1 << (points - 1).bit_length())[:points]
+    sobol = qmc.Sobol(len(start), seed=evaluations.run.seed).random(1 << (points - 1).bit_length())[:points]
     sobol[0] = cube.point(start)
     costs = (residuals(list(sobol)) ** 2).sum(axis=1)
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < IMPOSSIBLE**2]
@@ -137,7 +133,7 @@ def calibrate(
     at_rest = runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1
     sets = [cube.values(run.x) for run in (runs if at_rest else runs[:1])]
     # a coarse scan may not have come to what a fine one does
-    fits = [fit for fit in evaluations.run(partial(_fit, drive, targets), sets) if fit is not None]
+    fits = [fit for fit in evaluations.run.map(partial(_fit, drive, targets), sets) if fit is not None]
     if not fits:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds", Fault.FIT_UNSETTLED)
     best, *others = sorted(fits, key=lambda fit: float(np.sum(np.square(fit.deviations))))
@@ -150,7 +146,7 @@ def calibrate(
         words = shortfall(targets, best, held) or "its nearest set meets the targets all the same"
         hint = "run again with the same --state and more --evaluations: what was computed is kept"
         raise UntrustedError(f"the fit did not come to rest: {words}", hint, Fault.FIT_UNSETTLED)
-    phases = evaluations.run(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
+    phases = evaluations.run.map(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
     kept = [replace(fit, best_deg=best_deg) for fit, best_deg in zip(kept, phases, strict=True)]
     # equation (12) of docs/theory.md; half the bounds' width is the half-width of a value that no target sees
     covariance = np.linalg.inv(jacobian.T @ jacobian + 4 * np.eye(len(start)))
@@ -165,7 +161,7 @@ def calibrate(
         covariance / np.outer(deviation, deviation),
         held,
         evaluations.computed,
-        seed,
+        evaluations.run.seed,
     )
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 
@@ -95,10 +96,10 @@ def command(
             out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
             workers(jobs) as executor,
         ):
-            known = Evaluations(drive, wanted, executor, kept)
+            known = Evaluations(drive, wanted, Run(executor, progress, seed), kept)
             if known.remembered:
                 note(f"going on from {state}: {known.remembered} drives are known")
-            result = calibrate(drive, wanted, known, points=evaluations, seed=seed, progress=progress)
+            result = calibrate(drive, wanted, known, points=evaluations)
         if write is not None:
             best, *others = (wanted.by_path(fit.values) for fit in result.fits)
             ref = f"hdassist calibrate, {wanted.name or targets.name}"

@@ -5,8 +5,7 @@ A search that chooses its points by a seed asks for the same ones again, and fin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -21,6 +20,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Kept, Number, Owner, RecordKind
+from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window
 
 IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
@@ -66,7 +66,7 @@ def evaluations_owner(drive: Drive, targets: Targets) -> Owner:
 class Evaluations:
     """Computes residuals of drives, and remembers them.
 
-    Arguments: drive and targets; executor, to spread the work over; kept, a file to remember in. computed: drives
+    Arguments: drive and targets; run, on which they are computed; kept, a file to remember in. computed: drives
     computed so far; remembered: drives that the file had.
     """
 
@@ -74,11 +74,11 @@ class Evaluations:
         self,
         drive: Drive,
         targets: Targets,
-        executor: Executor | None = None,
+        run: Run = Run(),
         kept: Kept[Evaluation] | None = None,
     ) -> None:
         self.computed = 0
-        self._drive, self._targets, self._executor, self._kept = drive, targets, executor, kept
+        self.run, self._drive, self._targets, self._kept = run, drive, targets, kept
         self._known = {known.values: known.residuals for known in (kept.records() if kept else ())}
         self.remembered = len(self._known)
 
@@ -86,16 +86,12 @@ class Evaluations:
         """Residuals [tolerances] at values of the unknowns, shape (points, residuals)."""
         fresh = [point for point in dict.fromkeys(points) if point not in self._known]
         tasks = [self._drive.with_values(self._targets.by_path(point)) for point in fresh]
-        for point, row in zip(fresh, self.run(partial(_residuals, self._targets.targets), tasks), strict=True):
+        for point, row in zip(fresh, self.run.map(partial(_residuals, self._targets.targets), tasks), strict=True):
             self._known[point] = row
             self.computed += 1
             if self._kept is not None:
                 self._kept.append([Evaluation(point, row)])
         return np.array([self._known[point] for point in points])
-
-    def run(self, function: Callable[[_Task], _Result], tasks: Sequence[_Task]) -> Iterator[_Result]:
-        """Results of a function over tasks, on the executor."""
-        return self._executor.map(function, tasks) if self._executor else map(function, tasks)
 
 
 def _residuals(targets: Sequence[CalibrationTarget], drive: Drive) -> Values:

@@ -19,6 +19,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.mounting.positions import phase_deg, rotated
 from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
 
 
@@ -57,7 +58,7 @@ class Quantities:
     def __init__(self, drive: Drive, accuracy: Accuracy) -> None:
         self._drive, self._accuracy = drive, accuracy
         self._error_map = cache(partial(ErrorMap, drive))
-        self._stiffness = cache(partial(stiffness, drive, points=0, cross_check=None))
+        self._stiffness = cache(partial(stiffness, drive, points=0, run=UNCHECKED))
         self._self_errors: dict[float, float] = {}
         self.scan = cache(self._scan)
 
@@ -80,7 +81,7 @@ class Quantities:
                 return self.scan(asked["M_g"]).least
             case "revolution_range":
                 start = asked.get("phi_g0", 0.0)
-                return trace(self._drive, asked["M_g"], start_deg=start, cross_check=None).error.range_arcsec
+                return trace(self._drive, asked["M_g"], start_deg=start, run=UNCHECKED).error.range_arcsec
             case "self_error":
                 return self.self_error(asked["M_g"])
             case "torsional_stiffness":
@@ -98,7 +99,7 @@ class Quantities:
         turned = rotated(self._drive, phase - phase_deg(self._drive))
         if searchable(self._drive):
             return self._error_map(M_g).many_extremes(Batch.of(turned)).first
-        return kinematic_error(turned, M_g, cross_check=None).F_ior_arcsec
+        return kinematic_error(turned, M_g, run=UNCHECKED).F_ior_arcsec
 
     def self_error(self, M_g: float) -> float:
         """Self error [arcsec] at a torque [N*m]."""
@@ -147,6 +148,6 @@ class Quantities:
         start = float(np.radians(target.asked.get("phi_g0", 0.0)))
         index = np.arange(ceil(phi_h[-1] / 360 * kinematics.teeth_fixed) + 1)
         states = pitch_locked_states(kinematics, index, start)
-        error = kinematic_error(self._drive, target.asked["M_g"], states=states, cross_check=None)
+        error = kinematic_error(self._drive, target.asked["M_g"], states=states, run=UNCHECKED)
         difference = np.interp(phi_h, np.degrees(states.phi_h), error.error_arcsec) - measured
         return np.asarray(difference - difference.mean())

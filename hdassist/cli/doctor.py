@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from hdassist.errors import HdassistError, UntrustedError
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal import options as o
 from hdassist.version import __version__
 
@@ -122,7 +123,7 @@ def self_test() -> Finding:
         import numpy as np
 
         states = pitch_locked_states(Kinematics.of(drive), np.array([*found.at_max, *found.at_min]))
-        again = kinematic_error(drive, M_G, states=states, solver=CROSS, cross_check=None).range_arcsec
+        again = kinematic_error(drive, M_G, states=states, solver=CROSS, run=UNCHECKED).range_arcsec
     except HdassistError as error:
         return Finding("self-test", "broken", error.message)
     off, apart = abs(found.first - F_IOR), abs(again - found.first)

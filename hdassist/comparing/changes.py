@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,7 +15,8 @@ from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import listed, unknowns
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.window import in_wide_enough_window
 
 DRAWN_PAIRS = 16  # pairs of drives drawn from what is not known
@@ -67,19 +67,16 @@ def drive_changes(
     fields: Sequence[FieldDifference] = (),
     *,
     pairs: int = DRAWN_PAIRS,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> DriveChanges:
     """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of some alone.
 
     With rolling balls there are no draws: what is not known is 0. Arguments: fields to change alone; pairs that are
-    drawn, with seed; executor, to spread the work over (the numbers do not depend on it); progress, called with numbers
-    of states solved. Raises UntrustedError where one of both drives has no answer that can be trusted.
+    drawn. Raises UntrustedError where one of both drives has no answer that can be trusted.
     """
     pairs = pairs if searchable(first) and searchable(second) else 0
-    before, after = paired_draws((first, second), pairs, seed)
-    search = _Search(tuple(torques), executor, progress)
+    before, after = paired_draws((first, second), pairs, run.seed)
+    search = _Search(tuple(torques), run)
     errors = search.F_ior(before, required=True)  # (pairs, torques)
     whole = ErrorChange("", search.F_ior(after, required=True) - errors, errors)
 
@@ -121,20 +118,17 @@ class _Search:
     """Searches at some torques, and the certificate of all of them."""
 
     torques: tuple[float, ...]
-    executor: Executor | None
-    progress: Progress | None
+    run: Run
     certificate: Certificate = EMPTY
 
     def F_ior(self, drives: Sequence[Drive], *, required: bool = False) -> Array:
         """F'_ior [arcsec] of drives, shape (drives, torques); NaN where one has no answer, unless it is required."""
         tasks = [(drive, M_g, required) for drive in drives for M_g in self.torques]
-        found: Iterable[tuple[float, Certificate]] = (self.executor.map if self.executor else map)(_F_ior, tasks)
         values = []
-        for value, proof in found:
+        for value, proof in self.run.map(_F_ior, tasks):
             values.append(value)
             self.certificate += proof
-            if self.progress:
-                self.progress(proof.states)
+            self.run.solved(proof.states)
         return np.reshape(values, (len(drives), len(self.torques)))
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from hdassist.comparing.presets_command import compare_presets, is_preset, require_presets
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 Others = Annotated[
@@ -114,8 +115,7 @@ def command(
                 orders=orders,
                 drift=traces.drift,
                 stated=stated,
-                seed=seed,
-                progress=progress,
+                run=Run(progress=progress, seed=seed),
             )
             result = in_wide_enough_window(drive, analysis)
         said.update(dict.fromkeys(result.drive.origin.warnings))

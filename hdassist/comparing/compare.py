@@ -23,7 +23,8 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 
 MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
 SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
@@ -139,23 +140,21 @@ def compare(
     orders: Sequence[float] | None = None,
     drift: str = "none",
     stated: Mapping[str, float] | None = None,
-    seed: int = 0,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Comparison:
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
     Arguments: convention, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none,
-    linear or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source; seed of the bootstrap; progress,
-    called with numbers of states solved. Both directions count as one, each with its own level: the model knows no
-    friction. Raises UsageError for rolling balls and for invalid orders, drift or sources; UntrustedError where the
-    record does not tell its orders apart, or an answer cannot be trusted.
+    linear or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source. Both directions count as one, each
+    with its own level: the model knows no friction. Raises UsageError for rolling balls and for invalid orders, drift
+    or sources; UntrustedError where the record does not tell its orders apart, or an answer cannot be trusted.
     """
     convention = convention or RecordConvention()
-    torus = ErrorWaves(drive, M_g, progress)
-    measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=seed, together=True)
+    torus = ErrorWaves(drive, M_g, run)
+    measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=run.seed, together=True)
     sweep = measurement.directions[0]
     free_start, free_zero = convention.start_deg is None, convention.zero_deg is None
-    doubt = partial(doubtful_waves, M_g=M_g, torus=torus, progress=progress)
+    doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
     changes = doubt(drive)
     record = RecordedOrders(sweep, torus, Kinematics.of(drive))
     certain = VectorFitter(drive, record, torus, doubt, start=free_start, zero=free_zero)

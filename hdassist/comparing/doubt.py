@@ -11,13 +11,13 @@ import numpy as np
 from hdassist.error.waves import MIDDLE, Complex, ErrorWaves
 from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Run
 
 DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
 DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
 
 
-def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, progress: Progress | None = None) -> Complex:
+def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()) -> Complex:
     """Changes of a drive's waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
 
     Two changes a field: half the difference of both ways, and the distance of their mean from the drive as it is. A
@@ -28,7 +28,7 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, progress: Progre
 
     def moved(path: str, value: float) -> Complex:
         other = drive.with_values({path: value})
-        case = ErrorWaves(other, M_g, progress)
+        case = ErrorWaves(other, M_g, run)
         (waves,) = case.waves([other], MIDDLE)
         torus.certificate += case.certificate
         return np.asarray(waves - own)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -18,7 +17,8 @@ from hdassist.error.error_map import SEARCHED
 from hdassist.errors import UsageError
 from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import Certificate
 
 SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
 SURE_SHARE = 0.95  # of the pairs that agree: the least for a verdict
@@ -86,25 +86,16 @@ def compare_drives(
     torques: Sequence[float],
     *,
     draws: int = DRAWS,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> DrivesComparison:
     """Compare drives with the first of them, at torques [N*m].
 
-    Arguments: two drives or more; torques; draws, of each from what is not known, and seed of these and of samples;
-    executor, to spread the work over (the numbers do not depend on it); progress, called with numbers of states solved.
+    Arguments: two drives or more; torques; draws, of each from what is not known.
     Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
     """
-    sheets = tuple(
-        sheet_of(drive, torques=torques, draws=draws, seed=seed, executor=executor, progress=progress)
-        for drive in drives
-    )
+    sheets = tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives)
     fields, pairs = _moving(drives), min(draws, DRAWN_PAIRS)
-    changed = tuple(
-        drive_changes(drives[0], other, torques, fields, pairs=pairs, seed=seed, executor=executor, progress=progress)
-        for other in drives[1:]
-    )
+    changed = tuple(drive_changes(drives[0], other, torques, fields, pairs=pairs, run=run) for other in drives[1:])
     return DrivesComparison(sheets, tuple(torques), field_differences(drives), other_origins(drives), changed)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdassist.errors import UsageError
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 PRESET_SUFFIXES = (".yaml", ".yml")
@@ -60,7 +61,7 @@ def compare_presets(
         torques = common_torques(loaded) if torque is None else (torque,)
         total = estimate_comparison(loaded, torques, draws)
         with out.progress(", ".join(drive.name for drive in loaded), total) as progress, workers(jobs) as executor:
-            result = compare_drives(loaded, torques, draws=draws, seed=seed, executor=executor, progress=progress)
+            result = compare_drives(loaded, torques, draws=draws, run=Run(executor, progress, seed))
         for text in comparison_warnings(result):
             warn(text)
         return drives_answer(result, seed=seed, details=details)

@@ -18,6 +18,7 @@ from hdassist.measuring.orders import MeasuredOrder
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate
 
 EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve counts as exact
@@ -177,7 +178,7 @@ def solved_curve(drive: Drive, M_g: float, turns: Array, alignment: Alignment) -
     around = np.mod(first[:, None] + np.arange(4), kinematics.cycle_states)  # (turns, 4)
     index, places = np.unique(around.ravel(), return_inverse=True)
     states = pitch_locked_states(kinematics, index, alignment.start)
-    error = kinematic_error(drive, M_g, states=states, cross_check=None)
+    error = kinematic_error(drive, M_g, states=states, run=UNCHECKED)
     t = pitches - first
     cubic = (
         -(t - 1) * (t - 2) * (t - 3) / 6, t * (t - 2) * (t - 3) / 2, -t * (t - 1) * (t - 3) / 2,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from hdassist.design.check import DRAWS, DesignCheck, check
@@ -14,7 +13,8 @@ from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.advice import estimate_states as advice_states
 from hdassist.mounting.positions import seat_positions
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.solve.window import in_wide_enough_window
 
@@ -60,29 +60,25 @@ def sheet_of(
     *,
     torques: Sequence[float] | None = None,
     draws: int = DRAWS,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, drives drawn from what is not known,
-    and seed of these and of samples; executor, to spread the work over (the numbers do not depend on it); progress,
-    called with numbers of states solved. Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as
-    half an advice is none here.
+    Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, drives drawn from what is not known.
+    Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
     """
 
     def advised(there: Drive) -> Advice:
         at, turns = there.operation.M_g, seat_positions(there)
-        return advise(there, at, turns, draws=draws, seed=seed, executor=executor, progress=progress)
+        return advise(there, at, turns, draws=draws, run=run)
 
     def checked(there: Drive) -> DesignCheck:
         samples = advice.samples if advice.drive == there else None  # not those of a wider window
-        return check(there, draws=draws, samples=samples, seed=seed, executor=executor, progress=progress)
+        return check(there, draws=draws, samples=samples, run=run)
 
     loaded = drive if torques is None else at_torques(drive, torques)
     advice = in_wide_enough_window(loaded, advised)
     if advice.curve.interrupted:
         raise KeyboardInterrupt
     found = in_wide_enough_window(loaded, checked)
-    return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, progress=progress)))
+    return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, run=run)))

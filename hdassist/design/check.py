@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
@@ -34,8 +33,9 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Certificate, Progress
-from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver
+from hdassist.run.run import CROSS_SOLVER, Run
+from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
 DRAWS = 64  # effective samples, at least
@@ -204,42 +204,33 @@ def check(
     *,
     measured: MeasuredTeeth | None = None,
     solver: str | None = None,
-    cross_check: str = CROSS_SOLVER,
     draws: int = DRAWS,
     samples: Samples | None = None,
     sure: float = SURE,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Callable[[int], None] | None = None,
+    run: Run = Run(),
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
     Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities and no samples;
-    solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver
-    that solves the extremes and a sample drawn by seed again; draws, effective samples of what is not known at least, 0
-    for none; samples of the same drive, where they were drawn before; sure, probability of keeping a limit that PASS
-    needs, and FAIL of not keeping it; executor, to spread the work over (any concurrent.futures executor; the numbers
-    do not depend on it); progress, called with states solved.
+    solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; draws, effective samples of
+    what is not known at least, 0 for none; samples of the same drive, where they were drawn before; sure, probability
+    of keeping a limit that PASS needs, and FAIL of not keeping it.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted, or the preset's catalogue
     contradicts its other values.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
-    told = None if executor else progress  # a process tells nothing before it is done
-    run = executor.map if executor else map
-    require_solver(cross_check)
-    every = partial(kinematic_error, there, teeth=teeth, solver=solver, cross_check=None, progress=told)
+    require_solver(run.cross_check or CROSS_SOLVER)
+    unchecked = replace(run.of_task, cross_check=None)
     solved = []
-    for error in run(every, torques):
+    for error in run.map(partial(kinematic_error, there, teeth=teeth, solver=solver, run=unchecked), torques):
         solved.append(error)
-        if progress and executor:
-            progress(len(error.states))
+        run.finished(len(error.states))
     # cvxpy takes a second to import: another solver looks at the extremes in one process, and the self error in another
-    again: Callable[[], Any] = partial(_cross_checked, there, solved, teeth, cross_check, seed)
-    own_error: Callable[[], Any] = partial(self_error, drive, torques, progress=told)
-    errors, own = run(_run, [again, own_error])
-    if progress and executor:
-        progress(sum(part.certificate.states for part in own))
+    again: Callable[[], Any] = partial(_cross_checked, there, solved, teeth, run.of_task)
+    own_error: Callable[[], Any] = partial(self_error, drive, torques, run=run.of_task)
+    errors, own = run.map(_called, [again, own_error])
+    run.finished(sum(part.certificate.states for part in own))
     known = measured.without_harmonics(drive) if measured else drive
     prior = prior_of(known)
     if measured:  # of a wheel that was measured nothing is open
@@ -253,9 +244,7 @@ def check(
         slopes = sensitivity(drive, errors)
         if prior.fields and draws and not samples:
             left = [point.left_arcsec for point in points]
-            samples = drive_samples(
-                prior, left, draws=draws, sure=sure, seed=seed, executor=executor, progress=progress
-            )
+            samples = drive_samples(prior, left, draws=draws, sure=sure, run=run)
     found = [
         replace(point, sensitivity=slope, floating=floats)
         for point, slope, floats in zip(points, slopes, floating, strict=True)
@@ -273,9 +262,7 @@ def drive_samples(
     *,
     draws: int = DRAWS,
     sure: float = SURE,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
     """Samples of a drive at its torques, until the Monte Carlo error reaches over no threshold of a verdict.
@@ -287,7 +274,7 @@ def drive_samples(
     return draw_samples(
         prior, drive.operation.M_g, evidence=evidence_of(drive),
         enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws),
-        seed=seed, executor=executor, progress=progress, seen=seen,
+        run=run, seen=seen,
     )  # fmt: skip
 
 
@@ -300,11 +287,11 @@ def _floating(drive: Drive) -> list[Floating]:
     return []
 
 
-def _run(job: Callable[[], Any]) -> Any:
+def _called(job: Callable[[], Any]) -> Any:
     return job()
 
 
 def _cross_checked(
-    drive: Drive, errors: Sequence[KinematicError], teeth: ToothDeviations | None, solver: str, seed: int
+    drive: Drive, errors: Sequence[KinematicError], teeth: ToothDeviations | None, run: Run
 ) -> list[KinematicError]:
-    return [cross_checked(drive, error, teeth, solver, seed=seed) for error in errors]
+    return [cross_checked(drive, error, teeth, run=run) for error in errors]

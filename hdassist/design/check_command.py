@@ -57,6 +57,7 @@ def command(
             from hdassist.design.check import check, estimate_states
             from hdassist.design.check_page import answer
             from hdassist.run.processes import workers
+            from hdassist.run.run import Run
             from hdassist.solve.window import in_wide_enough_window
 
             progress.expect(words, estimate_states(drive, measured, draws))
@@ -65,12 +66,11 @@ def command(
                     check,
                     measured=measured,
                     solver=solver,
-                    cross_check=cross_check,
                     draws=draws,
                     sure=sure,
-                    seed=seed,
-                    executor=None if solver else executor,  # a slow solver shows its progress
-                    progress=progress,
+                    run=Run(
+                        None if solver else executor, progress, seed, cross_check
+                    ),  # a slow solver shows how far it is
                 )
                 result = in_wide_enough_window(drive, analysis)
         return answer(result, seed=seed, plots=plot, details=details)

@@ -23,6 +23,7 @@ def command(preset: o.Preset, drives: o.LoadedDriveOptions, options: o.FigureOpt
     """
     from hdassist.design.self_error_page import answer
     from hdassist.error.self_error import self_error
+    from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
 
@@ -34,6 +35,6 @@ def command(preset: o.Preset, drives: o.LoadedDriveOptions, options: o.FigureOpt
     def of(drive: Drive) -> Answer:
         torques = drive.operation.M_g
         with out.progress(drive.name, len(torques) * drive.numerics.n_phase**2) as progress:
-            return answer(drive, self_error(drive, torques, progress=progress))
+            return answer(drive, self_error(drive, torques, run=Run(progress=progress)))
 
     give("self-error", run_each("self-error", [preset], one, options, keep_failures=False), options, out)

@@ -46,6 +46,7 @@ def command(
     """
     from hdassist.design.stiffness_page import answer
     from hdassist.error.stiffness import curve_end, estimate_states, stiffness
+    from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
 
@@ -58,9 +59,8 @@ def command(
         end = curve_end(drive, t2, to)
         torques = at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
         with out.progress(drive.name, estimate_states()) as progress:
-            result = stiffness(
-                drive, T_1=t1, T_2=t2, T_max=to, tangents_at=torques, cross_check=cross_check, progress=progress
-            )
+            run = Run(progress=progress, cross_check=cross_check)
+            result = stiffness(drive, T_1=t1, T_2=t2, T_max=to, tangents_at=torques, run=run)
         return answer(drive, result, plots=plot, details=details)
 
     give("stiffness", run_each("stiffness", [preset], one, options, keep_failures=False), options, out)

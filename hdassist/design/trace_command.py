@@ -47,6 +47,7 @@ def command(
     from hdassist.design.trace_page import answer
     from hdassist.error.trace import trace
     from hdassist.model.kinematics import Kinematics
+    from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.runs import Answer, give, run_each
     from hdassist.terminal.wheels import PitchFiles
@@ -68,9 +69,7 @@ def command(
                 start_deg=start,
                 revolutions=revolutions,
                 solver=solver,
-                cross_check=cross_check,
-                seed=seed,
-                progress=progress,
+                run=Run(None, progress, seed, cross_check),
             )
         return answer(drive, result, seed=seed, plots=plot, details=details)
 

@@ -25,10 +25,11 @@ from hdassist.model.kinematics import (
     turns_and_degrees,
 )
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate, Progress
+from hdassist.run.run import CROSS_SOLVER, Run
+from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, require_solver, solve_again
+from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 BLOCK = 4 * CHUNK  # states whose gaps are held at once
@@ -102,20 +103,18 @@ def kinematic_error(
     states: States | None = None,
     teeth: ToothDeviations | None = None,
     solver: str | None = None,
-    cross_check: str | None = CROSS_SOLVER,
     sample: int = 8,
-    seed: int = 0,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> KinematicError:
     """Kinematic error of a drive at a torque M_g [N*m], over the full cycle unless states are given.
 
     Deviations that are not known count as 0 here; the room `belief` has what they may come to.
     Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
-    knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
-    extremes and a seeded sample again, None for none; progress, told how many states were solved.
+    knows, to send each state through cvxpy instead of the engine; sample, states beside the extremes that the other
+    solver solves again.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
-    for name in filter(None, (solver, cross_check)):
+    for name in filter(None, (solver, run.cross_check)):
         require_solver(name)
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
@@ -127,12 +126,12 @@ def kinematic_error(
         for some in np.split(rows, range(BLOCK, len(rows), BLOCK)):
             part = states.take(some)
             gaps = state_gaps(drive, case.system, part, teeth)
-            parts.append((some, case.solve(gaps, partial(place, part, M_g), progress)))
+            parts.append((some, case.solve(gaps, partial(place, part, M_g), run.solved)))
     result = _collect(kinematics, M_g, states, parts)
-    if cross_check:
+    if run.cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
         stated = formulation if programmes == 1 else None
-        result = cross_checked(drive, result, teeth, cross_check, sample=sample, seed=seed, stated=stated)
+        result = cross_checked(drive, result, teeth, sample=sample, stated=stated, run=run)
     return result
 
 
@@ -168,19 +167,18 @@ def cross_checked(
     drive: Drive,
     result: KinematicError,
     teeth: ToothDeviations | None = None,
-    solver: str = CROSS_SOLVER,
     *,
     sample: int = 8,
-    seed: int = 0,
     stated: Formulation | None = None,
+    run: Run = Run(),
 ) -> KinematicError:
-    """The same with its extremes and a seeded sample solved again by another solver.
+    """The same with its extremes and a seeded sample solved again by the run's other solver.
 
     Arguments as those of `kinematic_error`; stated, the programme, where all states have one. Raises UntrustedError
     where two solvers disagree.
     """
     count = len(result.states)
-    some = np.random.default_rng(seed).choice(count, min(sample, count), replace=False)
+    some = np.random.default_rng(run.seed).choice(count, min(sample, count), replace=False)
     rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
     chosen, checks = result.states.take(rows), []
     for part, formulation in _formulations(drive, chosen, stated):
@@ -188,7 +186,7 @@ def cross_checked(
         gaps = state_gaps(drive, formulation.system, there, teeth)
         delta_p, expected = formulation.system.delta_p_of(gaps), result.rotation_arcsec[rows[part]]
         where = partial(place, there, result.M_g)
-        checks.append(solve_again(formulation, torques, delta_p, expected, solver, where))
+        checks.append(solve_again(formulation, torques, delta_p, expected, run.cross_check or CROSS_SOLVER, where))
     worst = max(check.max_difference_arcsec for check in checks)
     return replace(result, cross_check=CrossCheck(checks[0].solver, len(rows), worst))
 

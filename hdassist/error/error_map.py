@@ -25,6 +25,7 @@ from hdassist.model.deviations import scalars_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
@@ -202,7 +203,7 @@ def extremes_of(drive: Drive, torques: Sequence[float], *, grid: int = GRID) -> 
     trusted.
     """
     if not searchable(drive):
-        errors = [kinematic_error(drive, M_g, cross_check=None) for M_g in torques]
+        errors = [kinematic_error(drive, M_g, run=UNCHECKED) for M_g in torques]
         return [
             Extremes(np.array([e.F_ior_arcsec]), np.array([e.at_max]), np.array([e.at_min]), e.certificate)
             for e in errors

@@ -11,7 +11,8 @@ import numpy as np
 from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystems
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
@@ -44,10 +45,10 @@ class SelfError:
         return float(np.ptp(self.rotation_arcsec[0]))
 
 
-def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | None = None) -> list[SelfError]:
+def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> list[SelfError]:
     """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
 
-    Progress is told how many states were solved. Raises UntrustedError where an answer cannot be trusted.
+    Raises UntrustedError where an answer cannot be trusted.
     """
     systems, grid = ContactSystems(drive), drive.numerics.n_phase
     rotation = np.empty((len(torques), grid, grid))
@@ -60,7 +61,7 @@ def self_error(drive: Drive, torques: Sequence[float], *, progress: Progress | N
                 near = cases.get(M_g) or next(iter(cases.values()), None)
                 cases[M_g] = LoadCase(formulation, M_g, like=near)
                 place = partial(_place, i / grid, k / grid, M_g)
-                answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, progress)
+                answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, run.solved)
                 rotation[t, i, k] = answers.rotation_arcsec[0]
                 certificates[t] += answers.certificate
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]

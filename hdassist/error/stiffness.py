@@ -17,9 +17,10 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, N_MM, Certificate, Progress
+from hdassist.run.run import Progress, Run
+from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck, solve_again
+from hdassist.solve.throughcvxpy import CrossCheck, solve_again
 
 LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
@@ -128,15 +129,14 @@ def stiffness(
     T_max: float | None = None,
     points: int = POINTS,
     tangents_at: Sequence[float] = (),
-    cross_check: str | None = CROSS_SOLVER,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Stiffness:
     """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
     T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    tangents_at, torques [N*m] of either sign at which the slope is wanted; cross_check, the solver that solves the
-    ends of the segments again, None for none; progress, told how many states were solved.
+    tangents_at, torques [N*m] of either sign at which the slope is wanted; run, whose other solver solves the ends of
+    the segments again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
     first, second = catalogue_torques(drive)
@@ -153,10 +153,10 @@ def stiffness(
     side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
     twist = Twist(drive)
-    contact, tube, proof = twist.at(torque, progress)
+    contact, tube, proof = twist.at(torque, run.solved)
     tangents = []
     for here in tangents_at:
-        slope, proven = twist.tangent(here, progress)
+        slope, proven = twist.tangent(here, run.solved)
         tangents.append(slope)
         proof += proven
     at = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
@@ -165,11 +165,11 @@ def stiffness(
         tuple(_segments([sign * T for T in ends[1:]], [at[sign * T] for T in ends[1:]], centre)) for sign in (1, -1)
     )
     check = None
-    if cross_check:
+    if run.cross_check:
         rows = [int(np.flatnonzero(torque == sign * T)[0]) for T in ends for sign in (1, -1)]
         gaps = np.broadcast_to(twist.case.system.delta_p, (len(rows), len(twist.case.system.delta_p)))
         place = partial(_place, torque[rows].tolist())
-        check = solve_again(twist.case.formulation, torque[rows], gaps, contact[rows], cross_check, place)
+        check = solve_again(twist.case.formulation, torque[rows], gaps, contact[rows], run.cross_check, place)
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check, tuple(tangents))
 
 

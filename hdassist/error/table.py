@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import (
@@ -28,11 +29,12 @@ from hdassist.model.deviations import (
 )
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, N_MM, Certificate
-from hdassist.solve.formulation import Formulation
+from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate
 from hdassist.solve.loadcase import LoadCase
 
-STEP = 0.02  # of the torque, to both sides, over which slopes are taken: contacts that just change are smoothed
+STEP = (
+    0.02  # of the torque, to both sides, where slopes are taken and errors averaged: contacts that change are smoothed
+)
 READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
 WIDER = 1.001  # so that rounding leaves the outermost drive inside
 LEAST_REACH = 1e-3  # mm: a table needs some width
@@ -145,12 +147,12 @@ class ErrorTable:
         return np.concatenate(ranges)
 
 
-def error_table(drive: Drive, formulation: Formulation, M_g: float, reach: Reach, mesh: Mesh) -> ErrorTable:
-    """Table of the error of drives that share a contact system, at a torque M_g [N*m].
+def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
+    """Table of the error of drives that share a contact system, at the torque of their map.
 
-    Arguments: drive; formulation of its contact system; reach of the table; mesh. Raises UntrustedError where an answer
-    cannot be trusted.
+    Raises UntrustedError where an answer cannot be trusted.
     """
+    drive, M_g = error_map.drive, error_map.M_g
     shape, symmetric = mesh.shape, is_half_turn_symmetric(drive)
     order = _there_and_back(shape)
     if symmetric:
@@ -161,7 +163,7 @@ def error_table(drive: Drive, formulation: Formulation, M_g: float, reach: Reach
     # the corners of every cell that the two discs touch
     near = [np.hypot(share[:, k], share[:, k + 1]) <= 1 + np.hypot(step[k], step[k + 1]) for k in (0, 2)]
     chosen = np.flatnonzero(near[0] & near[1])
-    case = LoadCase(formulation, M_g, many=True)
+    case = LoadCase(error_map.fresh.formulation, M_g, like=error_map.fresh, many=True)
     points = np.zeros((len(chosen), case.system.deviation_map.shape[1]))
     points[:, reach.axes] = share[chosen] * reach.sizes
 
@@ -169,18 +171,15 @@ def error_table(drive: Drive, formulation: Formulation, M_g: float, reach: Reach
         (a, b), (e_x, e_y) = points[k, list(reach.axes)].reshape(2, 2) * 1e3
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
-    gaps = StateGaps(points)
-    answers = case.solve(gaps, where)
-    errors, proof = [answers.rotation_arcsec], answers.certificate
+    gaps, proof, solved = StateGaps(points), EMPTY, []
+    for way in (1 - STEP, 1 + STEP) if reach.others else (1.0,):
+        case.load(way * M_g)
+        solved.append(case.solve(gaps, where, pull=bool(reach.others)))
+        proof += solved[-1].certificate
+    errors = [np.mean([each.rotation_arcsec for each in solved], axis=0)]
     if reach.others:
-        pulls = []
-        for way in (1 - STEP, 1 + STEP):
-            case.load(way * M_g)
-            moved = case.solve(gaps, where, pull=True)
-            assert moved.pull_N is not None
-            pulls.append(moved.pull_N[:, reach.others])
-            proof += moved.certificate
-        errors += list((pulls[1] - pulls[0]).T / (2 * STEP * M_g * N_MM) * ARCSEC)
+        less, more = (each.pull_N[:, reach.others] for each in solved if each.pull_N is not None)
+        errors += list((more - less).T / (2 * STEP * M_g * N_MM) * ARCSEC)
     values = np.full((1 + len(reach.others), np.prod(shape)), np.nan)
     values[:, order[chosen]] = errors
     if symmetric:

@@ -12,8 +12,7 @@ from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Progress
-from hdassist.solve.throughcvxpy import CROSS_SOLVER
+from hdassist.run.run import Run
 
 
 @dataclass(frozen=True)
@@ -38,16 +37,13 @@ def trace(
     start_deg: float = 0.0,
     revolutions: int = 1,
     solver: str | None = None,
-    cross_check: str | None = CROSS_SOLVER,
-    seed: int = 0,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Trace:
     """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
     Arguments: measured, wheels in place of first harmonics; start_deg, angle of the moving wheel at phi_h = 0 (phi_g0
     with the rigid wheel fixed) [deg], where that wheel is measured to the nearest of its teeth; solver, a name that
-    cvxpy knows, to send each state through cvxpy instead of the engine; cross_check, the solver that solves the
-    extremes and a sample drawn by seed again, None for none; progress, told how many states were solved.
+    cvxpy knows, to send each state through cvxpy instead of the engine.
     Raises UsageError for less than one revolution, more than a cycle, a start angle that is no number or an unknown
     solver, UntrustedError where an answer cannot be trusted.
     """
@@ -63,8 +59,6 @@ def trace(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))
     )
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
-    error = kinematic_error(
-        there, M_g, states=states, teeth=teeth, solver=solver, cross_check=cross_check, seed=seed, progress=progress
-    )
+    error = kinematic_error(there, M_g, states=states, teeth=teeth, solver=solver, run=run)
     found = orders(drive, error.error_arcsec, revolutions)
     return Trace(error, start_deg, revolutions, tuple(found), measured)

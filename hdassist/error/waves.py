@@ -18,7 +18,8 @@ from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import EMPTY, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY
 from hdassist.solve.loadcase import LoadCase
 
 POINTS = 40  # around each wheel
@@ -36,10 +37,10 @@ class ErrorWaves:
     certificate: of all states that were solved so far. Raises UsageError for a drive with rolling balls.
     """
 
-    def __init__(self, drive: Drive, M_g: float, progress: Progress | None = None) -> None:
+    def __init__(self, drive: Drive, M_g: float, run: Run = Run()) -> None:
         if not searchable(drive):
             raise UsageError("a comparison needs locked balls", "--set bearing.ball_motion=locked")
-        self._M_g, self._progress = M_g, progress
+        self._M_g, self._run = M_g, run
         self._case = LoadCase.of(drive, M_g)
         self._sign = Kinematics.of(drive).error_sign
         self.certificate = EMPTY
@@ -65,7 +66,7 @@ class ErrorWaves:
         found = []
         for drive in drives:
             gaps = StateGaps(deviation_scalars(drive, alpha_g, alpha_b))
-            answers = self._case.solve(gaps, where, self._progress)
+            answers = self._case.solve(gaps, where, self._run.solved)
             self.certificate += answers.certificate
             error = (self._sign * answers.rotation_arcsec).reshape(points, points)
             error[1::2] = error[1::2, ::-1].copy()

@@ -68,14 +68,14 @@ from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_po
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
-from hdassist.solve.answers import Progress
+from hdassist.run.run import Progress, Run
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.texts import texts
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.prior import TrialEffort, trial_states
+from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort, trial_states
 from hdassist.verdict import verdict_by_probability
 
 FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
@@ -125,8 +125,7 @@ def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
             torques=drive.operation.M_g,
             rotations_deg=seat_positions(drive),
             draws=effort.draws,
-            seed=SEED,
-            executor=executor,
+            run=Run(executor, seed=SEED),
         )
         yield _mount_advised(in_wide_enough_window(drive, analysis))
 
@@ -160,7 +159,7 @@ def _believed(drive: Drive, effort: Effort, tell: Callable[[Answer], None]) -> I
                 if samples.effective:
                     tell(believed(samples, whole=False))
 
-            found = drive_samples(prior, held, draws=effort.draws, seed=SEED, executor=executor, seen=seen)
+            found = drive_samples(prior, held, draws=effort.draws, run=Run(executor, seed=SEED), seen=seen)
             return believed(found, whole=True)
 
         try:
@@ -172,17 +171,11 @@ def _believed(drive: Drive, effort: Effort, tell: Callable[[Answer], None]) -> I
 def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
     """The advice of `hdassist trials`; told on the way, how far it is."""
     drive, rig = asked.drive, trial_entry.rig_of(asked.drive, asked.rig)
+    effort = TrialEffort.of(asked.effort.trial_draws) if asked.effort.trial_draws else TRIAL_EFFORT
+    progress = _in_shares(trial_states(drive, len({*drive.operation.M_g, rig.M_g}), effort), tell)
     with workers(asked.effort.jobs) as executor:
-        analysis = partial(
-            advise_from_trials,
-            trials=trial_entry.read(asked.trials, drive),
-            rig=rig,
-            needed=asked.rig.sure,
-            samples=asked.effort.trial_samples or SAMPLES,
-            executor=executor,
-            progress=_in_shares(len({*drive.operation.M_g, rig.M_g}) * MESH.states(asked.drive), tell),
-        )
-        yield _trials_advised(in_wide_enough_window(drive, analysis))
+        trials, run = trial_entry.read(asked.trials, drive), Run(executor, progress, SEED)
+        yield _trials_advised(advise_from_trials(drive, trials, rig, needed=asked.rig.sure, effort=effort, run=run))
 
 
 def _in_shares(states: int, tell: Callable[[Answer], None]) -> Progress:

@@ -21,6 +21,7 @@ from hdassist.model.unknown import told as taken_as_zero
 from hdassist.mounting.positions import rotated
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import N_MM
 from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.engine import Engine
@@ -37,7 +38,7 @@ def turned(asked: TurnQuestion) -> Turned:
     drive = rotated(asked.drive, asked.rotation_deg)
 
     def analysis(there: Drive) -> tuple[Trace, Drive]:
-        return trace(there, asked.M_g, start_deg=asked.start_deg, cross_check=None), there
+        return trace(there, asked.M_g, start_deg=asked.start_deg, run=UNCHECKED), there
 
     found, there = in_wide_enough_window(drive, analysis)
     error, proof = found.error, found.error.certificate

@@ -13,7 +13,7 @@ class Effort:
     """How much is computed.
 
     turns: positions of each wheel that a coarse value rests on; draws, effective samples of what is not known, as check
-    and mount have them; samples of trials (None: as many as the command takes); jobs: processes at work (0: one for
+    and mount have them; draws of trials (None: as many as the command takes); jobs: processes at work (0: one for
     each core).
     """
 

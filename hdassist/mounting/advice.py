@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,8 +22,7 @@ from hdassist.mounting.curve import curve_states, mounting_curve
 from hdassist.mounting.losses import LEAST_GAIN, Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Progress
-from hdassist.solve.throughcvxpy import CROSS_SOLVER
+from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
 DRAWS = 64  # effective samples, at least
@@ -205,10 +203,7 @@ def advise(
     draws: int = DRAWS,
     criterion: str = "expected",
     needed: float = SURE,
-    cross_check: str | None = CROSS_SOLVER,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Advice:
     """Find the position in which to mount the fixed wheel of a drive.
 
@@ -216,8 +211,7 @@ def advise(
     wheels in place of first harmonics, for which nothing is drawn; every_state, solve all states of the curve instead
     of searching; weights of the torques, one each; draws, effective samples of what is not known at least, 0 for none,
     and the criterion that chooses among positions in them: expected, worst or quantile:Q; needed, probability of a gain
-    for which a turn is ordered; cross_check, solver of some states again; seed of samples and of those states;
-    executor, to spread the work over (the numbers do not depend on it); progress, called with states solved. An
+    for which a turn is ordered. An
     interrupt ends the work early: the advice has the curve that was done. Raises UsageError for invalid positions,
     weights or criterion, UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its
     other values.
@@ -234,10 +228,7 @@ def advise(
         every_state=every_state,
         proposed_from=0 if drawn else None,
         weights=weights,
-        cross_check=cross_check,
-        seed=seed,
-        executor=executor,
-        progress=progress,
+        run=run,
     )
     # of a wheel that was measured nothing is open
     open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
@@ -275,9 +266,7 @@ def advise(
         evidence=evidence_of(drive),
         enough=enough,
         effort=SamplingEffort.of(draws),
-        seed=seed,
-        executor=executor,
-        progress=progress,
+        run=run,
     )
     gain, stay = probabilities(samples)
     first = samples.first(of_check[0]) if of_check else samples

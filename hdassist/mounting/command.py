@@ -82,6 +82,7 @@ def command(
     from hdassist.mounting.advice import advise, estimate_states
     from hdassist.mounting.page import answer, card_facts
     from hdassist.run.processes import workers
+    from hdassist.run.run import Run
     from hdassist.solve.answers import EMPTY
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
@@ -109,10 +110,7 @@ def command(
             draws=draws,
             criterion=choosing.criterion,
             needed=probability,
-            cross_check=cross_check,
-            seed=seed,
-            executor=executor,
-            progress=progress,
+            run=Run(executor, progress, seed, cross_check),
         )
         advice = in_wide_enough_window(drive, analysis)
     if options.verbose:

@@ -6,8 +6,7 @@ Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -22,9 +21,10 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import MountingCurve, merit, phase_deg, require_weights, rotated
 from hdassist.preset.fields import Drive
+from hdassist.run.run import Run
 from hdassist.run.stops import until_interrupted
-from hdassist.solve.answers import EMPTY, Certificate, Progress
-from hdassist.solve.throughcvxpy import CROSS_SOLVER, CrossCheck
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
@@ -63,10 +63,7 @@ def mounting_curve(
     every_state: bool = False,
     proposed_from: int | None = None,
     weights: Sequence[float] | None = None,
-    cross_check: str | None = CROSS_SOLVER,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> MountingCurve:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
@@ -83,8 +80,7 @@ def mounting_curve(
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
     every_state, solve all states of all positions; proposed_from, positions from which on extremes are proposed
     (HOLES + 1);
-    weights of the torques in the choice of the best position, one each; executor, to spread the work over (any
-    concurrent.futures executor; the numbers do not depend on it); progress, told how many states were solved. Raises
+    weights of the torques in the choice of the best position, one each. Raises
     UsageError where the present position is not the first or weights are not one positive number a torque,
     UntrustedError where an answer cannot be trusted.
     """
@@ -94,7 +90,7 @@ def mounting_curve(
     searched_from = HOLES + 1 if proposed_from is None else proposed_from
     job = _Job(
         drive, tuple(torques), np.array(rotations_deg, dtype=float), measured,
-        None if weights is None else tuple(weights), cross_check, seed, executor, progress,
+        None if weights is None else tuple(weights), run,
     )  # fmt: skip
     if every_state or measured or not searchable(drive) or len(rotations_deg) < searched_from:
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
@@ -116,7 +112,7 @@ class _Job:
     """A mounting curve being made: values, shape (torques, rotations), NaN where nothing is known yet.
 
     solved, same shape: where every state was solved; weights of the torques, one each; measured, wheels in place of
-    first harmonics; cross_check, solver of some states again, and seed of their choice.
+    first harmonics.
     """
 
     drive: Drive
@@ -124,10 +120,7 @@ class _Job:
     rotations: Array
     measured: MeasuredTeeth | None = None
     weights: tuple[float, ...] | None = None
-    cross_check: str | None = None
-    seed: int = 0
-    executor: Executor | None = None
-    progress: Progress | None = None
+    run: Run = Run()
     certificate: Certificate = EMPTY
     cross_checks: list[CrossCheck] = field(default_factory=list)
     interrupted: bool = False
@@ -165,7 +158,7 @@ class _Job:
     def solve(self, places: Iterable[tuple[int, int]]) -> None:
         """Solve every state at some places (torque, rotation)."""
         places = list(places)
-        tasks = [(*self._there(self.rotations[r]), self.torques[t], self.cross_check, self.seed) for t, r in places]
+        tasks = [(*self._there(self.rotations[r]), self.torques[t], self.run.of_task) for t, r in places]
         for place, (value, proof, check) in zip(places, self._run(_solved, tasks), strict=False):
             self.values[place], self.solved[place] = value, True
             self._take(proof)
@@ -215,13 +208,11 @@ class _Job:
     def _run(self, function: Callable[[_Task], _Result], tasks: list[_Task]) -> Iterator[_Result]:
         if self.interrupted:
             return
-        run = self.executor.map if self.executor else map
-        self.interrupted = yield from until_interrupted(iter(run(function, tasks)))
+        self.interrupted = yield from until_interrupted(self.run.map(function, tasks))
 
     def _take(self, proof: Certificate) -> None:
         self.certificate += proof
-        if self.progress:
-            self.progress(proof.states)
+        self.run.solved(proof.states)
 
 
 def _coarse_first(count: int) -> list[int]:
@@ -262,10 +253,10 @@ def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
     return rotation % 360, at(rotation), sum(proofs, EMPTY)
 
 
-_Full = tuple[Drive, ToothDeviations | None, float, str | None, int]
+_Full = tuple[Drive, ToothDeviations | None, float, Run]
 
 
 def _solved(task: _Full) -> tuple[float, Certificate, CrossCheck | None]:
-    drive, teeth, M_g, cross_check, seed = task
-    error = kinematic_error(drive, M_g, teeth=teeth, cross_check=cross_check, sample=SAMPLE, seed=seed)
+    drive, teeth, M_g, run = task
+    error = kinematic_error(drive, M_g, teeth=teeth, sample=SAMPLE, run=replace(run, progress=None))
     return error.F_ior_arcsec, error.certificate, error.cross_check

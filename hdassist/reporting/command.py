@@ -46,6 +46,7 @@ def command(
     from hdassist.reporting.page import report_exit_code, report_json, report_of
     from hdassist.reporting.render import report_html, report_markdown
     from hdassist.run.processes import workers
+    from hdassist.run.run import Run
     from hdassist.terminal.answers import json_text
     from hdassist.terminal.output import note, warn
 
@@ -53,7 +54,7 @@ def command(
     out, begun = options.open(), time.monotonic()
     drive = drives.load(preset)
     with out.progress(drive.name, sheet_states(drive, draws)) as progress, workers(jobs) as executor:
-        sheet: DriveSheet = sheet_of(drive, draws=draws, seed=seed, executor=executor, progress=progress)
+        sheet: DriveSheet = sheet_of(drive, draws=draws, run=Run(executor, progress, seed))
     made = report_of(sheet, draws=draws, seed=seed, ascii=out.style.ascii)
     for text in made.warnings:
         warn(f"{drive.name}: {text}")

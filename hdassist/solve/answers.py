@@ -11,6 +11,7 @@ import numpy as np
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model.contacts import ContactSystem, StateGaps
 from hdassist.model.geometry import Array
+from hdassist.run.run import Progress
 from hdassist.solve.certificate import TOLERANCE, Residuals
 from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
@@ -19,8 +20,6 @@ CHUNK = 1024  # states between two reports of progress
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
-
-Progress = Callable[[int], None]
 
 
 class StateSolver(Protocol):

@@ -9,7 +9,8 @@ import numpy as np
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import N_MM, Answers, Progress, StateSolver, proven_answers, solve_states
+from hdassist.run.run import Progress
+from hdassist.solve.answers import N_MM, Answers, StateSolver, proven_answers, solve_states
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.sums import StateSums

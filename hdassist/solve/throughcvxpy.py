@@ -16,6 +16,7 @@ import numpy as np
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
+from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import proven
 from hdassist.solve.sums import StateSums
@@ -31,7 +32,7 @@ QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "O
 # Of those that come with cvxpy the quickest here: 20 ms a state with five stations where CLARABEL takes 70, within 2e-4
 # arcsec of the engine over all presets; where it gives no answer, or another (stiff contacts under little torque: 0.013
 # arcsec), CLARABEL decides.
-CROSS_SOLVER, SECOND_SOLVER = "HIGHS", "CLARABEL"
+SECOND_SOLVER = "CLARABEL"
 
 LONGEST = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
 

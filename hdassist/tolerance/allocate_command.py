@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 from hdassist.tolerance.draw_options import DrawOptions
 
@@ -82,7 +83,7 @@ def command(
                 return collected(production.records, drives, pool, progress)
 
         with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-            production, samples = production.with_designs(count, executor=executor, progress=progress)
+            production, samples = production.with_designs(count, run=Run(executor, progress))
         allocator = Allocator(production, tuple(room), wanted, sure, records, count)
         ways = []
         for turned in (False, True) if mounting else (False,):

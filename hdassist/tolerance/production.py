@@ -8,7 +8,6 @@ best; there, and where it stands, the extremes are searched on a finer one, solv
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import isclose
@@ -29,7 +28,8 @@ from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.certificate import Residual
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
@@ -118,13 +118,10 @@ class Production:
         """States that the designs of so many drives take, about, for a progress bar."""
         return (self.design_of(drives - 1) + 1) * len(self.torques) * SAMPLE_STATES if self.law.shared else 1
 
-    def with_designs(
-        self, drives: int, *, executor: Executor | None = None, progress: Progress | None = None
-    ) -> tuple[Production, Samples | None]:
+    def with_designs(self, drives: int, *, run: Run = Run()) -> tuple[Production, Samples | None]:
         """The same with the designs of so many drives, and the samples that they are of, if they differ.
 
-        Arguments: executor, to spread the work over (the numbers do not depend on it); progress, called with states
-        solved. Raises UntrustedError where too few designs agree with the preset's evidence.
+        Raises UntrustedError where too few designs agree with the preset's evidence.
         """
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
@@ -135,9 +132,7 @@ class Production:
             evidence=evidence_of(self.drive),
             enough=lambda found: len(found.weights) >= count,
             effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(count, max(16, count // 4))),
-            seed=self.seed,
-            executor=executor,
-            progress=progress,
+            run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:
             words = f"{len(samples.weights)} of {samples.draws} draws are designs that agree with the evidence"

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 from hdassist.tolerance.draw_options import DrawOptions
 
@@ -49,7 +50,7 @@ def command(
     )
     with work.pools() as pool:
         with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-            production, samples = production.with_designs(count, executor=executor, progress=progress)
+            production, samples = production.with_designs(count, run=Run(executor, progress))
         assert samples
 
         def records(production: Production, count: int) -> list[RandomDrive]:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hdassist.run.run import Run
 from hdassist.terminal import options as o
 from hdassist.tolerance.draw_options import DrawOptions
 
@@ -94,7 +95,7 @@ def command(
         summary.add(islice(kept.records(), count))
         if kept.done < count:
             with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-                production, samples = production.with_designs(count, executor=executor, progress=progress)
+                production, samples = production.with_designs(count, run=Run(executor, progress))
         with (
             out.progress(drive.name, count - kept.done) as progress,
             closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
@@ -16,9 +15,19 @@ from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
 from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Progress
-from hdassist.trials.posterior import TRUSTED, Draws, Prediction, drawn, learnt, next_trial, prediction, require_reachable
-from hdassist.trials.prior import Prior, Rig, TrialEffort, trial_prior
+from hdassist.run.run import Run
+from hdassist.trials.posterior import (
+    Draws,
+    Prediction,
+    drawn,
+    learnt,
+    next_trial,
+    prediction,
+    require_effective,
+    require_reachable,
+    weeded,
+)
+from hdassist.trials.prior import TRIAL_EFFORT, Prior, Rig, TrialEffort, trial_prior
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
 STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
@@ -178,15 +187,13 @@ def advise_from_trials(
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
     needed: float = NEEDED,
-    effort: TrialEffort = TrialEffort(),
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    effort: TrialEffort = TRIAL_EFFORT,
+    run: Run = Run(),
 ) -> TrialAdvice:
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
     Arguments: trials, measured on the rig; outcome, a last one, that of an advice by the others; criterion and weights
-    as in learnt; needed, probability that settles; effort, seed, executor and progress as in trial_prior. Raises
+    as in learnt; needed, probability that settles; effort and run as in trial_prior. Raises
     what those do, UsageError for weights that cannot be meant.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
@@ -195,28 +202,25 @@ def advise_from_trials(
     every = (*trials, outcome) if outcome else tuple(trials)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
-    prior = trial_prior(
-        drive,
-        torques,
-        rig,
-        effort=effort,
-        enough=lambda prior: drawn(prior, trials, [0.0]).effective >= TRUSTED,
-        seed=seed,
-        executor=executor,
-        progress=progress,
-    )
-    teach = partial(learnt, rotations_deg=positions, criterion=criterion)
-    here = partial(teach, prior, torques=torques, weights=weights)
+
+    def enough(prior: Prior) -> bool:
+        require_reachable(prior, trials)
+        return drawn(weeded(prior, trials), trials, [0.0]).effective >= effort.effective
+
+    prior = trial_prior(drive, torques, rig, effort=effort, enough=enough, run=run)
+    prior = weeded(prior, every)
+    teach = partial(learnt, prior, rotations_deg=positions, torques=torques, criterion=criterion, weights=weights)
     predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
     explained = True
     try:
-        draws, losses = here(every)
+        draws, losses = teach(every)
+        require_effective(prior, every, draws, effort.effective)
     except UntrustedError:
         if not outcome:
             raise
-        explained, (draws, losses) = False, here(every := tuple(trials))
-    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
-    best = next_trial(draws, losses, seed)
+        explained, (draws, losses) = False, teach(every := tuple(trials))
+    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, teach)
+    best = next_trial(draws, losses, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
 
 

@@ -57,7 +57,7 @@ def command(
     from hdassist.errors import UsageError
     from hdassist.mounting.trial import read_trial
     from hdassist.run.processes import workers
-    from hdassist.solve.window import in_wide_enough_window
+    from hdassist.run.run import Run
     from hdassist.terminal.output import note
     from hdassist.trials.advice import advise_from_trials
     from hdassist.trials.page import answer, card_facts
@@ -73,18 +73,18 @@ def command(
     effort = TrialEffort.of(draws)
     analysis = partial(
         advise_from_trials,
-        trials=[read_trial(text, holes) for text in trials],
-        rig=rig,
+        drive,
+        [read_trial(text, holes) for text in trials],
+        rig,
         outcome=None if verify is None else read_trial(verify, holes, drive.mounting.allowed),
         criterion=choosing.criterion,
         weights=weights,
         needed=measuring.sure,
         effort=effort,
-        seed=seed,
     )
     states = trial_states(drive, len({*torques, rig.M_g}), effort)
     with out.progress(drive.name, states) as progress, workers(jobs) as executor:
-        advice = in_wide_enough_window(drive, partial(analysis, executor=executor, progress=progress))
+        advice = analysis(run=Run(executor, progress, seed))
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None

@@ -38,7 +38,6 @@ ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
-TRUSTED = 5.0  # effective samples: fewer are no cloud any more
 WEEDED = 4096  # samples that are looked at closer
 OUTCOMES = 64  # of a next trial that are looked at
 
@@ -117,16 +116,11 @@ def learnt(
 
     Arguments: torques [N*m] that decide, that of the trials without them, and their weights; criterion over the losses.
     At another torque the scale is that of the trials; the misfit is as large, but another. Raises UsageError for an
-    unknown criterion, UntrustedError where no sample, or too few, explain the trials.
+    unknown criterion, UntrustedError where no sample explains the trials.
     """
     require_reachable(prior, trials)
     everywhere, rng = [*rotations_deg, 0.0], np.random.default_rng([prior.seed, 1])
     draws = drawn(prior, trials, everywhere)
-    if draws.effective < TRUSTED:
-        raise UntrustedError(
-            f"too few of {prior.possible.size} samples explain the trials: {draws.effective:.1f} effective ones",
-            f"{TRUSTED:g} are needed: a larger --noise, or more samples: --samples 100000",
-        )
 
     def at(M_g: float) -> Array:
         if M_g == prior.M_g:
@@ -139,6 +133,23 @@ def learnt(
     every, weights_of_draws = np.array([at(M_g) for M_g in decide]), np.ones(len(draws.places))
     rotations, how = tuple(rotations_deg), Criterion.of(criterion)
     return draws, PositionStatistics(rotations, every[..., :-1], every[..., -1], weights_of_draws, how, shares)
+
+
+def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, needed: float) -> None:
+    """Raise UntrustedError where fewer samples are effective than needed, naming the trial without which most are."""
+    if draws.effective >= needed:
+        return
+
+    def without(k: int) -> float:
+        return drawn(prior, [*trials[:k], *trials[k + 1 :]], [0.0]).effective
+
+    doubted = trials[max(range(len(trials)), key=without)]
+    where = hole_words(doubted.rotation_deg, prior.drive.mounting.holes)
+    raise UntrustedError(
+        f"too few samples explain the trials: {draws.effective:.1f} of {prior.possible.size} are effective, "
+        f"{needed:g} are needed; {doubted.F_ior_arcsec:g} arcsec at {where} agrees least",
+        f"measure {where} again; a larger --noise, or more samples: --draws 128",
+    )
 
 
 def next_trial(draws: Draws, losses: PositionStatistics, seed: int = 0) -> tuple[float, float]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
-from hdassist.belief.samples import FEW, conflict_of, effective_number, going_on
+from hdassist.belief.samples import FEW, HOPELESS, conflict_of, effective_number, going_on
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import DEVIATIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -28,7 +27,8 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, measures, sized
-from hdassist.solve.answers import EMPTY, Certificate, Progress
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 
@@ -63,12 +63,17 @@ class Rig:
             )
 
 
+COMPARED = 16  # drives with a table of one system, to see what it misses
+TRIAL_MESH = Mesh((13, 5, 9, 9), 16)  # misses F'_ior of vzp160 by 3 %, beside their mean
+
+
 @dataclass(frozen=True)
 class TrialEffort:
     """Effort of the samples of trials.
 
     systems: effective draws of stiffnesses, clearances and the wave, at least and at most; batch, of them at a time;
-    draws of them at most; deviations: draws of them with each; mesh of the tables.
+    draws of them at most; deviations: draws of them with each; mesh of the tables; compared: drives of each of which
+    F'_ior is searched for too; effective: samples that have to explain the trials.
     """
 
     systems: int = 32
@@ -76,12 +81,23 @@ class TrialEffort:
     batch: int = 16
     most_draws: int = 2048
     deviations: int = 32
-    mesh: Mesh = Mesh((13, 5, 9, 9), 16)
+    mesh: Mesh = TRIAL_MESH
+    compared: int = 1
+    effective: int = 64
 
     @classmethod
     def of(cls, systems: int) -> TrialEffort:
         """The effort for so many effective systems, at most four times as many."""
-        return cls(systems, 4 * systems, min(16, systems), 40 * systems)
+        return cls(systems, 4 * systems, min(16, systems), 64 * systems)
+
+    @property
+    def of_one_system(self) -> TrialEffort:
+        """As many samples where nothing but deviations is unknown, from finer tables."""
+        every, some = self.systems * self.deviations, min(COMPARED, self.systems)
+        return replace(self, systems=1, most_systems=8, batch=1, deviations=every, mesh=Mesh(), compared=some)
+
+
+TRIAL_EFFORT = TrialEffort()
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,21 +162,21 @@ class Prior:
 class _System:
     """One draw of stiffnesses, clearances and the wave with its draws of deviations, or why it is no drive.
 
-    F_ior, shape (torques, deviations, directions), and misread, natural logarithm of the exact F'_ior of one of them
-    over that, shape (torques,); weight, shape (deviations, directions); values as of Prior; moved, F'_ior with the
-    wheel's centre as it is and moved in four directions, shape (some, 5).
+    F_ior, shape (torques, deviations, directions), and log_missed, logarithm of the exact F'_ior of some of them
+    over that, shape (torques, compared); weight, shape (deviations, directions); values as of Prior; moved, F'_ior
+    with the wheel's centre as it is and moved in four directions, shape (some, 5).
     """
 
     refused: str = ""
     weight: Array = field(default_factory=partial(np.zeros, (0, 0)))
     F_ior: Array = field(default_factory=partial(np.zeros, (0, 0, 0)))
-    log_missed: Array = field(default_factory=partial(np.zeros, 0))
+    log_missed: Array = field(default_factory=partial(np.zeros, (0, 0)))
     values: Mapping[str, Array] | None = None
     moved: Array = field(default_factory=partial(np.zeros, (0, 5)))
     certificate: Certificate = EMPTY
 
 
-def trial_states(drive: Drive, torques: int, effort: TrialEffort = TrialEffort()) -> int:
+def trial_states(drive: Drive, torques: int, effort: TrialEffort = TRIAL_EFFORT) -> int:
     """Number of states that the samples of trials solve, about, for a progress bar."""
     return effort.systems * torques * (effort.mesh.states(drive) + 2 * FEW**2)
 
@@ -170,61 +186,58 @@ def trial_prior(
     torques: Sequence[float],
     rig: Rig,
     *,
-    effort: TrialEffort = TrialEffort(),
+    effort: TrialEffort = TRIAL_EFFORT,
     enough: Callable[[Prior], bool] = lambda _prior: True,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    run: Run = Run(),
 ) -> Prior:
     """Samples of all that is not known of a drive, its standing offset among it, by the preset's evidence.
 
     Arguments: torques [N*m] beside the rig's; effort; enough, whether the samples suffice, else more are drawn, up to
-    the effort's limits; seed; executor, to spread the work over (the numbers do not depend on it); progress, called
-    with states solved. Raises UsageError for a drive with rolling balls or without an offset, UntrustedError where an
-    answer cannot be trusted.
+    the effort's limits; run, its seed among it. Raises UsageError for a drive with rolling balls or without an offset,
+    UntrustedError where too few draws are drives that agree with the evidence.
     """
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
     belief, evidence = open_prior(drive), evidence_of(drive)
+    if all(each.path.startswith(DEVIATIONS) for each in belief.fields):
+        effort = effort.of_one_system
     every = tuple(dict.fromkeys((rig.M_g, *torques)))
-    solve = partial(_solved, belief, evidence, every, effort, rig.reseat_um > 0, seed)
+    solve = partial(_solved, belief, evidence, every, effort, rig.reseat_um > 0, run.seed)
     systems: list[_System] = []
     while True:
         first = len(systems)
-        rows = range(first, min(first + effort.batch, effort.most_draws))
-        shares = belief.shares(rows.stop, seed)[first:]
-        for each in (executor.map if executor else map)(solve, rows, belief.values(shares), shares[:, -1].tolist()):
+        numbers = range(first, min(first + effort.batch, effort.most_draws))
+        shares = belief.shares(numbers.stop, run.seed)[first:]
+        for each in run.map(solve, numbers, belief.values(shares), shares[:, -1].tolist()):
             systems.append(each)
-            if progress:
-                progress(each.certificate.states)
-        prior = _collected(drive, rig, every, systems, seed)
-        done = prior.systems >= effort.most_systems or len(systems) >= effort.most_draws
-        if done or (prior.systems >= effort.systems and enough(prior)):
+            run.solved(each.certificate.states)
+        prior = _collected(drive, rig, every, systems, run.seed)
+        if prior.systems >= effort.systems and (prior.systems >= effort.most_systems or enough(prior)):
+            return prior
+        if len(systems) >= effort.most_draws or (len(systems) >= HOPELESS and not prior.systems):
             break
-    if not prior.weight.size:
-        reason, count = Counter(each.refused for each in systems).most_common(1)[0]
-        raise UntrustedError(
-            f"no answer from {len(systems)} draws: {count} are no drive ({reason})", "narrow the assumed ranges"
-        )
-    return prior
+    if prior.systems >= effort.systems:
+        return prior
+    found = f"{prior.systems:.0f} of {len(systems)} draws are effective, {effort.systems} are needed"
+    refused = Counter(each.refused for each in systems if each.refused).most_common(1)
+    reason = f": most are no drive ({refused[0][0]})" if refused else ": the catalogue's values contradict each other"
+    raise UntrustedError(found + reason, "hdassist check says which value to look at")
 
 
-def _collected(
-    drive: Drive, rig: Rig, torques: tuple[float, ...], systems: Sequence[_System], seed: int
-) -> Prior:
+def _collected(drive: Drive, rig: Rig, torques: tuple[float, ...], systems: Sequence[_System], seed: int) -> Prior:
     """Samples of all systems that are drives, F'_ior by tables made up for what these miss on the mean."""
     kept = [each for each in systems if each.weight.any()]
     proof = sum((each.certificate for each in systems), EMPTY)
     if not kept:
         return Prior(drive, rig, {}, np.zeros((0, 0)), {}, {}, certificate=proof)
-    log_missed = np.array([each.log_missed for each in kept])
-    F_ior = np.concatenate([each.F_ior for each in kept], axis=1) * np.exp(log_missed.mean(axis=0))[:, None, None]
+    log_missed = np.concatenate([each.log_missed for each in kept], axis=1)
+    F_ior = np.concatenate([each.F_ior for each in kept], axis=1) * np.exp(log_missed.mean(axis=1))[:, None, None]
     weight = np.concatenate([each.weight for each in kept])
     values = {path: np.concatenate([(each.values or {})[path] for each in kept]) for path in standing_offset(drive)}
     effective = effective_number(np.array([each.weight.sum() for each in kept]))
     prior = Prior(
         drive, rig, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
-        dict(zip(torques, log_missed.std(axis=0).tolist(), strict=True)), effective, seed, proof,
+        dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), effective, seed, proof,
     )  # fmt: skip
     return replace(prior, seat=_seat(np.concatenate([each.moved for each in kept]))) if rig.reseat_um else prior
 
@@ -311,14 +324,16 @@ def _solved(
         weight = float(np.exp(log_likelihood(evidence, figures))) / probability
         columns = _deviations(belief, effort.deviations, [seed, number])
         sizes = {path: float(column.max()) for path, column in columns.items() if path in sized()}
+        if reseated:
+            sizes["tolerances.e_b"] = sizes.get("tolerances.e_b", moved.number("tolerances.e_b")) + SEAT_STEP
         tabled = partial(_tables, torques=torques, sizes=sizes, columns=columns, effort=effort, number=number)
         tables, log_missed, found = in_wide_enough_window(moved, tabled)
         flat = {path: column.ravel() for path, column in columns.items()}
         shape = next(iter(columns.values())).shape
         F_ior = np.array([table.F_ior(flat).reshape(shape) for table in tables])
         some = {path: column[:SEAT_SAMPLES, 0] for path, column in columns.items()}
-        ways = SEAT_STEP * np.array([0, 1, 1j, -1, -1j]) if reseated else []
-        centre = [tables[0].F_ior(some, complex(way)) for way in ways]
+        ways = (0, 1, 1j, -1, -1j) if reseated else ()
+        centre = [tables[0].F_ior(some, SEAT_STEP * way) for way in ways]
     except HdassistError as error:
         return _System(str(error.fault), certificate=proof)
     weights = np.full(shape, weight)
@@ -359,13 +374,17 @@ def _tables(
     effort: TrialEffort,
     number: int,
 ) -> tuple[list[ErrorTable], Array, Certificate]:
-    """Tables of a system at torques [N*m], and what they miss of one of its drives, in the logarithm; their proof."""
-    reach, formulation, tables, log_missed, proof = Reach.of(drive.with_values(sizes)), formulate(contact_system(drive)), [], [], EMPTY
-    one = {path: column[:1, number % column.shape[1]] for path, column in columns.items()}
-    for M_g in torques:
-        table = error_table(drive, formulation, M_g, reach, effort.mesh)
-        exact = ErrorMap(drive, M_g, formulation).many_extremes(Batch(drive, one), grid=FEW)
-        log_missed.append(float(np.log(exact.first / table.F_ior(one)[0])))
-        proof += table.certificate + exact.certificate
-        tables.append(table)
-    return tables, np.array(log_missed), proof
+    """Tables of a system at torques [N*m], what they miss of some of its drives, in the logarithm, and their proof."""
+    reach, formulation = Reach.of(drive.with_values(sizes)), formulate(contact_system(drive))
+    rows = np.arange(effort.compared)
+    some = {path: column[rows, (number + 5 * rows) % column.shape[1]] for path, column in columns.items()}
+    maps = [ErrorMap(drive, M_g, formulation) for M_g in torques]
+    # first, for it tells soon where the flank window is too narrow
+    exact = [error_map.many_extremes(Batch(drive, some), grid=FEW) for error_map in maps]
+    tables = [error_table(error_map, reach, effort.mesh) for error_map in maps]
+    log_missed = [np.log(known.F_ior_arcsec / table.F_ior(some)) for known, table in zip(exact, tables, strict=True)]
+    return (
+        tables,
+        np.array(log_missed),
+        sum((each.certificate for each in tables), sum((each.certificate for each in exact), EMPTY)),
+    )

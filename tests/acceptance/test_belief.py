@@ -17,6 +17,7 @@ from hdassist.design.check_page import to_json as check_json
 from hdassist.error.cycle import kinematic_error
 from hdassist.loading.load import load_preset
 from hdassist.readers.wheels import WheelFiles
+from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
 from tests.process import TINY, run
 
@@ -72,7 +73,7 @@ def test_other_values_are_those_of_each_sample(drawn):
         expected = limit.check.predicted(own, limit.M_g or 0.0, limit.order or 0.0)
         assert samples.figures[limit.label][1] == pytest.approx(expected, rel=1e-9)
     # the second way: the error of that drive over every state
-    error = kinematic_error(sampled, 4.0, cross_check=None).error_arcsec
+    error = kinematic_error(sampled, 4.0, run=UNCHECKED).error_arcsec
     second = 2 * abs(np.mean(error * np.exp(-2j * np.pi * 20 * np.arange(len(error)) / len(error))))
     assert samples.figures["amplitude of order 2 at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
 

@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 
 from hdassist.acceptance import lot_runner as lotwork
 from hdassist.acceptance.answer import ANSWERS, read_answers
-from hdassist.acceptance.command import FileOptions, Run
+from hdassist.acceptance.command import AcceptRun, FileOptions
 from hdassist.acceptance.limit_parser import LimitText
 from hdassist.acceptance.lot_command import accept_lot
 from hdassist.acceptance.replay import differences
@@ -139,7 +139,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     monkeypatch.setattr("hdassist.run.processes._way", lambda: "fork")  # workers have the patch
     base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
     options = FigureOptions(quiet=True)
-    found = accept_lot(str(tmp_path / "lot.csv"), Run(base, FileOptions(), options, options.open(), jobs=2))
+    found = accept_lot(str(tmp_path / "lot.csv"), AcceptRun(base, FileOptions(), options, options.open(), jobs=2))
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
     assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]

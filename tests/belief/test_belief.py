@@ -21,6 +21,7 @@ from hdassist.belief.samples import (
     weighted_quantile,
 )
 from hdassist.errors import UntrustedError
+from hdassist.run.run import Run
 from hdassist.verdict import Verdict, is_settled, verdict_by_probability
 from tests.process import TINY
 
@@ -128,12 +129,10 @@ def test_a_catalogue_is_evidence():
 def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more():
     drive = tiny(C_3, J_N, "phases.phi_hb=unknown")
     prior = prior_of(drive)
-    few = draw_samples(prior, (4.0,), effort=FEW, seed=2)
+    few = draw_samples(prior, (4.0,), effort=FEW, run=Run(seed=2))
     solved: list[int] = []
     with ThreadPoolExecutor(2) as executor:
-        more = draw_samples(
-            prior, (4.0,), effort=replace(FEW, effective=16), seed=2, executor=executor, progress=solved.append
-        )
+        more = draw_samples(prior, (4.0,), effort=replace(FEW, effective=16), run=Run(executor, solved.append, seed=2))
     assert (few.draws, more.draws, few.effective) == (8, 16, pytest.approx(8))
     assert np.array_equal(more.F_ior_arcsec[:8], few.F_ior_arcsec)
     assert sum(solved) == more.certificate.states

@@ -18,6 +18,7 @@ from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.run.kept import RecordKind, open_kept
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.terminal.answers import csv_text
 from tests.process import SMALL
 
@@ -44,7 +45,7 @@ def targets_of(drive, lines: list[str], head: str = UNKNOWNS, folder: str = ".")
 @pytest.fixture(scope="module")
 def cheap():
     """Targets that the hidden drive meets exactly."""
-    curve = stiffness(drive_of().with_values(HIDDEN), T_1=2.0, T_2=6.0, T_max=7.0, cross_check=None)
+    curve = stiffness(drive_of().with_values(HIDDEN), T_1=2.0, T_2=6.0, T_max=7.0, run=UNCHECKED)
     lines = [
         f"quantity: lost_motion, M_g: 7, value: {curve.twist_at(7.0) - curve.twist_at(-7.0)}, tolerance: 0.5",
         f"quantity: K_2, T_1: 2, T_2: 6, value: {curve.weaker(2)}, tolerance: 0.1 %",
@@ -54,7 +55,7 @@ def cheap():
 
 @pytest.fixture(scope="module")
 def recovered(cheap):
-    return calibrate(drive_of(), cheap, Evaluations(drive_of(), cheap), points=64, seed=3)
+    return calibrate(drive_of(), cheap, Evaluations(drive_of(), cheap, Run(seed=3)), points=64)
 
 
 def test_hidden_values_are_recovered(recovered):
@@ -85,7 +86,7 @@ def test_intervals_are_those_of_linear_propagation(recovered):
 
 def test_one_target_cannot_tell_two_unknowns_apart(cheap):
     one = targets_of(drive_of(), [f"quantity: lost_motion, M_g: 7, value: {cheap.targets[0].value}, tolerance: 0.5"])
-    found = calibrate(drive_of(), one, Evaluations(drive_of(), one), points=64, seed=1)
+    found = calibrate(drive_of(), one, Evaluations(drive_of(), one, Run(seed=1)), points=64)
     assert found.best.all_met
     ((a, b, correlation),) = found.indistinct
     assert {a, b} == set(HIDDEN)
@@ -109,7 +110,7 @@ def test_targets_that_cannot_be_met_get_the_nearest(cheap):
 
 
 def test_what_stood_in_the_way_is_named_with_its_number(cheap):
-    found = 1e4 * stiffness(drive_of("gears.j_n=2"), cross_check=None).weaker(1)
+    found = 1e4 * stiffness(drive_of("gears.j_n=2"), run=UNCHECKED).weaker(1)
     head = UNKNOWNS.replace("  gears.j_n: {low: 0, high: 15}\n", "").replace("high: 2e-4", "high: 7e-5")
     soft = targets_of(drive_of(), [f"quantity: K_1, value: {found / 1e5}, tolerance: 5 %"], head)
     result = calibrate(drive_of(), soft, Evaluations(drive_of(), soft), points=8, starts=ONE)
@@ -135,23 +136,23 @@ def test_a_fit_that_does_not_come_to_rest_says_what_it_misses(cheap):
 @contextmanager
 def state_of(drive, targets, file):
     with open_kept(str(file), evaluations_owner(drive, targets), evaluations_kind(targets)) as kept:
-        yield Evaluations(drive, targets, kept=kept)
+        yield Evaluations(drive, targets, Run(seed=5), kept)
 
 
 def test_a_state_file_is_gone_on_with(cheap, tmp_path):
     file = tmp_path / "state.jsonl"
     with state_of(drive_of(), cheap, file) as first:
-        one = calibrate(drive_of(), cheap, first, points=32, starts=ONE, seed=5)
+        one = calibrate(drive_of(), cheap, first, points=32, starts=ONE)
     text = file.read_text()
     # stopped in the middle of a line
     file.write_text(text[: len(text) // 2])
     with state_of(drive_of(), cheap, file) as second:
         assert 0 < second.remembered < first.computed
-        two = calibrate(drive_of(), cheap, second, points=32, starts=ONE, seed=5)
+        two = calibrate(drive_of(), cheap, second, points=32, starts=ONE)
     assert second.computed < first.computed
     assert two.fits == one.fits
     with state_of(drive_of(), cheap, file) as third:
-        assert calibrate(drive_of(), cheap, third, points=32, starts=ONE, seed=5).fits == one.fits
+        assert calibrate(drive_of(), cheap, third, points=32, starts=ONE).fits == one.fits
     assert third.computed == 0
 
 
@@ -198,12 +199,12 @@ def test_nothing_computable_is_an_error(cheap):
 
 def test_a_trace_names_the_drive_it_was_made_of(tmp_path):
     hidden = drive_of().with_values(HIDDEN)
-    (tmp_path / "trace.csv").write_text(csv_text(*figures(trace(hidden, 4.0, revolutions=2, cross_check=None))))
+    (tmp_path / "trace.csv").write_text(csv_text(*figures(trace(hidden, 4.0, revolutions=2, run=UNCHECKED))))
     targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))
     quantities = Quantities(hidden, REPORTING)
     (target,) = targets.targets
     assert quantities.predict(target) == pytest.approx(np.zeros(124), abs=1e-6)
-    found = calibrate(drive_of(), targets, Evaluations(drive_of(), targets), points=48, starts=ONE, seed=2)
+    found = calibrate(drive_of(), targets, Evaluations(drive_of(), targets, Run(seed=2)), points=48, starts=ONE)
     for value, half, right in zip(found.best.values, found.half_width, HIDDEN.values(), strict=True):
         assert abs(value - right) <= 2 * half
 
@@ -229,8 +230,8 @@ def test_stiffnesses_and_lost_motion_are_those_of_the_curve():
     lines = [f"quantity: {words}, value: 1, tolerance: 1" for words in asked]
     quantities = Quantities(drive, SEARCHING)
     found = [quantities.predict(target)[0] for target in targets_of(drive, lines).targets]
-    curve, own = stiffness(drive), stiffness(drive, T_1=1.5, T_2=4, cross_check=None)
-    lost = 2 * stiffness(drive, T_max=3, cross_check=None).twist_at(3)
+    curve, own = stiffness(drive), stiffness(drive, T_1=1.5, T_2=4, run=UNCHECKED)
+    lost = 2 * stiffness(drive, T_max=3, run=UNCHECKED).twist_at(3)
     assert found == pytest.approx([curve.weaker(1), own.weaker(2), curve.weaker(3), curve.lost_motion_arcsec, lost])
     assert curve.weaker(1) == min(curve.positive[0].stiffness, curve.negative[0].stiffness)
 

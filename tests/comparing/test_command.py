@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset, trace
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal.plot import HEIGHT
 from tests.process import SMALL, run
 from tests.rigs import text
@@ -31,7 +32,7 @@ def rig(tmp_path_factory) -> Path:
     """A folder with records of the small drive, one of a changed one with noise."""
     folder = tmp_path_factory.mktemp("rig")
     for name, overrides, noise in (("own.csv", [], 0.0), ("changed.csv", HIDDEN, 0.5)):
-        result = trace(load_preset(SMALL, overrides), 4, start_deg=20, revolutions=5, cross_check=None).error
+        result = trace(load_preset(SMALL, overrides), 4, start_deg=20, revolutions=5, run=UNCHECKED).error
         error = result.error_arcsec + noise * np.random.default_rng(0).standard_normal(len(result.states))
         columns = [np.degrees(result.states.phi_h), np.degrees(result.states.phi_g), error]
         (folder / name).write_text(text(columns, "phi_h_deg,phi_g_deg,error_arcsec", digits=9))

@@ -17,6 +17,7 @@ from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style
 from hdassist.terminal.options import degrees_or_fit
 from hdassist.terminal.output import Output
@@ -36,7 +37,7 @@ def drive() -> Drive:
 
 def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float = 1.0) -> MeasuredTrace:
     """A record of a drive as `hdassist trace` writes it, with noise, times way."""
-    result = trace(hidden, M_G, start_deg=START, revolutions=turns, cross_check=None)
+    result = trace(hidden, M_G, start_deg=START, revolutions=turns, run=UNCHECKED)
     error = result.error.error_arcsec + noise * np.random.default_rng(seed).standard_normal(len(result.error.states))
     return recorded(result.error.states.phi_h / (2 * np.pi), way * error)
 
@@ -50,7 +51,7 @@ def told_on(result: Comparison, **asked: bool) -> str:
 def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
     torus = ErrorWaves(drive, M_G)
     (waves,) = torus.waves([drive])
-    error = kinematic_error(drive, M_G, cross_check=None)
+    error = kinematic_error(drive, M_G, run=UNCHECKED)
     states = error.states
     angle = np.multiply.outer(states.alpha_g, torus.k_g) + np.multiply.outer(states.alpha_b, torus.k_b)
     apart = error.error_arcsec - (np.exp(1j * angle) @ waves).real
@@ -135,9 +136,9 @@ def test_a_hidden_deviation_is_recovered(drive, values, vector):
     # said again in terms of the preset, it solves to nearly the hidden drive's F'_ior
     there = load_preset(SMALL, [*FEW, *overrides_of(best)])
     assert {path: there.value(path) for path, _ in best.overrides} == dict(best.overrides)
-    solved = kinematic_error(there, M_G, cross_check=None).F_ior_arcsec
+    solved = kinematic_error(there, M_G, run=UNCHECKED).F_ior_arcsec
     assert best.F_ior_arcsec == pytest.approx(solved, abs=0.01)
-    assert solved == pytest.approx(kinematic_error(hidden, M_G, cross_check=None).F_ior_arcsec, rel=0.05)
+    assert solved == pytest.approx(kinematic_error(hidden, M_G, run=UNCHECKED).F_ior_arcsec, rel=0.05)
     assert best.residual_rms_arcsec is not None
     assert best.residual_rms_arcsec < 0.5 * result.difference_rms_arcsec
     page = told_on(result, details=True)
@@ -230,7 +231,7 @@ def test_torque_and_balls_are_asked_for(drive):
 
 
 def test_an_angle_of_the_output_says_where_the_cam_is(drive):
-    result = trace(drive, M_G, start_deg=START, revolutions=4, cross_check=None).error
+    result = trace(drive, M_G, start_deg=START, revolutions=4, run=UNCHECKED).error
     ratio = abs(Kinematics.of(drive).u)
     by_output = replace(recorded(ratio * result.states.phi_g / (2 * np.pi), result.error_arcsec), angle_of="output")
     assert zero_of(by_output, drive, None) is None

@@ -17,6 +17,7 @@ from hdassist.comparing.presets import compare_drives
 from hdassist.comparing.presets_command import is_preset
 from hdassist.comparing.presets_page import drives_answer
 from hdassist.model.unknown import unknowns
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from tests.process import SMALL, run
@@ -31,7 +32,7 @@ def small(*overrides: str):
 
 
 def F_ior(drive) -> float:
-    return kinematic_error(drive, M_G, cross_check=None).F_ior_arcsec
+    return kinematic_error(drive, M_G, run=UNCHECKED).F_ior_arcsec
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +76,9 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
     assert [change.path for change in found.single] == ["tolerances.F_i2", "gears.j_n"]
     assert [float(c.change_arcsec[0, 0]) for c in found.single] == pytest.approx([F_i2 - here, j_n - here], abs=1e-6)
     assert (found.impossible, better.sense(1, 0)) == ((), -1)
-    alone = stiffness(small(*BETTER), cross_check=None)
+    alone = stiffness(small(*BETTER), run=UNCHECKED)
     assert better.sheets[1].stiffness.positive == alone.positive
-    holes = mounting_curve(small(), [M_G], [0.0, 90.0, 180.0, 270.0], cross_check=None)
+    holes = mounting_curve(small(), [M_G], [0.0, 90.0, 180.0, 270.0], run=UNCHECKED)
     assert drives_answer(better, seed=0).to_json()["presets"][0]["best"]["hole"] == holes.recommended.hole
 
 

@@ -12,6 +12,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.design.stiffness_page import render, warnings
 from hdassist.error.stiffness import Stiffness, stiffness
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style, console
 from tests.process import SMALL, run
 
@@ -113,7 +114,7 @@ def test_wrong_input(args, code):
 
 @pytest.fixture(scope="module")
 def found() -> Stiffness:
-    return stiffness(load_preset(SMALL), points=8, cross_check=None)
+    return stiffness(load_preset(SMALL), points=8, run=UNCHECKED)
 
 
 @pytest.mark.parametrize("ascii", [True, False])

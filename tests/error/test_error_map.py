@@ -7,6 +7,7 @@ from hdassist import kinematic_error, load_preset
 from hdassist.error.error_map import Batch, ErrorMap, extremes_of, searchable
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
+from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 from tests.searched_drives import searched_drive
 from tests.support import changed
@@ -29,7 +30,7 @@ def random_drive(seed: int, preset: str = SMALL):
 @pytest.mark.parametrize("seed", range(6))
 def test_extremes_are_those_of_every_state_and_proposed_ones_are_near(seed):
     drive, M_g = random_drive(seed), (1.0, 4.0)[seed % 2]
-    full = kinematic_error(drive, M_g, cross_check=None)
+    full = kinematic_error(drive, M_g, run=UNCHECKED)
     error_map = ErrorMap(drive, M_g)
     every, proposed = error_map.extremes(), error_map.many_extremes(Batch.of(drive))
     assert every.first == pytest.approx(full.F_ior_arcsec, abs=1e-8)
@@ -88,7 +89,7 @@ def test_reference_values(reference, M_g, phase, F_ior):
 )
 def test_odd_teeth_and_the_other_wheel_fixed(sets):
     drive = load_preset(SMALL, sets)
-    full = kinematic_error(drive, 4.0, cross_check=None)
+    full = kinematic_error(drive, 4.0, run=UNCHECKED)
     every, proposed = ErrorMap(drive, 4.0).extremes(), ErrorMap(drive, 4.0).many_extremes(Batch.of(drive))
     assert every.first == pytest.approx(full.F_ior_arcsec, abs=1e-8)
     assert (every.at_max[0], every.at_min[0]) == (full.at_max, full.at_min)
@@ -110,6 +111,6 @@ def test_short_cycles_and_rolling_balls_are_solved_in_every_state():
     assert [found.certificate.states for found in extremes_of(small, (1.0, 4.0))] == [cycle, cycle]
     rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3", "numerics.n_beta=4"])
     assert not searchable(rolling)
-    assert extremes_of(rolling, [1.0])[0].first == kinematic_error(rolling, 1.0, cross_check=None).F_ior_arcsec
+    assert extremes_of(rolling, [1.0])[0].first == kinematic_error(rolling, 1.0, run=UNCHECKED).F_ior_arcsec
     with pytest.raises(UsageError, match="every state"):
         ErrorMap(rolling, 1.0)

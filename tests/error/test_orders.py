@@ -6,13 +6,14 @@ import pytest
 from hdassist import trace
 from hdassist.error.orders import UNKNOWN, known_causes, order_legend, orders
 from hdassist.errors import UsageError
+from hdassist.run.run import UNCHECKED
 from tests.support import changed
 
 
 @pytest.fixture(scope="module")
 def cycle(reference):
     """The full cycle of the reference drive at 80 N*m."""
-    return trace(reference, 80, revolutions=100, cross_check=None)
+    return trace(reference, 80, revolutions=100, run=UNCHECKED)
 
 
 def test_a_known_wave_is_found(reference):
@@ -30,7 +31,7 @@ def test_a_known_wave_is_found(reference):
 
 
 def test_orders_add_up_to_the_error(reference):
-    result = trace(reference, 80, revolutions=1, cross_check=None)
+    result = trace(reference, 80, revolutions=1, run=UNCHECKED)
     phi = result.error.states.phi_h
     every = orders(reference, result.error.error_arcsec, 1)
     assert every == list(result.orders)
@@ -57,7 +58,7 @@ def test_a_cause_taken_away_takes_its_order_along(reference, cycle, quiet, order
         return next((o.amplitude_arcsec for o in result.orders if abs(o.per_cam_rev - order) < 1e-9), 0.0)
 
     assert amplitude(cycle) > 0.5
-    assert amplitude(trace(changed(reference, **quiet), 80, revolutions=100, cross_check=None)) < 1e-6
+    assert amplitude(trace(changed(reference, **quiet), 80, revolutions=100, run=UNCHECKED)) < 1e-6
 
 
 def test_most_of_the_error_has_a_known_cause(cycle):
@@ -78,7 +79,7 @@ def test_causes_follow_what_is_there(reference):
 @pytest.mark.parametrize("odd", [{"bearing__N": 23}, {"gears__z_g": 199, "gears__z_b": 201}])
 def test_odd_orders_need_no_cam_offset_where_half_a_turn_is_not_the_same(reference, odd):
     drive = changed(reference, tolerances__e_hh=0.0, **odd)
-    once = [o for o in trace(drive, 800, revolutions=100, cross_check=None).orders if abs(o.per_cam_rev - 1) < 0.02]
+    once = [o for o in trace(drive, 800, revolutions=100, run=UNCHECKED).orders if abs(o.per_cam_rev - 1) < 0.02]
     assert max(o.amplitude_arcsec for o in once) > 0.01
     assert {o.cause for o in once} >= {"rigid wheel", "flexspline"}
     assert "even number" not in order_legend(drive)

@@ -5,10 +5,10 @@ import pytest
 
 from hdassist import kinematic_error, load_preset
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.table import ErrorTable, Mesh, error_tables
-from hdassist.error.table import estimates as estimates_of
+from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
 from hdassist.model.contacts import contact_system
 from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.formulation import formulate
 from tests.process import SMALL
 
@@ -27,7 +27,16 @@ def small() -> Drive:
 
 @pytest.fixture(scope="module")
 def table(small: Drive) -> ErrorTable:
-    return error_tables([(small, [small.with_values(MOST)])], (1.0,), mesh=Mesh((13, 7, 13, 13), compared=0))[0][0]
+    return error_table(ErrorMap(small, 1.0), Reach.of(small.with_values(MOST)), Mesh((13, 7, 13, 13)))
+
+
+def estimates_of(table: ErrorTable, error_map: ErrorMap, batch: Batch) -> np.ndarray:
+    """Rotation [arcsec] at the points of a map by a table, shape (drives, k, l)."""
+    points = error_map.state(error_map.points())
+    there = error_map.states.take(points.ravel())
+    rows = (np.array([row]) for row in range(len(batch)))
+    found = [table.rotation(batch.scalars(row, there.alpha_g, there.alpha_b)) for row in rows]
+    return np.reshape(found, (len(batch), *points.shape))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +49,7 @@ def batch(small: Drive) -> Batch:
 @pytest.fixture(scope="module")
 def exact(small: Drive, batch: Batch) -> np.ndarray:
     drives = [small.with_values({p: float(v[k]) for p, v in batch.columns.items()}) for k in range(COUNT)]
-    return np.array([kinematic_error(d, 1.0, cross_check=None).F_ior_arcsec for d in drives])
+    return np.array([kinematic_error(d, 1.0, run=UNCHECKED).F_ior_arcsec for d in drives])
 
 
 def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray) -> None:
@@ -59,7 +68,7 @@ def test_the_states_are_the_extremes(small: Drive, table: ErrorTable, batch: Bat
     one = batch.take(np.array([5]))
     found = search.many_extremes(one, estimates_of(table, search, one))
     drive = small.with_values({p: float(v[5]) for p, v in batch.columns.items()})
-    error = kinematic_error(drive, 1.0, cross_check=None)
+    error = kinematic_error(drive, 1.0, run=UNCHECKED)
     assert {int(found.at_max[0]), int(found.at_min[0])} == {error.at_max, error.at_min}
 
 
@@ -76,5 +85,5 @@ def test_a_drive_has_the_same_digits_alone_and_with_its_table_from_another_drive
     assert (again.many_extremes(part, estimates_of(table, again, part)).F_ior_arcsec == found).all()
     for row, value in zip(rows, found, strict=True):
         drive = softer.with_values({p: float(v[row]) for p, v in batch.columns.items()})
-        assert value == pytest.approx(kinematic_error(drive, 1.0, cross_check=None).F_ior_arcsec, abs=1e-6)
+        assert value == pytest.approx(kinematic_error(drive, 1.0, run=UNCHECKED).F_ior_arcsec, abs=1e-6)
         assert abs(value - exact[row]) > 0.01, "the other stiffness moves it"

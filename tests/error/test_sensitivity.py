@@ -4,17 +4,18 @@ import pytest
 
 from hdassist import kinematic_error, load_preset
 from hdassist.error.sensitivity import sensitivity
+from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 from tests.support import changed
 
 
 def F_ior(**fields) -> float:
-    return kinematic_error(changed(load_preset(SMALL), **fields), 1.0, cross_check=None).F_ior_arcsec
+    return kinematic_error(changed(load_preset(SMALL), **fields), 1.0, run=UNCHECKED).F_ior_arcsec
 
 
 def test_slopes_are_those_of_the_full_cycle():
     small = load_preset(SMALL)
-    found, _ = sensitivity(small, [kinematic_error(small, M_g, cross_check=None) for M_g in (1.0, 4.0)])
+    found, _ = sensitivity(small, [kinematic_error(small, M_g, run=UNCHECKED) for M_g in (1.0, 4.0)])
     assert found.j_n == pytest.approx((F_ior(gears__j_n=6.1) - F_ior(gears__j_n=5.9)) / 0.2, abs=0.02)
     assert pytest.approx((F_ior(cam__W_0=0.5801) - F_ior(cam__W_0=0.5799)) / 0.2, abs=0.02) == found.W_0
     # no clearance cannot become less

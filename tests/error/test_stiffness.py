@@ -12,6 +12,7 @@ from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.catalogue import Catalogue
+from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 from tests.support import changed, solve_state, wind_up
 
@@ -19,7 +20,7 @@ ARCSEC = np.degrees(3600)
 
 
 def of(drive, **options):
-    return stiffness(drive, cross_check=None, **options)
+    return stiffness(drive, run=UNCHECKED, **options)
 
 
 @pytest.fixture(scope="module")

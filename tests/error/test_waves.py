@@ -7,6 +7,7 @@ from hdassist import kinematic_error, load_preset
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.run.run import UNCHECKED, Run
 from tests.process import SMALL
 
 
@@ -14,10 +15,10 @@ from tests.process import SMALL
 def test_the_error_is_the_sum_of_its_waves(fixed):
     drive = load_preset(SMALL, [f"mounting.fixed={fixed}"])
     told: list[int] = []
-    model = ErrorWaves(drive, 4.0, told.append)
+    model = ErrorWaves(drive, 4.0, Run(progress=told.append))
     (waves,) = model.waves([drive])
     states = pitch_locked_states(Kinematics.of(drive), np.arange(0, 1860, 31))
-    exact = kinematic_error(drive, 4.0, states=states, cross_check=None).error_arcsec
+    exact = kinematic_error(drive, 4.0, states=states, run=UNCHECKED).error_arcsec
     turned = np.outer(states.alpha_g, model.k_g) + np.outer(states.alpha_b, model.k_b)
     found = (waves * np.exp(1j * turned)).real.sum(axis=1)
     missed = found - found.mean() - (exact - exact.mean())

@@ -14,6 +14,7 @@ from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import combined, parse_stated
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 from tests.rigs import Curve, drive_error, recorded, slow_noise, turn_range, whole_range
 
@@ -61,7 +62,7 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
 @pytest.fixture(scope="module")
 def model():
     """Cam turns and error of the full cycle of the small drive."""
-    result = trace(load_preset(SMALL), 4, revolutions=30, cross_check=None)
+    result = trace(load_preset(SMALL), 4, revolutions=30, run=UNCHECKED)
     return result.error.states.phi_h / (2 * np.pi), result.error.error_arcsec
 
 

@@ -14,6 +14,7 @@ from hdassist.model.deviations import (
     tooth_phases,
 )
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.run.run import UNCHECKED
 from tests.support import changed, delta_p_of, first_harmonic
 
 QUIET = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
@@ -113,7 +114,7 @@ def test_one_bad_tooth_is_felt_when_it_meshes(reference):
     states = pitch_locked_states(Kinematics.of(drive), np.arange(202))
     bad = np.zeros(200)
     bad[50] = 20.0  # um
-    error = kinematic_error(drive, 80, states=states, teeth=ToothDeviations(g=bad), cross_check=None)
+    error = kinematic_error(drive, 80, states=states, teeth=ToothDeviations(g=bad), run=UNCHECKED)
     system = contact_system(drive)
     touched = delta_p_of(drive, system, states, ToothDeviations(g=bad)) != system.delta_p
     in_mesh = touched.any(axis=1)
@@ -176,9 +177,7 @@ def test_what_moves_wheel_and_cam_alike_makes_no_error(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(202))
     for M_g in (80, -80):
         ranges = [
-            kinematic_error(
-                changed(alike, phases__phi_eb=25.0 + away), M_g, states=states, cross_check=None
-            ).range_arcsec
+            kinematic_error(changed(alike, phases__phi_eb=25.0 + away), M_g, states=states, run=UNCHECKED).range_arcsec
             for away in (0.0, 30.0, -30.0, 180.0)
         ]
         assert ranges[0] == pytest.approx(0, abs=1e-6)
@@ -190,7 +189,7 @@ def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(re
     oval = changed(reference, **QUIET, harmonics__a_b2=1.0)
     first = changed(reference, **{**QUIET, "tolerances__F_i2": 2.0})
     states = pitch_locked_states(Kinematics.of(reference), np.arange(202))
-    even, odd = (kinematic_error(each, 80, states=states, cross_check=None).range_arcsec for each in (oval, first))
+    even, odd = (kinematic_error(each, 80, states=states, run=UNCHECKED).range_arcsec for each in (oval, first))
     assert even == pytest.approx(4.95, abs=0.05)  # expected per um of amplitude
     assert 0.1 < odd < 0.3  # 0.14 to 0.23 expected
 

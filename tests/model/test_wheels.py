@@ -11,6 +11,7 @@ from hdassist.model.deviations import tooth_phases
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import phase_deg, rotated, seat_positions
+from hdassist.run.run import UNCHECKED, Run
 from tests.process import SMALL
 from tests.support import first_harmonic
 
@@ -62,15 +63,15 @@ def test_a_measured_first_harmonic_is_the_presets_in_every_hole(fixed):
     phi_h, xi = ("phases.phi_hb", "phases.xi_b") if fixed == "rigid" else ("phases.phi_hg", "phases.xi_g")
     for rotation in seat_positions(drive):
         there, teeth = measured.rotated(drive, rotation).in_drive(drive)
-        found = kinematic_error(there, 4, teeth=teeth, cross_check=None).F_ior_arcsec
+        found = kinematic_error(there, 4, teeth=teeth, run=UNCHECKED).F_ior_arcsec
         # the same cam angles: deviation and cam offset of the preset turned by what is left of a pitch
         rest = there.value(phi_h) - drive.value(phi_h)
         preset = drive.with_values({phi_h: there.value(phi_h), xi: drive.value(xi) + rotation + rest})
-        once = kinematic_error(preset, 4, cross_check=None).F_ior_arcsec
+        once = kinematic_error(preset, 4, run=UNCHECKED).F_ior_arcsec
         # a space of the rigid wheel has the deviation of its own place, a tooth pair of the preset that of the tooth
         assert found == pytest.approx(once, abs=1e-6 if fixed == "flexspline" else 0.03 * once)
         # and the cam angles between, up to 3 deg away where teeth are so few
-        once = kinematic_error(rotated(drive, rotation), 4, cross_check=None).F_ior_arcsec
+        once = kinematic_error(rotated(drive, rotation), 4, run=UNCHECKED).F_ior_arcsec
         assert found == pytest.approx(once, rel=0.05)
 
 
@@ -84,9 +85,9 @@ def test_a_measured_first_harmonic_is_the_presets_in_every_hole(fixed):
 )
 def test_a_measured_first_harmonic_is_the_presets_with_200_teeth(reference, fixed, rotation):
     drive = reference.model_copy(update={"mounting": reference.mounting.model_copy(update={"fixed": fixed})})
-    once = kinematic_error(rotated(drive, rotation), 80, cross_check=None).F_ior_arcsec
+    once = kinematic_error(rotated(drive, rotation), 80, run=UNCHECKED).F_ior_arcsec
     there, teeth = harmonic(drive, fixed, 33.0).rotated(drive, rotation).in_drive(drive)
-    again = kinematic_error(there, 80, teeth=teeth, cross_check=None).F_ior_arcsec
+    again = kinematic_error(there, 80, teeth=teeth, run=UNCHECKED).F_ior_arcsec
     assert again == pytest.approx(once, abs=0.05)
 
 
@@ -138,7 +139,7 @@ def test_a_curve_has_every_state_and_each_position_is_the_check_there(fixed):
     measured = MeasuredTeeth(g=wheel(10 * rng.standard_normal(60), 12), b=wheel(10 * rng.standard_normal(62), 200))
     states = []
     curve = mounting_curve(
-        drive, [4.0], seat_positions(drive), measured=measured, cross_check=None, progress=states.append
+        drive, [4.0], seat_positions(drive), measured=measured, run=Run(None, states.append, cross_check=None)
     )
     assert curve.every_state.all()
     assert sum(states) == curve.certificate.states == 4 * 1860
@@ -151,16 +152,16 @@ def test_a_curve_has_every_state_and_each_position_is_the_check_there(fixed):
 
 def test_a_free_angle_keeps_to_its_steps():
     drive = load_preset(SMALL, ["mounting.holes=0"])
-    curve = mounting_curve(drive, [4.0], [0, 120, 240], measured=harmonic(drive, "rigid", 0.0), cross_check=None)
+    curve = mounting_curve(drive, [4.0], [0, 120, 240], measured=harmonic(drive, "rigid", 0.0), run=UNCHECKED)
     assert curve.rotation_deg.tolist() == [0, 120, 240]
 
 
 def test_beside_measured_teeth_nothing_is_drawn_and_an_order_is_on_the_users_word():
     drive = load_preset(SMALL, ["mounting.holes=2", "uncertainty.phases.xi_b=10"])
     measured = harmonic(drive, "rigid", 0.0)
-    advice = advise(drive, [4.0], [0, 180], measured=measured, cross_check=None)
+    advice = advise(drive, [4.0], [0, 180], measured=measured, run=UNCHECKED)
     assert (advice.order, advice.samples, advice.positions) == ("none", None, None)
-    advice = advise(drive, [4.0], [0, 180], measured=measured, draws=0, cross_check=None)
+    advice = advise(drive, [4.0], [0, 180], measured=measured, draws=0, run=UNCHECKED)
     assert advice.order in ("turn", "leave")
 
 
@@ -168,9 +169,9 @@ def test_half_a_pitch_goes_the_same_way_in_every_state():
     """A flexspline that starts half a pitch on: no tooth is met twice, none is left out."""
     drive = load_preset(SMALL)
     measured = MeasuredTeeth(g=wheel(20 * np.random.default_rng(3).standard_normal(60)))
-    half = trace(drive, 4, start_deg=3.0, measured=measured, cross_check=None).error.rotation_arcsec
-    nearly = trace(drive, 4, start_deg=3.001, measured=measured, cross_check=None).error.rotation_arcsec
-    other = trace(drive, 4, start_deg=2.999, measured=measured, cross_check=None).error.rotation_arcsec
+    half = trace(drive, 4, start_deg=3.0, measured=measured, run=UNCHECKED).error.rotation_arcsec
+    nearly = trace(drive, 4, start_deg=3.001, measured=measured, run=UNCHECKED).error.rotation_arcsec
+    other = trace(drive, 4, start_deg=2.999, measured=measured, run=UNCHECKED).error.rotation_arcsec
     assert min(np.abs(half - nearly).max(), np.abs(half - other).max()) < 0.05
 
 

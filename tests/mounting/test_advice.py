@@ -14,6 +14,7 @@ from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.page import summary_line
 from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
 from hdassist.mounting.seat_page import instruction, seat_text, turn
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.console import Style
 from tests.process import SMALL
@@ -68,7 +69,7 @@ def test_bad_weights(weights):
 
 def test_a_free_angle_is_as_good_as_brute_force_in_one_degree_steps():
     drive = load_preset(SMALL, ["mounting.holes=0"])
-    curve = mounting_curve(drive, [4.0], seat_positions(drive, free_step=15.0), cross_check=None)
+    curve = mounting_curve(drive, [4.0], seat_positions(drive, free_step=15.0), run=UNCHECKED)
     search = ErrorMap(drive, 4.0)
     around = np.arange(-20, 21) + round(curve.recommended.rotation_deg)
     brute = min(search.extremes(rotated(drive, float(r))).first for r in around)

@@ -14,6 +14,7 @@ from hdassist.design.check import check
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.run.run import Run
 from tests.process import TINY, run
 
 OPEN = (
@@ -31,9 +32,9 @@ def drive_of(*overrides: str):
 @pytest.mark.parametrize("limit", [None, 28, 40])
 def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(limit):
     drive = drive_of(*([f"acceptance.F_ior={limit}"] if limit else []))
-    points = check(drive, draws=8, seed=3).points
-    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=8, seed=3)
-    sheet = sheet_of(drive, draws=8, seed=3)
+    points = check(drive, draws=8, run=Run(seed=3)).points
+    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=8, run=Run(seed=3))
+    sheet = sheet_of(drive, draws=8, run=Run(seed=3))
     for k, point in enumerate(points):
         belief = point.belief
         told = (belief.p5, belief.p50, belief.p95)
@@ -64,7 +65,7 @@ def test_samples_with_the_wheel_turned_are_searches_of_their_drives(fixed):
     drive = drive_of(f"mounting.fixed={fixed}", "tolerances.e_hg=20", "harmonics.a_b2=3", "harmonics.xi_b2=20")
     prior = prior_of(drive)
     turns = (0.0, 60.0, 200.0)
-    samples = draw_samples(prior, (4.0,), rotations_deg=turns, effort=SamplingEffort(4, 4, 8, 4), seed=1)
+    samples = draw_samples(prior, (4.0,), rotations_deg=turns, effort=SamplingEffort(4, 4, 8, 4), run=Run(seed=1))
     values = prior.values(prior.shares(8, 1))
     for row, number in enumerate(samples.numbers[:3]):
         sample = drive.with_values(values[number])
@@ -75,7 +76,7 @@ def test_samples_with_the_wheel_turned_are_searches_of_their_drives(fixed):
 
 def test_of_more_samples_the_first_are_those_of_fewer():
     prior = prior_of(drive_of())
-    many, few = (draw_samples(prior, (4.0,), effort=SamplingEffort(n, n, 64, 8), seed=1) for n in (24, 8))
+    many, few = (draw_samples(prior, (4.0,), effort=SamplingEffort(n, n, 64, 8), run=Run(seed=1)) for n in (24, 8))
     assert np.array_equal(many.first(few.draws).F_ior_arcsec, few.F_ior_arcsec)
     assert many.first(few.draws).effective == few.effective
 

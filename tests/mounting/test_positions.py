@@ -10,6 +10,7 @@ from hdassist.errors import UsageError
 from hdassist.mounting import curve as making
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY
 from tests.process import SMALL
 from tests.support import changed
@@ -28,7 +29,7 @@ def test_turning_the_wheel_is_turning_its_deviation():
 
 def test_with_the_flexspline_fixed_it_is_the_flexspline_that_turns():
     drive = load_preset(SMALL, ["mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0"])
-    curve = mounting_curve(drive, [1.0], [0.0, 90.0], cross_check=None)
+    curve = mounting_curve(drive, [1.0], [0.0, 90.0], run=UNCHECKED)
     alone = kinematic_error(changed(drive, phases__xi_g=90.0), 1.0)
     assert curve.F_ior_arcsec[0, 1] == pytest.approx(alone.F_ior_arcsec, abs=1e-9)
     assert curve.phase_deg.tolist() == [0, 90]
@@ -37,7 +38,7 @@ def test_with_the_flexspline_fixed_it_is_the_flexspline_that_turns():
 
 def test_a_full_turn_comes_home():
     drive = load_preset(SMALL)
-    curve = mounting_curve(drive, [1.0], [0.0, 360.0], cross_check=None)
+    curve = mounting_curve(drive, [1.0], [0.0, 360.0], run=UNCHECKED)
     assert curve.F_ior_arcsec[0, 1] == pytest.approx(curve.F_ior_arcsec[0, 0], abs=1e-7)
 
 
@@ -85,11 +86,11 @@ ROTATIONS = [30.0 * k for k in range(12)]
 
 @pytest.fixture(scope="module")
 def every_state():
-    return mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None)
+    return mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, run=UNCHECKED)
 
 
 def test_searched_curves_are_those_of_every_state(every_state):
-    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, proposed_from=0, cross_check=None)
+    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, proposed_from=0, run=UNCHECKED)
     assert searched.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=0.01)
     # what the advice rests on is proven: the present and the recommended position
     for torque in range(2):
@@ -103,7 +104,7 @@ def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     real = making._searched
     monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
     some = slice(None, None, 3)
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], proposed_from=0, cross_check=None)
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], proposed_from=0, run=UNCHECKED)
     assert curve.every_state.all()
     assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, some], abs=1e-9)
 
@@ -123,7 +124,7 @@ class Impatient(Executor):
 
 
 def test_an_interrupt_keeps_what_is_done_for_all_torques(every_state):
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None, executor=Impatient(7))
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, run=Run(Impatient(7), cross_check=None))
     assert curve.interrupted
     assert (len(curve.rotation_deg), curve.missing) == (3, 9)
     # spread over the turn, not its first part
@@ -134,4 +135,4 @@ def test_an_interrupt_keeps_what_is_done_for_all_torques(every_state):
 
 def test_an_interrupt_with_nothing_done_is_just_that():
     with pytest.raises(KeyboardInterrupt):
-        mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, cross_check=None, executor=Impatient(1))
+        mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, run=Run(Impatient(1), cross_check=None))

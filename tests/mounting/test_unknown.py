@@ -11,6 +11,7 @@ from hdassist.model.deviations import deviation_scalars
 from hdassist.mounting.advice import advise
 from hdassist.mounting.page import card_facts, summary_line, to_json, what_to_do
 from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal.texts import texts
 from tests.process import SMALL, run
 from tests.support import changed
@@ -20,7 +21,7 @@ OVAL = ("harmonics.a_b2=1", "harmonics.xi_b2=unknown", "mounting.holes=6", "oper
 
 def advice_on(*overrides: str, **options):
     drive = load_preset(SMALL, list(overrides))
-    return advise(drive, drive.operation.M_g, seat_positions(drive), cross_check=None, **options)
+    return advise(drive, drive.operation.M_g, seat_positions(drive), run=UNCHECKED, **options)
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_state
 from hdassist.mounting.positions import MountingCurve, seat_positions
 from hdassist.preset.fields import Acceptance, Drive, field_table, fields
 from hdassist.preset.kinds import is_optional, kind_of
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict
 from tests.support import changed, solve_state, wind_up
@@ -50,7 +51,7 @@ def on_balls(drive: Drive) -> float:
 
 def turn(drive: Drive) -> KinematicError:
     states = pitch_locked_states(Kinematics.of(drive), np.arange(0, 404, 2), 0.3)
-    return kinematic_error(drive, 80, states=states, cross_check=None)
+    return kinematic_error(drive, 80, states=states, run=UNCHECKED)
 
 
 def error(drive: Drive) -> float:
@@ -227,7 +228,7 @@ def test_fixed_wheel_reverses_the_error(reference):
     assert Kinematics.of(other).u == 101
     rows = np.arange(100)
     one, two = (
-        kinematic_error(d, 80, states=pitch_locked_states(Kinematics.of(d), rows), cross_check=None)
+        kinematic_error(d, 80, states=pitch_locked_states(Kinematics.of(d), rows), run=UNCHECKED)
         for d in (reference, other)
     )
     assert two.error_arcsec == pytest.approx(-one.error_arcsec, abs=1e-7)

@@ -18,6 +18,7 @@ from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.schema import counted, resolved
 from hdassist.preset.similarity import LAWS, F_p, Wish, rated_of, similar
+from hdassist.run.run import UNCHECKED
 
 LIKE = load_preset("vzp160")
 
@@ -69,7 +70,7 @@ def test_nothing_but_the_size_changes_in_what_is_twice_as_large() -> None:
 
 
 def test_stiffness_grows_with_the_cube_of_the_diameter() -> None:
-    K = [np.array([s.stiffness for s in stiffness(made(diameter=d), points=2, cross_check=None).positive])
+    K = [np.array([s.stiffness for s in stiffness(made(diameter=d), points=2, run=UNCHECKED).positive])
          for d in (40.0, 80.0)]  # fmt: skip
     np.testing.assert_allclose(K[1] / K[0], 8, rtol=0.01)
 
@@ -79,7 +80,7 @@ def test_it_can_be_computed(z_g: int, d: float) -> None:
     drive = made(z_g=z_g, diameter=d)
     states = pitch_locked_states(Kinematics.of(drive), np.arange(100), 0.3)  # neighbours: far states are slow
     for torque in drive.operation.M_g:
-        found = kinematic_error(drive, torque, states=states, cross_check=None)
+        found = kinematic_error(drive, torque, states=states, run=UNCHECKED)
         assert 0 < found.range_arcsec < found.wind_up_arcsec
 
 

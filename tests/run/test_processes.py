@@ -48,12 +48,14 @@ import numpy as np
 from hdassist import kinematic_error, load_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.processes import workers
+from hdassist.run.run import Run
 
 drive = load_preset({small!r})
 states = pitch_locked_states(Kinematics.of(drive), np.arange(4))
-here = kinematic_error(drive, 4.0, states=states, cross_check="CLARABEL", sample=1)
+asked = {{"states": states, "run": Run(cross_check="CLARABEL"), "sample": 1}}
+here = kinematic_error(drive, 4.0, **asked)
 with workers(1) as executor:
-    there = executor.submit(kinematic_error, drive, 4.0, states=states, cross_check="CLARABEL", sample=1).result()
+    there = executor.submit(kinematic_error, drive, 4.0, **asked).result()
 print(np.array_equal(here.rotation_arcsec, there.rotation_arcsec))
 """
 

@@ -8,6 +8,7 @@ from hdassist.error.cycle import _formulations
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.run.run import UNCHECKED
 from hdassist.solve import pivoting
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, N_MM
@@ -98,7 +99,7 @@ def test_the_cycle_of_the_reference_drive(reference, torque):
 @pytest.mark.parametrize("M_g", [4.0, 0.05, -1.0])
 def test_cycles_of_small_drives(sets, M_g):
     drive = load_preset(SMALL, sets)
-    found = kinematic_error(drive, M_g, cross_check=None)
+    found = kinematic_error(drive, M_g, run=UNCHECKED)
     rotation_arcsec, zone_share = cycle_one_by_one(drive, M_g)
     # next to no torque rests on a single flank, which cannot leave before another one has come
     assert found.certificate.fallbacks <= (0.02 * len(found.states) if M_g == 0.05 else 0)
@@ -110,7 +111,7 @@ def test_measured_teeth(small):
     rng = np.random.default_rng(5)
     z_g, z_b = small.gears.z_g, small.gears.z_b
     teeth = ToothDeviations(g=rng.normal(0, 5, z_g), b=rng.normal(0, 5, z_b))
-    found = kinematic_error(small, 2.0, teeth=teeth, cross_check=None)
+    found = kinematic_error(small, 2.0, teeth=teeth, run=UNCHECKED)
     assert found.certificate.fallbacks == 0
     assert found.rotation_arcsec == pytest.approx(cycle_one_by_one(small, 2.0, teeth)[0], abs=EXACT)
 

@@ -13,6 +13,7 @@ from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve import activeset, compiled, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
@@ -117,8 +118,8 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
 @pytest.mark.parametrize("solver", ["daqp", "clarabel", "osqp", "highs", "scs"])
 def test_every_state_can_go_through_cvxpy(reference, solver):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(0, 202, 40))
-    direct = kinematic_error(reference, 80, states=states, cross_check=None)
-    through = kinematic_error(reference, 80, states=states, cross_check=None, solver=solver)
+    direct = kinematic_error(reference, 80, states=states, run=UNCHECKED)
+    through = kinematic_error(reference, 80, states=states, run=UNCHECKED, solver=solver)
     assert through.rotation_arcsec == pytest.approx(direct.rotation_arcsec, abs=1e-3)
 
 
@@ -306,7 +307,7 @@ def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference,
     monkeypatch.setattr(throughcvxpy, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
     with pytest.raises(UntrustedError, match=r"state not solved at phi_h = 0|could not solve a state"):
-        kinematic_error(reference, 80, states=states, cross_check=None, solver=solver)
+        kinematic_error(reference, 80, states=states, run=UNCHECKED, solver=solver)
     assert len(asked) == 1
 
 
@@ -330,7 +331,7 @@ def test_a_window_too_narrow_is_outside_the_model(reference):
 
 def test_progress_counts_every_state(reference, system, formulation):
     seen, states = [], pitch_locked_states(Kinematics.of(reference), np.arange(30))
-    result = kinematic_error(reference, 80, states=states, cross_check=None, progress=seen.append)
+    result = kinematic_error(reference, 80, states=states, run=Run(None, seen.append, cross_check=None))
     assert sum(seen) == 30 == result.certificate.states
     seen.clear()
     gaps = state_gaps(reference, system, states)
@@ -343,7 +344,9 @@ def test_progress_counts_every_state(reference, system, formulation):
 
 def test_the_sample_of_the_cross_check_is_seeded(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(600))
-    one, same, other = (kinematic_error(reference, 80, states=states, seed=seed).cross_check for seed in (1, 1, 2))
+    one, same, other = (
+        kinematic_error(reference, 80, states=states, run=Run(seed=seed)).cross_check for seed in (1, 1, 2)
+    )
     assert one == same
     assert 8 <= one.states <= 10
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec

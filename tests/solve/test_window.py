@@ -9,6 +9,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.window import FIELD, WIDEST, EdgeOfWindowError, in_wide_enough_window, with_window
 from tests.process import SMALL, run
 
@@ -68,7 +69,7 @@ def test_other_errors_are_not_met_with_a_wider_window():
 
 def test_a_program_is_told_the_override():
     with pytest.raises(EdgeOfWindowError, match="outermost tooth of the flank window") as error:
-        stiffness(load_preset(SMALL, [f"{FIELD}={NARROW}"]), cross_check=None)
+        stiffness(load_preset(SMALL, [f"{FIELD}={NARROW}"]), run=UNCHECKED)
     assert error.value.exit_code == 5
     assert "--set numerics.window=" in error.value.hint
 

@@ -10,6 +10,7 @@ from hdassist import Drive, load_preset
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import merit, rotated
+from hdassist.run.run import Run
 from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import STEP, Production, RandomDrive
 from tests.process import ASSUMED, SMALL, TINY
@@ -72,7 +73,7 @@ def test_a_drive_is_the_same_in_any_chunk_and_process(production: Production, re
     assert production.records(2, 4) == records[2:4]
     with ThreadPoolExecutor(1) as executor:
         law = production_law(production.drive)
-        again, _ = Production.of(law, TORQUES, seed=1, steps=True).with_designs(COUNT, executor=executor)
+        again, _ = Production.of(law, TORQUES, seed=1, steps=True).with_designs(COUNT, run=Run(executor))
     assert again.records(4, 5) == records[4:5]
 
 

@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 from hdassist import Drive, kinematic_error, load_preset
 from hdassist.error.error_map import ErrorMap, searchable
+from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.parameter_sets import COUNT, F_ior_over_sets, scatter, span
 
@@ -23,7 +24,7 @@ def F_ior(drive: Drive, M_g: float, phase: float) -> float:
     there = changed(drive, phases__xi_b=phase)
     if searchable(there):
         return ErrorMap(there, M_g).extremes(there).first
-    return kinematic_error(there, M_g, cross_check=None).F_ior_arcsec
+    return kinematic_error(there, M_g, run=UNCHECKED).F_ior_arcsec
 
 
 def refitted(drive: Drive, to: float) -> float:

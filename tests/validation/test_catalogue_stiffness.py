@@ -9,6 +9,7 @@ import pytest
 from benchmarks.catalogue import CLEARED
 from hdassist import Stiffness, load_preset, stiffness
 from hdassist.model.geometry import Array
+from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Information, Kind, about, parameters
 
@@ -29,7 +30,7 @@ STATIONS = 5
 
 @cache
 def curve(**fields: float) -> Stiffness:
-    return stiffness(changed(load_preset("vzp160"), **fields), cross_check=None)
+    return stiffness(changed(load_preset("vzp160"), **fields), run=UNCHECKED)
 
 
 def K(k: int, **fields: float) -> float:
@@ -70,7 +71,7 @@ def table() -> str:
     lines = ["| size | K1 | K2 | K3 over the catalogue's | lost motion |", "|---|---|---|---|---|"]
     for size in (14, *SIMILAR):
         drive = load_preset(f"size-{size}-100")
-        own, said = stiffness(drive, cross_check=None), drive.catalogue
+        own, said = stiffness(drive, run=UNCHECKED), drive.catalogue
         pairs = zip(own.positive, (said.K_1, said.K_2, said.K_3), strict=True)
         cells = [f"{part.stiffness / K:.2f}" for part, K in pairs]
         lines.append(f"| {size} | {' | '.join(cells)} | {own.lost_motion_arcsec:.0f}″ |")
@@ -84,7 +85,7 @@ def ratios(modules: float = 0.0) -> Array:
     for size in SIMILAR:
         drive = load_preset(f"size-{size}-100")
         fields = {"gears__j_n": 1e3 * modules * drive.gears.m} if modules else {}
-        own = stiffness(changed(drive, **fields), points=0, cross_check=None).positive
+        own = stiffness(changed(drive, **fields), points=0, run=UNCHECKED).positive
         said = drive.catalogue
         found.append([part.stiffness / K for part, K in zip(own, (said.K_1, said.K_2, said.K_3), strict=True)])
     return np.array(found)

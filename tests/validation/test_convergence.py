@@ -11,6 +11,7 @@ from hdassist.error.self_error import self_error
 from hdassist.model import geometry
 from hdassist.model.contacts import contact_system
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 
@@ -50,7 +51,7 @@ def strided() -> float:
     """Share of F'_ior that every 101st state shows: two cam angles only."""
     drive = load_preset("vzp160")
     states = pitch_locked_states(Kinematics.of(drive), np.arange(0, 20200, 101))
-    return kinematic_error(drive, 80.0, states=states, cross_check=None).range_arcsec / F_ior(80.0)
+    return kinematic_error(drive, 80.0, states=states, run=UNCHECKED).range_arcsec / F_ior(80.0)
 
 
 def flank_samples() -> float:

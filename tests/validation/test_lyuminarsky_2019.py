@@ -13,6 +13,7 @@ from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.trace import trace
 from hdassist.model.geometry import Array
+from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.parameter_sets import TORQUES, F_ior_over_sets, span
@@ -41,13 +42,13 @@ def own() -> dict[float, SelfError]:
 
 @cache
 def cycle(M_g: float, phase: float) -> KinematicError:
-    return kinematic_error(changed(load_preset("vzp160"), phases__xi_b=phase), M_g, cross_check=None)
+    return kinematic_error(changed(load_preset("vzp160"), phases__xi_b=phase), M_g, run=UNCHECKED)
 
 
 def revolutions(drive: Drive, M_g: float, starts: Iterable[float]) -> list[KinematicError]:
     """One cam revolution from each of some starts, at the phase of Fig. 2."""
     drive = changed(drive, phases__xi_b=FIG_2["xi_b"])
-    return [trace(drive, M_g, start_deg=start, cross_check=None).error for start in starts]
+    return [trace(drive, M_g, start_deg=start, run=UNCHECKED).error for start in starts]
 
 
 def ratio(drive: Drive) -> float:

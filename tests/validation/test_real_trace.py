@@ -6,6 +6,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 
@@ -24,7 +25,7 @@ def needed() -> float:
     none = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
     drive = changed(load_preset("vzp160"), **none, harmonics__a_b2=1.0)
     states = pitch_locked_states(Kinematics.of(drive), np.arange(202))
-    error = kinematic_error(drive, 80, states=states, cross_check=None).error_arcsec
+    error = kinematic_error(drive, 80, states=states, run=UNCHECKED).error_arcsec
     a_um = 2 * abs(np.fft.rfft(error)[2]) / len(error)
     return ORDER_2 / (a_um * DIAMETER / (MM_A_SIZE * SIZE))
 
