@@ -80,7 +80,7 @@ class Prediction(Trial):
 
 
 def weeded(prior: Prior, trials: Sequence[Trial], count: int = WEEDED) -> Prior:
-    """The prior with about so many of its samples, those that the trials make likely, all or the first few of them.
+    """The prior with at most about so many of its samples, those that all or the first of the trials make likely.
 
     Kept by chance with a probability that their weight is divided by: the sum of weights stays right on average.
     """
@@ -92,11 +92,7 @@ def weeded(prior: Prior, trials: Sequence[Trial], count: int = WEEDED) -> Prior:
         off = (trial.F_ior_arcsec - f) / np.hypot(2 * prior.noise(f), (SCALE + MISFITS[-1]) * f)
         log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
         chance = chance + softmax(log)
-    low, high = 0.0, float(count)
-    for _ in range(50):
-        factor = (low + high) / 2
-        low, high = (factor, high) if np.minimum(factor * chance, 1).sum() < count else (low, factor)
-    chance = np.minimum(high * chance, 1)
+    chance = np.minimum(count / (len(trials) + 1) * chance, 1)
     kept = rng.random(len(possible)) < chance
     left = np.zeros(prior.weight.size)
     left[possible[kept]] = (weight / chance)[kept]
@@ -273,17 +269,24 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     """
     tried = sorted({trial.rotation_deg for trial in trials})
     y = np.array([np.mean([t.F_ior_arcsec for t in trials if t.rotation_deg == rotation]) for rotation in tried])
-    f = prior.at(tried, prior.possible)
-    squares, _ = _likelihood(f, y, prior.noise(y), _variance(prior, MISFITS[-1], prior.possible), tried)
+    f, every = prior.at(tried, prior.possible), list(range(len(tried)))
+
+    def off(some: list[int]) -> Array:
+        variance = _variance(prior, MISFITS[-1], prior.possible)
+        return _likelihood(f[:, some], y[some], prior.noise(y[some]), variance, [tried[k] for k in some])[0]
+
+    squares = off(every)
     nearest = int(np.argmin(squares))
     if chi2.sf(squares[nearest], len(tried)) >= UNLIKELY:
         return
-    if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
+    others = {k: [j for j in every if j != k] for k in every if len(tried) >= ANY_TWO}
+    alone = [k for k, rest in others.items() if chi2.sf(off(rest).min(), len(rest)) >= UNLIKELY]
+    if len(alone) == 1:
         if len(tried) > ANY_TWO:
             return  # it may be misread, which is taken into account
-        where = hole_words(tried[alone], prior.drive.mounting.holes)
+        where = hole_words(tried[alone[0]], prior.drive.mounting.holes)
         raise UntrustedError(
-            f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
+            f"{where}: measured {y[alone[0]]:g} arcsec contradicts the others, which drives of this preset explain",
             "measure it again, and look how holes were counted",
         )
     told = ", ".join(
@@ -298,18 +301,3 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
         f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )
-
-
-def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
-    """The one value without which a sample comes to the others; None where there is none, or several.
-
-    Arguments: F'_ior of the samples at the trials, shape (samples, trials); measured values; positions of them [deg].
-    """
-    found = []
-    for k in range(len(tried)):
-        rest = [j for j in range(len(tried)) if j != k]
-        variance = _variance(prior, MISFITS[-1], prior.possible)
-        squares, _ = _likelihood(f[:, rest], y[rest], prior.noise(y[rest]), variance, [tried[j] for j in rest])
-        if chi2.sf(squares.min(), len(rest)) >= UNLIKELY:
-            found.append(k)
-    return found[0] if len(found) == 1 else None

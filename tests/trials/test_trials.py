@@ -116,7 +116,7 @@ def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evi
 def test_samples_that_are_weeded_say_what_all_say(cloud: Prior) -> None:
     tried = trials(measured(50.0, 20.0), (*THIRDS, 60.0))
     few = weeded(cloud, tried, 1500)
-    assert 1300 < np.count_nonzero(few.weight) < 1700
+    assert 500 < np.count_nonzero(few.weight) < 1600
     for count in (1, 4):
         every, some = (learnt(prior, tried[:count], POSITIONS) for prior in (cloud, few))
         assert some[0].effective > 0.5 * min(every[0].effective, 1500)
@@ -674,7 +674,7 @@ def test_one_misread_value_of_six_carries_no_order(cloud: Prior) -> None:
 
 def test_a_value_of_three_that_no_drive_shows_beside_the_others_is_named(cloud: Prior) -> None:
     tried = [*trials(measured(50.0, 20.0), THIRDS[:2]), Trial(240.0, 900.0)]
-    with pytest.raises(UntrustedError, match=r"hole 8 \(240 deg\): measured 900 arcsec contradicts the other trials"):
+    with pytest.raises(UntrustedError, match=r"hole 8 \(240 deg\): measured 900 arcsec contradicts the others"):
         require_reachable(cloud, tried)
 
 
