@@ -1,7 +1,7 @@
 """Speed and memory of what users wait for, in one run: `python -m benchmarks [--quick] [--json FILE] [--write]`.
 
 Prints every target with what was measured. --write makes docs/performance.md of it; --from takes the numbers of an
-earlier run instead of measuring.
+earlier run instead of measuring, but for parts that are measured anew (--anew engine --anew proposals).
 """
 
 from __future__ import annotations
@@ -11,35 +11,35 @@ import json
 import os
 import sys
 import time
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks import machine, page, processes
+from benchmarks import machine, page
 from benchmarks.rows import rows
 
 FORMAT = "hdassist.benchmarks/3"
 
 
-def measure(quick: bool) -> dict[str, Any]:
-    """Everything there is to measure, one part after another so that none disturbs another."""
-    measured: dict[str, Any] = {"schema": FORMAT, "quick": quick, "machine": machine.machine()}
-    # a child starts with its parent's memory on its account: nothing heavy is imported before these are measured
-    measured["processes"] = _timed("processes", processes.measure, quick)
-    from benchmarks import coned, engine, growth, proposals, tolerance
+# a child starts with its parent's memory on its account: nothing heavy is imported before processes are measured
+PARTS = ("processes", "engine", "growth", "coned", "proposals", "tolerance")
 
-    measured["engine"] = _timed("engine", engine.measure, quick)
-    measured["growth"] = _timed("growth", growth.measure, quick)
-    measured["coned"] = _timed("coned", coned.measure, quick)
-    measured["proposals"] = _timed("proposals", proposals.measure, quick)
-    measured["tolerance"] = _timed("tolerance", tolerance.measure, quick)
+
+def measure(quick: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:
+    """Parts of what there is to measure, one after another so that none disturbs another."""
+    measured: dict[str, Any] = {"schema": FORMAT, "quick": quick, "machine": machine.machine()}
+    for name in parts:
+        begun = time.monotonic()
+        measured[name] = import_module(f"benchmarks.{name}").measure(quick)
+        sys.stderr.write(f"{name}: measured in {time.monotonic() - begun:.0f} s\n")
     return measured
 
 
-def _timed(name: str, part: Any, quick: bool) -> Any:
-    begun = time.monotonic()
-    found = part(quick)
-    sys.stderr.write(f"{name}: measured in {time.monotonic() - begun:.0f} s\n")
-    return found
+def joined(earlier: dict[str, Any], later: dict[str, Any]) -> dict[str, Any]:
+    """An earlier run with parts that were measured anew, and on which machine."""
+    anew = {"parts": [name for name in PARTS if name in later], "load": later["machine"]["load"]}
+    return earlier | later | {"machine": earlier["machine"], "anew": anew}
 
 
 def table(measured: dict[str, Any]) -> str:
@@ -60,6 +60,7 @@ def main() -> None:
     reader.add_argument("--quick", action="store_true", help="fewer runs and cases, no solvers through cvxpy")
     reader.add_argument("--json", metavar="FILE", help="write the measurements to FILE")
     reader.add_argument("--from", metavar="FILE", dest="earlier", help="read the measurements of an earlier run")
+    reader.add_argument("--anew", metavar="PART", choices=PARTS, action="append", help="measure a part of it anew")
     reader.add_argument("--write", action="store_true", help="write docs/performance.md")
     options = reader.parse_args()
     if options.write and options.quick:
@@ -69,6 +70,8 @@ def main() -> None:
         measured = json.loads(Path(options.earlier).read_text(encoding="utf-8"))
         if measured.get("schema") != FORMAT or (options.write and measured["quick"]):
             reader.error(f"{options.earlier} does not hold a full run of this format")
+        if options.anew:
+            measured = joined(measured, measure(options.quick, options.anew))
     else:
         measured = measure(options.quick)
     print(table(measured))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from hdassist import Drive, Stiffness, load_preset, stiffness
 from hdassist.loading.load import load_text
-from hdassist.loading.write_similar import similar_preset
+from hdassist.loading.write import similar_preset
 from hdassist.preset.similarity import Entry, Wish
 from hdassist.run.run import UNCHECKED
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/presets.md"
 BEGIN, END = "<!-- made by python -m benchmarks.catalogue -->\n", "<!-- end -->\n"
 MM_A_SIZE = 2.54
-CLEARED = 0.0165  # modules per flank: the clearance that brings K1 of most sizes to their catalogue's
+CLEARED = 0.014  # modules per flank: the clearance that brings K1 of most sizes to their catalogue's
 
 HD = "Harmonic Drive CSF/CSG catalogue"
 SECOND_HAND = (

@@ -15,7 +15,7 @@ import numpy as np
 
 from hdassist import load_preset, trace
 from hdassist.comparing.compare import RecordConvention, compare
-from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.comparing.vectors import VECTORS, size_and_direction, vectors_of, with_vectors
 from hdassist.run.run import UNCHECKED
 from tests.rigs import recorded, slow_noise
 
@@ -23,6 +23,7 @@ SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
 TURNS = (30, 12, 8, 4)
 NOISE = 0.5  # arcsec, white, or with a memory of five steps in every fifth rig
 M_G = 4.0
+SIZES = [vector.size for vector in VECTORS]
 
 
 def rig(seed: int) -> None:
@@ -31,7 +32,7 @@ def rig(seed: int) -> None:
     turns, given = TURNS[seed // 2 % len(TURNS)], bool(seed % 2)
     vectors, hidden, k = vectors_of(drive), drive, None
     if seed % 3:
-        k = int(rng.choice([0, 1, 1, 2, 2, 3]))
+        k = SIZES.index(rng.choice(["tolerances.F_i1", *["tolerances.F_i2", "tolerances.e_hb"] * 2, "tolerances.e_hh"]))
         vectors[k] += rng.uniform(6, 25) * np.exp(1j * rng.uniform(0, 2 * np.pi))
         hidden = with_vectors(drive, vectors, [k])
     start = float(rng.uniform(0, 360))
@@ -42,14 +43,15 @@ def rig(seed: int) -> None:
     result = compare(record, drive, M_G, convention=RecordConvention(start_deg=start if given else None))
     words = [f"rig {seed}: {turns} turns, start {'given' if given else 'fitted'}: {result.conclusion.kind}"]
     if result.conclusion.best:
-        words.append("+".join(VECTORS[i].size for i in result.conclusion.best.vectors))
+        words.append("+".join(result.conclusion.best.deviations))
     if k is not None:
         words.append(f"hidden {VECTORS[k].size}")
     if k is not None and result.singles:
+        size, direction = size_and_direction(drive, vectors, k)
         for change in result.singles[k].changes:
-            words.append(f"size {change.size_um - abs(vectors[k]):+.2f} um, u {change.size_uncertainty_um:.2f}")
+            words.append(f"size {change.size_um - size:+.2f} um, u {change.size_uncertainty_um:.2f}")
             if change.direction_deg is not None:
-                off = (change.direction_deg - np.degrees(np.angle(vectors[k])) + 180) % 360 - 180
+                off = (change.direction_deg - direction + 180) % 360 - 180
                 words.append(f"direction {off:+.2f} deg, u {change.direction_uncertainty_deg:.2f}")
     print("; ".join(words), flush=True)
 

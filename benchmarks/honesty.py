@@ -93,7 +93,7 @@ def hidden_drive(rng: np.random.Generator):
     from hdassist.belief.evidence import stiffness_figures
     from hdassist.belief.prior import prior_of
     from hdassist.loading.load import load_text
-    from hdassist.loading.write_similar import similar_preset
+    from hdassist.loading.write import similar_preset
     from hdassist.model.rules import first_conflict
     from hdassist.preset.wishes import read_wish
     from hdassist.solve.window import in_wide_enough_window

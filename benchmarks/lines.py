@@ -110,9 +110,7 @@ def rig(group: Group, seed: int) -> Rig:
 
 def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
     """What the tool says of a rig: truths, value, interval, verdicts at both truths; None where it refuses."""
-    from hdassist.acceptance.accept import value_of
-    from hdassist.acceptance.checks import F_IOR
-    from hdassist.acceptance.decision import decide
+    from hdassist.acceptance.decision import Value, decide
     from hdassist.acceptance.limits import Limit
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
@@ -126,8 +124,8 @@ def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
         ).directions
     except HdassistError:
         return None
-    limits = [Limit(F_IOR, true) for true in (made.recorded, made.any_cycle)]
-    verdicts = [decide(limit, value_of(limit, found), "guard", 0.0).verdict for limit in limits]
+    limits = [Limit("F_IOR", true) for true in (made.recorded, made.any_cycle)]
+    verdicts = [decide(limit, Value.measured(limit, found), "guard", 0.0).verdict for limit in limits]
     passes = [float(v == "PASS") for v in verdicts]
     low, high = found.interval_arcsec
     lines = len(found.lines)

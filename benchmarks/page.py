@@ -18,6 +18,7 @@ def page(measured: dict[str, Any]) -> str:
     parts = [
         HEAD,
         _machine(measured["machine"]),
+        *_anew(**measured.get("anew", {})),
         "## Targets\n",
         _table(("work", "target", "measured", ""), map(_target, targets)),
         _missed(targets),
@@ -52,6 +53,11 @@ def _machine(machine: dict[str, Any]) -> str:
         f"{name} {value}" for name, value in machine.items() if name not in ("processor", "cores", "load")
     )
     return f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start; {versions}.\n"
+
+
+def _anew(parts: Iterable[str] = (), load: float = 0.0) -> Iterable[str]:
+    if parts:
+        yield f"Measured anew later, at load {load}, each compared within itself: {', '.join(parts)}.\n"
 
 
 def _table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.terminal_theme import DIMMED_MONOKAI, TerminalTheme
 from rich.text import Text
 
-from hdassist.explorer.writing import without_fonts
+from hdassist.explorer.export import without_fonts
 from tests.process import run
 
 COMMAND = ("mount", "vzp160", "--torque", "80", "--set", "bearing.g_b=0")

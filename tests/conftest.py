@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,7 +10,14 @@ import pytest
 from hypothesis import settings
 
 from hdassist.cli.main import THREADS
-from tests.process import hear_what_is_ignored
+from hdassist.run.cache import FOLDER, NO_CACHE
+
+IS_WORKER = "PYTEST_XDIST_WORKER" in os.environ
+if not IS_WORKER:  # never the user's own cache; workers share one
+    os.environ[FOLDER] = tempfile.mkdtemp(prefix="hdassist-tests-")
+os.environ[NO_CACHE] = "1"  # samples are drawn, but where a test is of those that are kept
+
+from tests.process import hear_what_is_ignored  # noqa: E402 (its processes get the environment of now)
 
 if TYPE_CHECKING:
     from hdassist import Drive
@@ -21,6 +30,11 @@ settings.load_profile("steady")
 hear_what_is_ignored()
 
 ROOT = Path(__file__).parents[1]
+
+
+def pytest_sessionfinish() -> None:
+    if not IS_WORKER:
+        shutil.rmtree(os.environ[FOLDER], ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

@@ -28,6 +28,7 @@ from unittest import mock
 import typer.main
 
 from hdassist.cli.main import main
+from hdassist.run.cache import FOLDER, NO_CACHE
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
 TINY = str(Path(__file__).parent / "data/tiny.yaml")  # for what is said and done, whatever the numbers are
@@ -41,7 +42,8 @@ CLEAN = {
     "PYTHONPATH": ROOT,
     "HDASSIST_STRICT": "1",
 }
-CLEAN |= {name: text for name, text in os.environ.items() if name.startswith("OPENBLAS_")}  # the kernels numpy has here
+# the kernels numpy has here; the tests' own cache
+CLEAN |= {name: text for name, text in os.environ.items() if name.startswith(("OPENBLAS_", FOLDER, NO_CACHE))}
 LONGEST = 240  # s of one process
 _get_command = cache(typer.main.get_command)  # half of the time of a command that reads little
 

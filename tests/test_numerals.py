@@ -5,7 +5,7 @@ from math import inf, isnan
 
 import pytest
 
-from hdassist.acceptance.limit_parser import LimitText
+from hdassist.acceptance.limits import LimitText
 from hdassist.errors import UsageError
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated

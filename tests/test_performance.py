@@ -3,6 +3,7 @@
 import pytest
 
 from benchmarks import engine, processes, proposals
+from benchmarks.__main__ import joined
 from benchmarks.page import page
 from benchmarks.rows import rows
 from benchmarks.words import NUMPY, REASONS, WALK, WARM_DAQP
@@ -51,6 +52,14 @@ def test_the_page_has_every_target_and_part():
     for run in slow()["processes"]["runs"]:
         assert f"| `{run['command']}` | 1 | 90.00 |" in made
     assert "| random drives | 1 | 10.00″ to 10.00″ | 20200, 100 | 3800, 40 | 1.0e+00″ (10.00%) | 1 |" in made
+
+
+def test_parts_that_were_measured_anew_are_named():
+    later = {"engine": slow()["engine"], "machine": {"load": 3.5}}
+    made = page(joined(slow(), later))
+    assert "Measured anew later, at load 3.5, each compared within itself: engine." in made
+    assert "load 0.1 at the start" in made
+    assert "anew later" not in page(slow())
 
 
 def test_engines_take_turns_over_the_states_that_proposals_solve():

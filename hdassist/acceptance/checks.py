@@ -62,15 +62,6 @@ class Check(Explained):
         """Unit of its value and limit, as JSON has it."""
         return unit_of(Acceptance.model_fields[self.field])
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """A check goes to another process by its code: its functions cannot."""
-        return check_of, (self.code,)
-
-
-@dataclass(frozen=True)
-class Remark(Explained):
-    """Something that a verdict should not be read without."""
-
 
 def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] | None:
     near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.bins.span]
@@ -154,9 +145,10 @@ STIFFNESSES = K1, K2, K3 = tuple(
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
 )
-CHECKS = (F_IOR, TURN_RANGE, ORDER, SELF_ERROR, LOST_MOTION, *STIFFNESSES)
+CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER, LOST_MOTION, *STIFFNESSES)
 
-COVERAGE = Remark(
+# remarks that a verdict should not be read without
+COVERAGE = Explained(
     "COVERAGE",
     "part of the cycle only",
     "Whether the record visited the full cycle of cam and output.",
@@ -164,14 +156,14 @@ COVERAGE = Remark(
     "Record the full cycle in one direction: one turn of the output, two where the flexspline has an odd number of "
     "teeth.",
 )
-UNCERTAINTY = Remark(
+UNCERTAINTY = Explained(
     "UNCERTAINTY",
     "uncertain beside its limit",
     "Whether the expanded uncertainty of a measured value is at most a quarter of its limit.",
     "Guard bands eat the tolerance: good drives come out INCONCLUSIVE, and a simple rule passes bad ones.",
     "A longer or quieter record, repeated runs; less uncertainty of encoder and coupling.",
 )
-BUDGET = Remark(
+BUDGET = Explained(
     "BUDGET",
     "uncertainty not stated",
     "Whether every source of uncertainty that a record cannot tell has been stated.",
@@ -179,7 +171,7 @@ BUDGET = Remark(
     "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing; the guard rule "
     "passes nothing without.",
 )
-LINES = Remark(
+LINES = Explained(
     "LINES",
     "lines off the orders",
     "Whether the record has lines that are none of the declared orders: a ball pass, a cage, the rig.",
@@ -187,21 +179,21 @@ LINES = Remark(
     "may make it greater, for which the guard rule keeps room.",
     "Find what turns at that order and mend it; --orders takes it in where it belongs to the cam or the teeth.",
 )
-RECORD = Remark(
+RECORD = Explained(
     "RECORD",
     "the record is not clean",
     "Whether the record drifts, or has error beyond the declared orders.",
     "What is left in adds to the uncertainty, or to the value itself.",
     "--drift linear, or more --orders; hdassist measure shows both.",
 )
-RATED = Remark(
+RATED = Explained(
     "RATED",
     "above the rated torque",
     "Whether the torque of a check is within the rated torque.",
     "The model is compared with tests up to the rated torque only; teeth may ratchet beyond.",
     "Test at or below operation.rated.",
 )
-UNKNOWN = Remark(
+UNKNOWN = Explained(
     "UNKNOWN",
     "deviations that are not known",
     "Whether the preset gives every deviation, phase and harmonic that a prediction depends on.",
@@ -209,7 +201,7 @@ UNKNOWN = Remark(
     "keeps the limit with 95 % probability, and fails where with 5 % at most.",
     "Give it in the preset, 0 where it is known to be none; or measure the drive.",
 )
-NOT_TESTED = Remark(
+NOT_TESTED = Explained(
     "NOT_TESTED",
     "limits not tested",
     "Whether each limit of the preset was decided on.",

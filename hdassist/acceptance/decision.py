@@ -9,13 +9,16 @@ of keeping the limit over all that is not known exactly. That is no decision on 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
-from hdassist.acceptance.checks import Extent, check_of
-from hdassist.acceptance.limits import Limit
+from hdassist.acceptance.checks import Extent
+from hdassist.acceptance.limits import Limit, LimitText
 from hdassist.acceptance.predictions import Belief, Predictions
+from hdassist.errors import UsageError
+from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.run.kept import ClosedRecord
 from hdassist.verdict import Verdict, verdict_by_probability
 
@@ -26,20 +29,20 @@ Rule = Literal["guard", "simple"]
 
 
 @dataclass(frozen=True)
-class Value:
-    """What is known of a value.
+class Value(ClosedRecord):
+    """What is known of a value; nothing without arguments.
 
-    number, in the unit of its check, the median where there is a belief; uncertainty, the standard one, 0 where it is
+    value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
     predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
     says nothing of the whole, or a prediction at the preset's own numbers where others are as possible (not known);
     rise, by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated;
     belief, of a prediction over what is not known exactly.
     """
 
-    number: float
-    uncertainty: float
-    basis: Basis
-    extent: Extent = "whole"
+    value: float | None = None
+    expanded_uncertainty: float | None = None
+    basis: Basis | None = None
+    extent: Extent | None = None
     rise: float = 0.0
     unstated: tuple[str, ...] = ()
     belief: Belief | None = None
@@ -48,90 +51,96 @@ class Value:
     def predicted(cls, limit: Limit, predictions: Predictions) -> Value:
         """The value of predictions that a limit is for."""
         if belief := predictions.belief(limit):
-            return cls(belief.p50, 0.0, "predicted", belief=belief)
-        open_ = predictions.is_open(limit)
-        return cls(predictions.number(limit), 0.0, "predicted", "not known" if open_ else "whole")
+            return cls(belief.p50, None, "predicted", "whole", belief=belief)
+        extent: Extent = "not known" if predictions.is_open(limit) else "whole"
+        return cls(predictions.number(limit), None, "predicted", extent)
+
+    @classmethod
+    def stated(cls, given: LimitText, limit: Limit) -> Value:
+        """The value that was measured otherwise; what stands after ± is its expanded uncertainty, k = 2.
+
+        Raises UsageError: it is none, has no uncertainty, or is below zero.
+        """
+        if not is_spread(given.text):
+            hint = f"like {given.text}±1.2: expanded, k = 2; ±0 for none"
+            raise UsageError(f"--value {given}: without its uncertainty", hint)
+        try:
+            value, expanded = read_spread(given.text, limit.check.unit)
+        except UnitError as error:
+            raise UsageError(f"--value {given}: {error.message}", error.hint) from None
+        if value < 0:
+            raise UsageError(f"--value {given}: {limit.label} cannot be below zero", "its size, without a sign")
+        return cls(value, expanded, "stated", "whole")
+
+    @classmethod
+    def measured(cls, limit: Limit, found: SweepResult) -> Value:
+        """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it."""
+        read = limit.check.measured(found, limit.per_cam_rev or 0.0) if limit.check.measured else None
+        if read is None:
+            return cls()
+        value, uncertainty, rise = read
+        unstated = tuple(source.name for source in found.sources if source.arcsec is None)
+        extent = limit.check.of_part if found.is_bound else "whole"
+        return cls(value, COVERAGE_FACTOR * uncertainty, "measured", extent, rise, unstated)
 
 
-@dataclass(frozen=True)
-class Decision(ClosedRecord):
-    """A decision on a limit, as the files of `hdassist accept` have it.
+@dataclass(frozen=True, kw_only=True)
+class Decision(Value, Limit):
+    """A value and the limit that it is held against, as the files of `hdassist accept` have them.
 
-    limit_is: "greatest" or "least" value allowed; margin: room that the value leaves to it; reason: None where the
-    verdict is plain. Other fields are those of Limit and Value.
+    guard: band on each side of the limit; limit_is: "greatest" or "least" value allowed; margin: room that the value
+    leaves to it; reason: None where the verdict is plain.
     """
 
-    code: str
-    M_g_Nm: float | None
-    per_cam_rev: float | None
-    basis: Basis | None
-    extent: Extent | None
-    value: float | None
-    expanded_uncertainty: float | None
     guard: float
-    limit: float
     limit_is: Literal["greatest", "least"]
     margin: float | None
     unit: str
     verdict: Verdict
     reason: str | None = None
-    rise: float = 0.0
-    unstated: tuple[str, ...] = ()
-    belief: Belief | None = None
-
-    @property
-    def held_against(self) -> Limit:
-        """The limit of the decision. Raises DataError: no check has the code."""
-        return Limit(check_of(self.code), self.limit, self.M_g_Nm, self.per_cam_rev)
-
-    @property
-    def held(self) -> Value | None:
-        """The value of the decision."""
-        if self.value is None or self.basis is None or self.extent is None:
-            return None
-        uncertainty = (self.expanded_uncertainty or 0.0) / COVERAGE_FACTOR
-        return Value(self.value, uncertainty, self.basis, self.extent, self.rise, self.unstated, self.belief)
 
 
-def decide(limit: Limit, value: Value | None, rule: Rule, sure: float) -> Decision:
-    """Decide on a value by a rule; sure: probability of keeping a limit that PASS of a prediction needs.
-
-    Without a value the decision is INCONCLUSIVE.
-    """
-    check, guard = limit.check, GUARD * value.uncertainty if value and rule == "guard" else 0.0
-    verdict, reason = _verdict(limit, value, guard, rule, sure)
-    basis, extent, number = (value.basis, value.extent, value.number) if value else (None, None, None)
-    expanded = COVERAGE_FACTOR * value.uncertainty if value and value.basis != "predicted" else None
+def decide(limit: Limit, found: Value, rule: Rule, sure: float) -> Decision:
+    """Decide on a value by a rule; sure: probability of keeping a limit that PASS of a prediction needs."""
+    known = found.value is not None and found.basis != "predicted"
+    found = replace(found, expanded_uncertainty=(found.expanded_uncertainty or 0.0) if known else None)
+    guard = GUARD * (found.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0
+    margin = None if found.value is None else limit.room(found.value)
+    verdict, reason = _verdict(found, margin, guard, rule, sure)
     return Decision(
-        check.code, limit.M_g, limit.order, basis, extent, number, expanded, guard, limit.bound,
-        "greatest" if check.upper else "least", limit.room(value.number) if value else None, check.unit,
-        verdict, reason or None, *((value.rise, value.unstated, value.belief) if value else ()),
-    )  # fmt: skip
+        **{each.name: getattr(limit, each.name) for each in fields(Limit)},
+        **{each.name: getattr(found, each.name) for each in fields(Value)},
+        guard=guard,
+        limit_is="greatest" if limit.check.upper else "least",
+        margin=margin,
+        unit=limit.check.unit,
+        verdict=verdict,
+        reason=reason or None,
+    )
 
 
-def _verdict(limit: Limit, value: Value | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
-    """The verdict on a value, and why where that is not plain; guard: band on each side of the limit."""
-    if value is None:
+def _verdict(found: Value, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
+    """The verdict on a value by its room to the limit, and why where that is not plain."""
+    if room is None:
         return Verdict.INCONCLUSIVE, "the record does not tell it"
-    if value.belief:
-        verdict = verdict_by_probability(value.belief.probability_low, value.belief.probability_high, sure)
+    if belief := found.belief:
+        verdict = verdict_by_probability(belief.probability_low, belief.probability_high, sure)
         open_ = verdict is Verdict.INCONCLUSIVE
-        return verdict, f"kept with a probability of {value.belief.percent}, {100 * sure:g} % needed" * open_
-    if value.extent == "not known":
+        return verdict, f"kept with a probability of {belief.percent}, {100 * sure:g} % needed" * open_
+    if found.extent == "not known":
         return Verdict.INCONCLUSIVE, "what is not known exactly was not drawn"
-    if value.extent == "part":
+    if found.extent == "part":
         return Verdict.INCONCLUSIVE, "of a part of the cycle only"
-    room = limit.room(value.number)
     if room < -guard:
         return Verdict.FAIL, ""
-    if value.extent == "at least":
+    if found.extent == "at least":
         return Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only"
-    strict = rule == "guard" and value.basis != "predicted"
-    if room - (value.rise if strict else 0.0) < guard:
-        lines = f", with {value.rise:.3g} that lines may add in another cycle" if strict and value.rise else ""
+    strict = rule == "guard" and found.basis != "predicted"
+    if room - (found.rise if strict else 0.0) < guard:
+        lines = f", with {found.rise:.3g} that lines may add in another cycle" if strict and found.rise else ""
         return Verdict.INCONCLUSIVE, f"within the guard band{lines}"
-    if strict and value.unstated:
-        names, options = ", ".join(value.unstated), ",".join(f"{name}=U" for name in value.unstated)
+    if strict and found.unstated:
+        names, options = ", ".join(found.unstated), ",".join(f"{name}=U" for name in found.unstated)
         words = f"nothing stated of {names}: --budget {options}, U in arcsec, 0 where a source adds nothing"
         return Verdict.INCONCLUSIVE, words
     return Verdict.PASS, ""

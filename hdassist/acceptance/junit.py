@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -21,8 +20,6 @@ from hdassist.acceptance.page import how_to_decide, sentence
 from hdassist.visible import visible
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
-LOT = "lot_sha256"  # a property of each suite of a lot
-STARTS = 100_000  # bytes in which the first suite of a lot has it
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 NUMBERS = ("value", "expanded_uncertainty", "rise", "guard", "limit", "margin", "unit", "basis", "extent", "verdict")
@@ -33,26 +30,12 @@ def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str
     root = Element("testsuites", name=visible(name))
     for answer in answers:
         _suite(root, answer, facts)
-    for suite in root:
-        _count(suite, COUNTED)
-    _count(root, {key: tag for key, tag in COUNTED.items() if key != "skipped"})
+    for element in (*root, root):
+        kinds = Counter(inner.tag for inner in element.iter())
+        counted = {key: str(kinds[tag]) for key, tag in COUNTED.items() if element is not root or key != "skipped"}
+        element.attrib.update(counted)
     indent(root)
     return HEAD + tostring(root, encoding="unicode") + "\n"
-
-
-def is_suite_of_lot(path: str) -> bool:
-    """Whether a file holds suites that `junit` made of a lot."""
-    try:
-        with Path(path).open("rb") as stream:
-            start = stream.read(STARTS).decode("utf-8", "replace")
-    except (OSError, ValueError):
-        return False
-    return start.startswith(f"{HEAD}<testsuites ") and f'<property name="{LOT}" ' in start
-
-
-def _count(element: Element, counted: Mapping[str, str]) -> None:
-    kinds = Counter(inner.tag for inner in element.iter())
-    element.attrib.update({key: str(kinds[tag]) for key, tag in counted.items()})
 
 
 def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
@@ -62,39 +45,36 @@ def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:
     place = SubElement(suite, "properties")
     known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
     for check in answer.checks:
-        known |= {f"{_key(check)}.{number}": getattr(check, number) for number in NUMBERS}
-        known |= (
-            {f"{_key(check)}.belief.{key}": value for key, value in asdict(check.belief).items()}
-            if check.belief
-            else {}
-        )
+        figures = {key: getattr(check, key) for key in NUMBERS}
+        figures |= {f"belief.{key}": value for key, value in (asdict(check.belief) if check.belief else {}).items()}
+        known |= {f"{_key(check)}.{key}": value for key, value in figures.items()}
     for key, value in known.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))
 
-    def case(words: str) -> Element:
-        return SubElement(suite, "testcase", classname=visible(name), name=visible(words))
+    def case(words: str, tag: str, message: str, kind: str, *lines: str) -> None:
+        place = SubElement(suite, "testcase", classname=visible(name), name=visible(words))
+        attributes = {key: visible(text) for key, text in (("message", message), ("type", kind)) if text}
+        SubElement(place, tag, attributes).text = visible("\n".join(filter(None, lines))) or None
 
     if error := answer.error:
-        message = f"{answer.status}: {error.message.splitlines()[0]}"
-        body = [error.message, f"hint: {error.hint}"] if error.hint else [error.message]
-        body += [f"what it means: hdassist explain {error.code}"] if error.code else []
-        _say(case("no answer"), "error", message, body, ERRORS.get(answer.exit_code, "DATA"))
-        return
-    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
+        hint = f"hint: {error.hint}" if error.hint else ""
+        code = f"what it means: hdassist explain {error.code}" if error.code else ""
+        message, kind = f"{answer.status}: {error.message.splitlines()[0]}", ERRORS.get(answer.exit_code, "DATA")
+        case("no answer", "error", message, kind, error.message, hint, code)
     for check in answer.checks:
         words = f"{check.verdict}: {sentence(check)}"
-        lines = [words, *([f"because: {check.reason}"] if check.reason else [])]
-        element = case(check.held_against.label)
+        because = f"because: {check.reason}" if check.reason else ""
         if check.verdict == "PASS":
-            SubElement(element, "system-out").text = visible("\n".join(lines))
+            case(check.label, "system-out", "", "", words, because)
         else:
-            todo = how_to_decide(check) or f"hdassist explain {check.code}"
-            _say(element, "failure", words, [*lines, f"what to do: {todo}"], str(check.verdict))
+            todo = f"what to do: {how_to_decide(check) or f'hdassist explain {check.code}'}"
+            case(check.label, "failure", words, str(check.verdict), words, because, todo)
     for label in answer.left_out:
-        _say(case(label), "skipped", "not tested: nothing was measured")
+        case(label, "skipped", "not tested: nothing was measured", "")
+    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
     if answer.fail_on == "warn" and remarks:
-        _say(case("remarks"), "failure", f"FAIL: {remarks[0]}", remarks, "REMARK")
+        case("remarks", "failure", f"FAIL: {remarks[0]}", "REMARK", *remarks)
     elif remarks:
         SubElement(suite, "system-out").text = visible("\n".join(remarks))
 
@@ -103,9 +83,3 @@ def _key(check: Decision) -> str:
     """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
     order = "" if check.per_cam_rev is None else f"_{check.per_cam_rev:g}"
     return f"{check.code}{order}" + ("" if check.M_g_Nm is None else f"@{check.M_g_Nm:g}")
-
-
-def _say(case: Element, tag: str, message: str, body: Sequence[str] = (), kind: str = "") -> None:
-    said = SubElement(case, tag, message=visible(message))
-    said.attrib.update({"type": kind} if kind else {})
-    said.text = visible("\n".join(body)) or None

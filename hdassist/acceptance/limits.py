@@ -1,34 +1,49 @@
-"""Limits of a drive, and what has to be predicted of it for them."""
+"""Limits of a drive, and how the command line and lots write them: F_ior@80=30, order_2=5, F_ior@80=28.1±1.2."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import isnan
+from typing import Literal
 
-from hdassist.acceptance.checks import CHECKS, Check
-from hdassist.errors import DataError
+from hdassist.acceptance.checks import CHECKS, ORDER, Check, check_of
+from hdassist.errors import DataError, UsageError
+from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
+from hdassist.run.kept import ClosedRecord
+
+ORDER_PREFIX = "order_"
+KINDS = {check.field: check.kind for check in CHECKS if check != ORDER}
+HINT = f"NAME[@TORQUE]=VALUE, NAME one of {', '.join(KINDS)}, or order_2 and so on"
+
+Option = Literal["--limit", "--value"]
 
 
 @dataclass(frozen=True)
-class Limit:
-    """A limit: the check, its bound in the check's unit, and what it is for: torque [N*m] and order per cam turn."""
+class Limit(ClosedRecord):
+    """A limit: code of its check, bound in the check's unit, and what it is for: torque, and order per cam turn."""
 
-    check: Check
-    bound: float
-    M_g: float | None = None
-    order: float | None = None
+    code: str
+    limit: float
+    M_g_Nm: float | None = None
+    per_cam_rev: float | None = None
+
+    @property
+    def check(self) -> Check:
+        """The check of the limit. Raises DataError: none has the code."""
+        return check_of(self.code)
 
     @property
     def label(self) -> str:
         """The check in words, with order and torque."""
-        order = "" if self.order is None else f"amplitude of order {self.order:g}"
-        torque = "" if self.M_g is None else f" at {self.M_g:g} N·m"
-        return f"{order or self.check.words}{torque}"
+        order = self.per_cam_rev
+        words = self.check.words if order is None else f"amplitude of order {order:g}"
+        return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
 
     def room(self, value: float) -> float:
         """Room that a value leaves to the limit, in the unit of the check: negative beyond it."""
-        return self.bound - value if self.check.upper else value - self.bound
+        return self.limit - value if self.check.upper else value - self.limit
 
 
 def limits_of(drive: Drive) -> tuple[Limit, ...]:
@@ -36,7 +51,7 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
 
     Raises DataError: there is none.
     """
-    found = tuple(_limits(drive))
+    found = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
     if not found:
         raise DataError(
             f"{drive.name}: no limit to accept it by",
@@ -45,33 +60,84 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
     return found
 
 
-def _limits(drive: Drive) -> Iterator[Limit]:
-    for check in sorted(CHECKS, key=lambda check: ("limits", "orders", "number").index(check.kind)):
-        stated = drive.value(f"acceptance.{check.field}")
-        if check.kind == "limits":
-            named = [float(key) for key in stated if key != "all"]
-            for M_g in dict.fromkeys([*drive.operation.M_g, *named]):
-                if (bound := drive.limit(M_g, check.field)) is not None:
-                    yield Limit(check, bound, M_g)
-        elif check.kind == "orders":
-            yield from _limits_of_orders(check, drive.operation.M_g, stated)
-        elif stated is not None:
-            yield Limit(check, stated)
-
-
-def _limits_of_orders(check: Check, torques: Sequence[float], stated: Mapping[str, float]) -> Iterator[Limit]:
-    """Limits of orders: at the torques of a drive and those they name; one for a torque wins over one for each."""
-    by_order: dict[float, dict[float | None, float]] = {}
-    for key, value in stated.items():
-        order, _, torque = key.partition("@")
-        by_order.setdefault(float(order), {})[float(torque) if torque else None] = value
+def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
+    """Limits of a check; one for a torque wins over one for each."""
+    stated = drive.value(f"acceptance.{check.field}")
+    if check.kind == "number":
+        if stated is not None:
+            yield Limit(check.code, stated)
+        return
+    by_order: dict[float | None, dict[float | None, float]] = {}
+    for key, bound in stated.items():
+        order, _, torque = key.partition("@") if check is ORDER else ("", "", "" if key == "all" else key)
+        bounds = by_order.setdefault(float(order) if order else None, {})
+        bounds[float(torque) if torque else None] = bound
     for number, bounds in by_order.items():
-        for M_g in dict.fromkeys([*torques, *(at for at in bounds if at is not None)]):
-            bound = bounds.get(M_g, bounds.get(None))
-            if bound is not None:
-                yield Limit(check, bound, M_g, number)
+        for M_g in dict.fromkeys([*drive.operation.M_g, *(at for at in bounds if at is not None)]):
+            if (bound := bounds.get(M_g, bounds.get(None))) is not None:
+                yield Limit(check.code, bound, M_g, number)
 
 
 def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
     """Torques [N*m] at which limits need something of a drive (checks.Need), each once."""
-    return tuple(dict.fromkeys(limit.M_g for limit in limits if need in limit.check.needs and limit.M_g is not None))
+    return tuple(dict.fromkeys(each.M_g_Nm for each in limits if need in each.check.needs and each.M_g_Nm is not None))
+
+
+@dataclass(frozen=True)
+class LimitText:
+    """A limit or a measured value as it is written: NAME[@TORQUE], and the text behind the equals sign."""
+
+    name: str
+    text: str
+
+    @classmethod
+    def parse(cls, text: str, option: Option) -> LimitText:
+        """Read NAME[@TORQUE]=VALUE. Raises UsageError: no such name, no value, or a torque or order that is none."""
+        name, _, value = (part.strip() for part in text.partition("="))
+        found = cls(name, value)
+        field, order, torque = found.parts
+        per_torque = bool(order) or KINDS.get(field) == "limits"
+        if not (value and found.is_known) or ("@" in name and not (torque and per_torque)):
+            raise UsageError(f"{option} {text}: not understood", HINT)
+        for number in filter(None, (order, torque)):
+            if isnan(number_of(number)):
+                raise UsageError(f"{option} {text}: {number} is no number", HINT)
+        return found
+
+    @property
+    def parts(self) -> tuple[str, str, str]:
+        """Field of the section acceptance, order and torque as written; empty for none."""
+        name, _, torque = self.name.partition("@")
+        order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
+        return ORDER.field if order else name, order, torque
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is a check of the name."""
+        field, order, _ = self.parts
+        return bool(order) or field in KINDS
+
+    def __str__(self) -> str:
+        return f"{self.name}={self.text}"
+
+    @property
+    def override(self) -> str:
+        """The limit as an override of the preset: the same checks, the same errors."""
+        field, order, torque = self.parts
+        key = "@".join(filter(None, (order, torque)))
+        return f"{'.'.join(filter(None, ('acceptance', field, key)))}={self.text}"
+
+    def limit_of(self, limits: Sequence[Limit]) -> Limit:
+        """The limit of a drive that a value is for. Raises UsageError: there is none, or several."""
+        field, order, torque = self.parts
+        fitting = [
+            limit for limit in limits
+            if limit.check.field == field and (not order or limit.per_cam_rev == float(order))
+            and (not torque or limit.M_g_Nm == float(torque))
+        ]  # fmt: skip
+        if not fitting:
+            raise UsageError(f"--value {self}: the drive has no such limit", f"--limit {self.name}=...")
+        if len(fitting) > 1:
+            torques = ", ".join(f"@{limit.M_g_Nm:g}" for limit in fitting)
+            raise UsageError(f"--value {self}: at which torque?", f"one of {torques}")
+        return fitting[0]

@@ -2,7 +2,8 @@
 
 Columns of a table: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
 mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
-NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used.
+NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A cell says what
+an option would say, and what is wrong with it is said of the cell.
 """
 
 from __future__ import annotations
@@ -11,44 +12,78 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from hdassist.acceptance.cells import NamedCell
-from hdassist.acceptance.limit_parser import LimitName, LimitText
-from hdassist.acceptance.request import Request, TraceFile
+from hdassist.acceptance.limits import LimitText
+from hdassist.acceptance.request import TEXTS, Request, TraceFile
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
 from hdassist.preset.fields import REMOVED, field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
-from hdassist.preset.yamltext import near, shown
+from hdassist.preset.yamltext import near, path_text, shown
 from hdassist.readers.table import TextTable, few, read_texts
 from hdassist.textfile import STDIN, is_folder
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
-PLAIN: tuple[Literal["serial", "preset", "measured"], ...] = ("serial", "preset", "measured")
-WHEELS: tuple[tuple[Literal["pitch", "mark"], str], ...] = (
-    ("pitch", "b"), ("pitch", "g"), ("mark", "b"), ("mark", "g"),
-)  # fmt: skip
+PLAIN = ("serial", "preset")
+WHEELS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
+FILES = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
-_AT = re.compile(r"measured\s*@\s*(.+)", re.IGNORECASE)
+_MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 _PITCH = re.compile(r"(?P<stem>.+)\.pitch-(?P<wheel>[bg])\.(?:csv|tsv|txt)(?:\.gz)?")
 _TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
 
 
 @dataclass(frozen=True)
+class Cell:
+    """A cell that says something of a drive.
+
+    name: how a message about it begins (FILE:LINE:COLUMN: heading); text; said: the option that says the same ("--value
+    F_ior@4=28"); path, of the override that it is; file that it names; empty for none.
+    """
+
+    name: str
+    text: str
+    said: str = ""
+    path: str = ""
+    file: str = ""
+
+    def of_option(self, line: str) -> str:
+        """A message about the option that says the same, about the cell; empty for any other."""
+        if not self.said or not line.startswith(f"{self.said}: "):
+            return ""
+        rest = line.removeprefix(f"{self.said}: ")
+        if self.path:
+            return f"{self.name}: {rest.removeprefix(f'{path_text(path_of(self.path))}: ')}"
+        return f"{self.name}: {rest} (got {shown(self.text)})"
+
+
+@dataclass(frozen=True)
 class LotRow:
-    """One drive of a lot: its serial, what is asked of it, its place (FILE:LINE, or a file), and what is wrong with it.
+    """One drive to accept: what is asked of it, its place (FILE:LINE, or a file; None: no row of a lot).
 
     fault: of the row itself; then the request is not to be carried out. cells: those that say something of the drive.
     """
 
-    serial: str
     request: Request
-    place: str
+    place: str | None = None
     fault: HdassistError | None = None
-    cells: tuple[NamedCell, ...] = field(default=(), compare=False)
+    cells: tuple[Cell, ...] = field(default=(), compare=False)
+
+    def message(self, error: HdassistError) -> str:
+        """What is wrong with the drive; of the cells of its row, not the options that would say the same."""
+        message = error.message
+        if not self.fault:
+            lines = self.request.named(message, overrides=True).splitlines()
+            found = [next(filter(None, (cell.of_option(line) for cell in self.cells)), "") for line in lines]
+            files = [cell for cell in self.cells if cell.file and cell.file in message]
+            if any(found):
+                message = "\n".join(new or old for new, old in zip(found, message.splitlines(), strict=True))
+            elif len(files) == 1:
+                message = f"{files[0].name}: {message}"
+        return message if not self.place or self.place in message else f"{self.place}: {message}"
 
 
 @dataclass(frozen=True)
@@ -61,18 +96,8 @@ class Lot:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Column:
-    """What the cells of a column are, of what (a torque, a wheel, the path of an override), and the name of a limit."""
-
-    kind: Literal["serial", "preset", "measured", "pitch", "mark", "value", "limit", "override"]
-    of: str = ""
-    name: LimitName | None = None
-
-    @property
-    def is_text(self) -> bool:
-        """Whether its cells are taken as they stand, and have no numbers in them."""
-        return self.kind in (*PLAIN, "pitch")
+# what cells of a column give: an option or a field of a request, and of what: torque, name of a limit, or override
+Column = tuple[str, str]
 
 
 def is_lot(path: str) -> bool:
@@ -96,12 +121,11 @@ def _of_table(table: TextTable, base: Request) -> Lot:
     first: dict[str, int] = {}
     rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
     notes = [f"{len(rows)} drives"]
-    inside = [number for number in table.remarks if number > table.names_line]
-    if inside:
+    if inside := [number for number in table.remarks if number > table.names_line]:
         notes.append(f"left out as remarks: line {few(inside, 20)}")
-    left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
-    if base.measured_only and any(column and column.kind == "pitch" for column in columns):
+    if base.measured_only and {("pitch_b", ""), ("pitch_g", "")} & set(columns):
         notes.append("measured teeth are not used: --measured-only predicts nothing")
+    left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
     if any(left):
         notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
@@ -111,48 +135,42 @@ def _columns(table: TextTable) -> list[Column | None]:
     """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
     findings: list[Finding] = []
     columns: list[Column | None] = []
-
-    def wrong(at: int, text: str, message: str, hint: str = "") -> None:
-        findings.append(Finding(table.file, table.names_line, at, text, message, hint=hint))
-
     for name in table.names:
-        column = None
+        column, message, hint = None, "", ""
         if name.text and not _UNUSED.match(name.text):
-            column, hint = _column(name.text)
-            if column is None:
-                hint = hint or "section.key, limit NAME@TORQUE, or note for what is not used"
-                wrong(name.column, name.text, "no such column", hint)
-            elif column in columns:
-                wrong(name.column, name.text, f"column {columns.index(column) + 1} is the same")
+            try:
+                column = _column(name.text)
+                message = f"column {columns.index(column) + 1} is the same" if column in columns else ""
+            except UsageError as error:
+                message, hint = "no such column", error.hint
+        if message:
+            findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
         columns.append(column)
     if not any(columns) and not findings:
-        wrong(1, "", "no column that is used", ", ".join(PLAIN))
+        hint = ", ".join((*PLAIN, "measured"))
+        findings.append(Finding(table.file, table.names_line, 1, "", "no column that is used", hint=hint))
     if findings:
         raise PresetError(findings)
     return columns
 
 
-def _column(name: str) -> tuple[Column | None, str]:
-    """What a column is for, or a hint."""
-    for plain in PLAIN:
-        if name.lower() == plain:
-            return Column(plain), ""
-    for kind, wheel in WHEELS:
-        if name.lower() == f"{kind}_{wheel}":
-            return Column(kind, wheel), ""
-    if at := _AT.fullmatch(name):
-        return (Column("measured", f"{float(at[1]):g}"), "") if is_number(at[1]) else (None, "like measured@80")
-    try:
-        if (limit := _LIMIT.fullmatch(name)) and (of := LimitName.of_column(limit[1], "--limit")):
-            return Column("limit", name=of), ""
-        if of := LimitName.of_column(name, "--value"):
-            return Column("value", name=of), ""
-    except UsageError as error:
-        return None, error.hint
+def _column(name: str) -> Column:
+    """What a column is for. Raises UsageError: nothing, with a hint."""
+    if name.lower() in (*PLAIN, *WHEELS):
+        return name.lower(), ""
+    if at := _MEASURED.fullmatch(name):
+        if at[1] and not is_number(at[1]):
+            raise UsageError(name, "like measured@80")
+        return "--measured", f"{float(at[1]):g}" if at[1] else ""
+    limit = _LIMIT.fullmatch(name)
+    for option, text in (("--limit", limit[1] if limit else ""), ("--value", name)):
+        if LimitText(text.strip(), "").is_known:
+            return option, str(TEXTS[option][1](f"{text}=0")).removesuffix("=0")
     if ".".join(map(str, path_of(name)[:2])) in field_table():
-        return Column("override", name), ""
-    known = [*PLAIN, *map("_".join, WHEELS), *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
-    return None, REMOVED.get(name) or near(name, known)
+        return "--set", name
+    known = [*PLAIN, "measured", *WHEELS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    hint = REMOVED.get(name) or near(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
+    raise UsageError(name, hint)
 
 
 def _row(
@@ -160,77 +178,62 @@ def _row(
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
-    numbered = not any(column and column.kind == "serial" for column in columns)
-    request, named, faults = replace(base, serial=f"line {line}" if numbered else ""), [], []
-    marked: dict[str, int] = {}  # columns of the line in which marks of wheels stand
+    request, named, faults = replace(base, serial="" if ("serial", "") in columns else f"line {line}"), [], []
+    marks: dict[str, int] = {}  # columns of the line in which marks of wheels stand
     folder = Path() if table.file == STDIN else Path(table.file).parent
 
     def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
 
     for index, cell in enumerate(cells):
-        if not cell.text:
+        name, column = (table.names[index].text, columns[index]) if index < len(columns) else ("", None)
+        if cell.text and not name:
+            wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
+        if not cell.text or column is None:
             continue
-        column = columns[index] if index < len(columns) else None
-        if index >= len(columns):
-            wrong(cell.column, "", f"a cell beyond the {len(columns)} columns", cell.text, "quotes around a comma?")
-        elif column is None:
-            if not table.names[index].text:
-                wrong(cell.column, "", "a cell in a column without a name", cell.text)
-        else:
-            name, text = table.names[index].text, cell.text if column.is_text else table.with_points(cell.text)
-            if column.kind == "mark":
-                marked[column.of] = cell.column
-                if not is_number(text):
-                    wrong(cell.column, name, "must be an angle in deg", cell.text)
-                    continue
-            changes, known = _said(column, text, request, folder)
-            request = replace(request, **changes)
-            named.append(NamedCell(f"{table.file}:{line}:{cell.column}", name, cell.text, **known))
-            if known.get("file") == "-":
-                wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
-    serial = request.serial
-    if not serial:
+        text = cell.text if column[0] in (*PLAIN, *FILES) else table.with_points(cell.text)
+        if column[0].startswith("mark"):
+            marks[name] = cell.column
+            if not is_number(text):
+                wrong(cell.column, name, "must be an angle in deg", cell.text)
+                continue
+        request, found = _with_cell(request, *column, text, folder)
+        named.append(replace(found, name=f"{table.file}:{line}:{cell.column}: {shown(name)}", text=cell.text))
+        if found.file == "-":
+            wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
+    if not request.serial:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
-    elif first.setdefault(serial, line) != line:
-        wrong(1, "serial", f"stands in line {first[serial]} too", serial, "one row for each drive")
+        request = replace(request, serial=f"line {line}")
+    elif first.setdefault(request.serial, line) != line:
+        words = f"stands in line {first[request.serial]} too"
+        wrong(1, "serial", words, request.serial, "one row for each drive")
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    for wheel in marked.keys() - request.wheels.files.keys():
-        message = "the mark of a wheel that is not measured"
-        wrong(marked[wheel], f"mark_{wheel}", message, hint=f"its file in pitch_{wheel}")
-    request = replace(request, serial=serial or f"line {line}")
-    fault = PresetError(faults) if faults else None
-    return LotRow(request.serial, request, f"{table.file}:{line}", fault, tuple(named))
+    for mark, at in marks.items():
+        if mark[-1].lower() not in request.wheels.files:
+            wrong(at, mark, "the mark of a wheel that is not measured", hint=f"its file in pitch_{mark[-1]}")
+    return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, tuple(named))
 
 
-def _said(column: Column, text: str, request: Request, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """What a cell says: fields of a request that it changes, and how messages name it (fields of NamedCell).
-
-    Arguments: column; text of the cell; request so far; folder from which paths count.
-    """
-    path = text if text == "-" else str(folder / text)
-    if column.kind == "serial":
-        return {"serial": text}, {}
-    if column.kind == "preset":
-        path = text if text in preset_names() else path
-        return {"preset": path}, {"file": path}
-    if column.kind == "measured":
-        trace = TraceFile(column.of, text) if column.of else TraceFile.parse(text)
-        trace = replace(trace, file=trace.file if trace.file == "-" else str(folder / trace.file))
-        return {"measured": (*request.measured, trace)}, {"said": f"--measured {trace}", "file": trace.file}
-    if column.kind in ("pitch", "mark"):
-        is_file = column.kind == "pitch"
-        value: dict[str, Any] = {f"{column.kind}_{column.of}": path if is_file else float(text)}
-        return {"wheels": replace(request.wheels, **value)}, {"file": path} if is_file else {}
-    if column.kind == "override":
-        said = f"{column.of}={text}"
-        return {"overrides": (*request.overrides, said)}, {"said": f"--set {said}", "path": column.of}
-    limit = LimitText(column.name or LimitName(""), text)
-    if column.kind == "value":
-        return {"values": (*request.values, limit)}, {"said": f"--value {limit}"}
-    known = {"said": f"--limit {limit}", "path": limit.override.partition("=")[0]}
-    return {"limits": (*request.limits, limit)}, known
+def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, Cell]:
+    """A request with what a cell says, and the cell as messages know it; folder, from which paths count."""
+    trace = TraceFile.parse(text) if gives == "--measured" and not of else TraceFile(of, text)
+    is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
+    file = trace.file if is_name else str(folder / trace.file)
+    cell = Cell("", text, file=file if gives in FILES else "")
+    change: dict[str, Any]
+    if gives in PLAIN:
+        change = {gives: file if gives in FILES else text}
+    elif gives in WHEELS:
+        wheel: dict[str, Any] = {gives: file if gives in FILES else float(text)}
+        change = {"wheels": replace(request.wheels, **wheel)}
+    else:
+        into, parse = TEXTS[gives]
+        option: Any = replace(trace, file=file) if gives == "--measured" else parse(f"{of}={text}")
+        change = {into: (*getattr(request, into), option)}
+        path = option.override.partition("=")[0] if gives == "--limit" else of if gives == "--set" else ""
+        cell = replace(cell, said=f"{gives} {option}", path=path)
+    return replace(request, **change), cell
 
 
 def _of_folder(folder: Path, base: Request) -> Lot:
@@ -243,29 +246,27 @@ def _of_folder(folder: Path, base: Request) -> Lot:
     presets = [item for item in files if item.suffix in (".yaml", ".yml")]
     if not presets:
         raise DataError(f"{folder}: no preset in the folder", "one NAME.yaml a drive, its trace beside it as NAME.csv")
-    traces: dict[str, list[TraceFile]] = {item.stem: [] for item in presets}
-    pitch: dict[str, dict[str, str]] = {item.stem: {} for item in presets}
+    asked = {item.stem: replace(base, serial=item.stem) for item in presets}
     spare = []
     for item in files:
-        of_wheel, match = _PITCH.fullmatch(item.name), _TRACE.fullmatch(item.name)
-        if of_wheel and of_wheel["stem"] in pitch:
-            pitch[of_wheel["stem"]][of_wheel["wheel"]] = str(item)
-        elif match and match["stem"] in traces:
-            traces[match["stem"]].append(TraceFile(match["torque"] or "", str(item)))
-        elif match:
+        pitch, trace = _PITCH.fullmatch(item.name), _TRACE.fullmatch(item.name)
+        if pitch and (stem := pitch["stem"]) in asked:
+            wheel: dict[str, Any] = {f"pitch_{pitch['wheel']}": str(item)}
+            wheels = replace(asked[stem].wheels, **wheel)
+            asked[stem] = replace(asked[stem], wheels=wheels)
+        elif trace and (stem := trace["stem"]) in asked:
+            found = TraceFile(trace["torque"] or "", str(item))
+            asked[stem] = replace(asked[stem], measured=(*asked[stem].measured, found))
+        elif trace:
             spare.append(item.name)
-    rows = []
-    for item in presets:
-        own = pitch[item.stem]
-        wheels = replace(base.wheels, pitch_b=own.get("b"), pitch_g=own.get("g"))
-        request = replace(base, preset=str(item), serial=item.stem, measured=tuple(traces[item.stem]), wheels=wheels)
-        rows.append(LotRow(item.stem, request, str(item), _twin(item, presets)))
-    measured = sum(map(bool, traces.values()))
-    notes = [f"{len(rows)} presets, {measured} of them with traces"]
-    toothed = sum(map(bool, pitch.values()))
+    rows = tuple(
+        LotRow(replace(asked[item.stem], preset=str(item)), str(item), _twin(item, presets)) for item in presets
+    )
+    toothed = sum(bool(request.wheels.files) for request in asked.values())
+    notes = [f"{len(rows)} presets, {sum(bool(request.measured) for request in asked.values())} of them with traces"]
     notes += [f"{toothed} of them with measured teeth"] * bool(toothed)
     notes += [f"traces without a preset: {shown(', '.join(spare))}"] * bool(spare)
-    return Lot(str(folder), None, tuple(rows), tuple(notes))
+    return Lot(str(folder), None, rows, tuple(notes))
 
 
 def _twin(item: Path, presets: Sequence[Path]) -> DataError | None:

@@ -4,36 +4,45 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from math import sqrt
 from typing import Any
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from hdassist.acceptance.answer import Answer
 from hdassist.acceptance.answer import to_json as answer_json
-from hdassist.acceptance.checks import check_of
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
-from hdassist.acceptance.lot_summary import QUANTILES, VERDICTS, summary
-from hdassist.acceptance.page import bound, how_to_decide, number, sentence
+from hdassist.acceptance.page import bound, how_to_decide, number, numbers, sentence, to_explain
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.answers import together
-from hdassist.terminal.console import Style, table
+from hdassist.terminal.console import Style
 from hdassist.verdict import SEVERITY
 from hdassist.version import __version__
 
-HEADINGS = ("values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
-WIDE = 80  # columns that the table of values needs
+Z = 1.959963984540054  # standard normal: 95 % within
+VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE")
+QUANTILES = {"least": 0.0, "quantile_05": 0.05, "median": 0.5, "quantile_95": 0.95, "greatest": 1.0}
+HEADINGS = ("check", "values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
 
 
-def line(answer: Answer, width: int) -> str:
-    """One drive: serial, verdict, and the check that decides; width: that of the longest serial."""
-    start = f"{title(answer):<{width}}  {answer.status:<12}"
-    if answer.error is None:
-        return f"{start}  {sentence(_decisive(answer.checks))}"
-    first, *more = answer.error.message.splitlines()
-    return f"{start}  {first}" + (f" (and {len(more)} more)" if more else "")
+def line(answer: Answer, width: int, *, is_short: bool = False) -> str:
+    """One drive: serial, verdict, and unless it is short the check that decides; width: that of the longest serial.
+
+    The check that decides is, of those of the worst verdict, the one with the least room for its limit.
+    """
+    if is_short:
+        return f"{title(answer)} {answer.status}"
+    if answer.error:
+        first, *more = answer.error.message.splitlines()
+        words = first + (f" (and {len(more)} more)" if more else "")
+    else:
+        rank = {check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit) for check in answer.checks}
+        words = sentence(min(rank, key=lambda check: rank[check]))
+    return f"{title(answer):<{width}}  {answer.status:<12}  {words}"
 
 
 def title(answer: Answer) -> str:
@@ -42,64 +51,43 @@ def title(answer: Answer) -> str:
     return shown(name, len(name))
 
 
-def _decisive(checks: Sequence[Decision]) -> Decision:
-    """The check that decides: of the worst verdict, the one with the least room for its limit."""
-    return min(checks, key=lambda check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit))
-
-
 def render(lot: Lot, answers: Sequence[Answer], style: Style) -> RenderableType:
     """Counts, yield, the spread of values, and what it rests on."""
-    told = summary(answers)
-    counts = [f"{n} {verdict}" for verdict, n in told["verdicts"].items() if n]
-    counts += [f"{told['broken']} broken ({100 * told['broken_share']:.3g} %)"] * bool(told["broken"])
+    found = summary(answers)
+    counts = [f"{n} {verdict}" for verdict, n in found["verdicts"].items() if n]
+    counts += [f"{found['broken']} broken ({100 * found['broken_share']:.3g} %)"] * bool(found["broken"])
     parts: list[RenderableType] = [
-        Text(style.text(f"{lot.file}: {_drives(told['drives'])}, {', '.join(counts)}"), style="bold")
+        Text(style.text(f"{lot.file}: {_drives(found['drives'])}, {', '.join(counts)}"), style="bold")
     ]
-    share = told["yield"]
+    share, rows = found["yield"], found["checks"]
     if share["with_verdict"]:
         low, high = (100 * end for end in share["interval_95"])
-        parts.append(
-            Text(style.text(f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
-                           f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"))
-        )  # fmt: skip
-        parts += [Text(""), _spread(told["checks"], style)]
-    part = sum(row["of_part_only"] for row in told["checks"])
+        words = (
+            f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
+            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"
+        )
+        cells = [_cells(row, several=len({row["preset"] for row in rows}) > 1) for row in rows]
+        parts += [Text(style.text(words)), Text(""), numbers(style, "", HEADINGS, cells)]
+    part = sum(row["of_part_only"] for row in rows)
     lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
     remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
     lines += [f"remark {code}: {_drives(remarks[code])}" for code in sorted(remarks)]
-    checks = [check for answer in answers for check in answer.checks if check.verdict in VERDICTS[1:]]
-    codes = {check.code for check in checks if not how_to_decide(check)}
-    close = {f"{check.held_against.label}: measure it" for check in checks if how_to_decide(check)}
+    checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
+    close = {f"{check.label}: measure it" for check in checks if how_to_decide(check)}
     lines += [f"not settled by its prediction, {words}" for words in sorted(close)]
-    lines += [f"what to do: hdassist explain {' '.join(sorted(codes))}"] * bool(codes)
+    lines += [f"what to do: {command}" for command in [to_explain(checks)] if command]
     digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
     lines.append(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")
     return Group(*parts, *(Text(style.text(line)) for line in lines))
 
 
-def _spread(rows: Sequence[Mapping[str, Any]], style: Style) -> RenderableType:
-    """A table of values, or sentences where it does not fit."""
-    several = len({row["preset"] for row in rows}) > 1
-    cells = [[style.text(text) for text in _cells(row, several)] for row in rows]
-    if style.width < WIDE:
-        lines = [f"{row[0]}: " + ", ".join(map(" ".join, zip(HEADINGS, row[1:], strict=True))) for row in cells]
-        return Text("\n".join(lines))
-    grid = table(style)
-    for words in ("check", *HEADINGS):
-        grid.add_column(words, justify="left" if words == "check" else "right", no_wrap=words != "check")
-    for row in cells:
-        grid.add_row(*row)
-    return grid
-
-
 def _cells(row: Mapping[str, Any], several: bool) -> list[str]:
-    """What a check is, and a cell for each of HEADINGS; several: whether the lot has drives of several presets."""
-    limit = Limit(check_of(row["code"]), row["limit_greatest"], row["M_g_Nm"], row["per_cam_rev"])
+    """A cell for each of HEADINGS; several: whether the lot has drives of several presets."""
+    limit = Limit(row["code"], row["limit_greatest"], row["M_g_Nm"], row["per_cam_rev"])
     ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
     found = ["-" if row[key] is None else number(row[key], limit) for key in QUANTILES]
-    name = f"{row['preset']}: " if several else ""
-    what = f"{name}{limit.label}, {row['unit']}, {row['basis'] or 'no value'}"
-    return [what, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"]
+    name = f"{row['preset']}: " * several + f"{limit.label}, {row['unit']}, {row['basis'] or 'no value'}"
+    return [name, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"]
 
 
 def _drives(count: int) -> str:
@@ -113,3 +101,61 @@ def to_json(lot: Lot, answers: Sequence[Answer]) -> dict[str, Any]:
         "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows), "notes": list(lot.notes)},
         "summary": summary(answers),
     }
+
+
+def summary(answers: Sequence[Answer]) -> dict[str, Any]:
+    """Counts, yield with its interval, and how the values of each check spread, as JSON has them."""
+    counts = {verdict: sum(answer.status == verdict for answer in answers) for verdict in VERDICTS}
+    decided = sum(counts.values())
+    groups: dict[tuple[Any, ...], list[Decision]] = {}
+    for answer in answers:
+        for check in answer.checks:
+            same = (answer.preset.name, check.code, check.M_g_Nm, check.per_cam_rev, check.basis)
+            groups.setdefault(same, []).append(check)
+    return {
+        "drives": len(answers),
+        "verdicts": counts,
+        "broken": len(answers) - decided,
+        "broken_share": (len(answers) - decided) / len(answers) if answers else None,
+        "yield": {
+            "passed": counts["PASS"],
+            "with_verdict": decided,
+            "share": counts["PASS"] / decided if decided else None,
+            "interval_95": list(wilson(counts["PASS"], decided)),
+            "interval": "Wilson",
+        },
+        "checks": [{"preset": preset, **_spread(checks)} for (preset, *_), checks in groups.items()],
+    }
+
+
+def _spread(checks: Sequence[Decision]) -> dict[str, Any]:
+    """How the values of one check spread that are known in one way."""
+    first, whole = checks[0], [each.value for each in checks if each.value is not None and each.extent == "whole"]
+    limits = [each.limit for each in checks]
+    return {
+        **{key: getattr(first, key) for key in ("code", "M_g_Nm", "per_cam_rev", "basis", "unit")},
+        "drives": len(checks),
+        "values": len(whole),
+        "of_part_only": len(checks) - len(whole),
+        **(quantiles(whole) if whole else dict.fromkeys(QUANTILES)),
+        "limit_is": first.limit_is,
+        "limit_least": min(limits),
+        "limit_greatest": max(limits),
+        "passed": sum(each.verdict == "PASS" for each in checks),
+    }
+
+
+def wilson(passed: int, of: int) -> tuple[float, float]:
+    """The 95 % interval of a share, after Wilson (1927); 0 to 1 where nothing was counted."""
+    if not of:
+        return 0.0, 1.0
+    share, weight = passed / of, Z**2 / of
+    centre = (share + weight / 2) / (1 + weight)
+    half = Z / (1 + weight) * sqrt(share * (1 - share) / of + weight / (4 * of))
+    return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def quantiles(values: Sequence[float]) -> dict[str, float]:
+    """Least, 5 %, 50 %, 95 % and greatest of some values, straight between neighbours."""
+    found = np.quantile(np.asarray(values, dtype=float), list(QUANTILES.values()))
+    return dict(zip(QUANTILES, map(float, found), strict=True))

@@ -5,17 +5,18 @@ The samples are those of `hdassist check`: F'_ior has the same probability of ke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.limits import Limit, torques_of
-from hdassist.belief.evidence import evidence_of
+from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
+from hdassist.belief.influence import Influence, influences
+from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import (
     SAMPLE_STATES,
@@ -108,10 +109,10 @@ class Belief(ClosedRecord):
     def of(cls, limit: Limit, samples: Samples, own: float) -> Belief:
         """What samples say of a limit; own, the self error [arcsec] of the drive, on top of F'_ior."""
         if limit.check is F_IOR:
-            values = samples.F_ior_arcsec[:, samples.torques.index(limit.M_g or 0.0)]
+            values = samples.F_ior_arcsec[:, samples.torques.index(limit.M_g_Nm or 0.0)]
         else:
             values, own = samples.figures[limit.label], 0.0
-        kept = values <= limit.bound - own if limit.check.upper else values >= limit.bound
+        kept = values <= limit.limit - own if limit.check.upper else values >= limit.limit
         p5, p50, p95 = (weighted_quantile(values, samples.weights, share) + own for share in (0.05, 0.5, 0.95))
         found = probability_of(kept, samples.weights)
         return cls(p5, p50, p95, found.value, found.low, found.high)
@@ -125,12 +126,13 @@ class Belief(ClosedRecord):
 
 @dataclass(frozen=True)
 class Predictions:
-    """What the model says of a drive.
+    """What the model says of a drive for limits.
 
     quantities: at the preset's own numbers, what is unknown as 0; unknown: these deviations; prior: all that is not
     known exactly; samples of it, None where none were drawn; error_samples: those of them that `check` draws.
     """
 
+    limits: tuple[Limit, ...]
     quantities: Quantities
     unknown: tuple[Unknown, ...]
     prior: DrivePrior
@@ -142,9 +144,36 @@ class Predictions:
         """Worst residuals over all states."""
         return self.quantities.certificate + (self.samples.certificate if self.samples else EMPTY)
 
+    @cached_property
+    def least_sure(self) -> Limit | None:
+        """The limit of F'_ior whose verdict is least sure; None where none was drawn."""
+        held = ((limit, self.belief(limit)) for limit in self.limits if limit.check is F_IOR)
+        doubts = [(min(found.probability, 1 - found.probability), limit) for limit, found in held if found]
+        return max(doubts, key=lambda each: each[0], default=(0.0, None))[1]
+
+    @cached_property
+    def influences(self) -> tuple[Influence, ...]:
+        """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
+        if self.least_sure is None or self.error_samples is None:
+            return ()
+        return influences(self.error_samples, self.error_samples.torques.index(self.least_sure.M_g_Nm or 0.0))
+
+    @cached_property
+    def to_measure(self) -> tuple[MeasurementGain, ...]:
+        """What to measure next, for the torque that is least sure, the largest gain first."""
+        samples, limit = self.error_samples, self.least_sure
+        if limit is None or samples is None:
+            return ()
+        M_g = limit.M_g_Nm or 0.0
+        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
+        left = limit.limit - self.quantities.self_errors[M_g].range_arcsec
+        if left <= 0:
+            return ()
+        return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left)
+
     def number(self, limit: Limit) -> float:
         """Value that a limit is held against, in its unit, at the preset's own numbers."""
-        return limit.check.predicted(self.quantities, limit.M_g or 0.0, limit.order or 0.0)
+        return limit.check.predicted(self.quantities, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0)
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit."""
@@ -155,7 +184,7 @@ class Predictions:
         if not self.is_open(limit):
             return None
         samples = self.error_samples if _is_of_check(self.prior.drive, limit) else self.samples
-        own = self.quantities.self_errors.get(limit.M_g or 0.0)
+        own = self.quantities.self_errors.get(limit.M_g_Nm or 0.0)
         return Belief.of(limit, samples, own.range_arcsec if own else 0.0) if samples else None
 
 
@@ -169,23 +198,14 @@ def quantities(
     """What limits need of a drive, at its own numbers. Arguments and errors as those of predict."""
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
-    error = partial(kinematic_error, there, teeth=teeth, run=run.of_task)
-    jobs: list[Callable[[], Any]] = [partial(error, M_g) for M_g in cycles]
-    jobs += [partial(self_error, drive, own_at, run=run.of_task)] * bool(own_at)
-    twist = any("stiffness" in limit.check.needs for limit in limits)
-    jobs += [partial(stiffness, drive, points=1, run=run.of_task)] * twist
-    results = []
-    for result in run.map(_called, jobs):
-        results.append(result)
-        parts = result if isinstance(result, list) else [result]
-        run.finished(sum(part.certificate.states for part in parts))
-    own = results[len(cycles)] if own_at else []
-    errors = dict(zip(cycles, results, strict=False))
-    return Quantities(errors, dict(zip(own_at, own, strict=True)), results[-1] if twist else None)
-
-
-def _called(job: Callable[[], Any]) -> Any:
-    return job()
+    twists = any("stiffness" in limit.check.needs for limit in limits)
+    errors = run.map(partial(kinematic_error, there, teeth=teeth, run=run.of_task), cycles)
+    own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
+    twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
+    by_torque = dict(zip(cycles, errors, strict=True))
+    found = Quantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
+    run.finished(found.certificate.states)
+    return found
 
 
 def estimate_states(drive: Drive, limits: Sequence[Limit], draws: int = DRAWS) -> int:
@@ -224,7 +244,7 @@ def predict(
     if wheels:  # of a wheel that was measured nothing is open
         prior = replace(prior, fields=tuple(f for f in prior.fields if without.value(f.path) == drive.value(f.path)))
     unknown = unknowns(without) if known.errors else ()
-    found = Predictions(known, unknown, prior)
+    found = Predictions(tuple(limits), known, unknown, prior)
     open_ = [limit for limit in limits if found.is_open(limit)]
     if not (open_ and draws and searchable(drive) and not wheels):
         return found
@@ -247,6 +267,7 @@ def predict(
         _torques(drive, open_),
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
+        further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
         enough=enough,
         effort=SamplingEffort.of(draws),
         run=run,
@@ -256,14 +277,14 @@ def predict(
 
 def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
     """Torques [N*m] at which samples have F'_ior: those of check and of limits, or none where none is needed."""
-    held = [limit.M_g for limit in limits if limit.check is F_IOR and limit.M_g is not None]
+    held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
     needed = held or drive.catalogue.accuracy is not None
     return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
 
 
 def _is_of_check(drive: Drive, limit: Limit) -> bool:
     """Whether `hdassist check` holds the same limit."""
-    return limit.check is F_IOR and limit.M_g in drive.operation.M_g
+    return limit.check is F_IOR and limit.M_g_Nm in drive.operation.M_g
 
 
 def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
@@ -275,7 +296,7 @@ def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Values of a drive, by the label of the limit that they are for, with their proof."""
     found = quantities(drive, limits, run=UNCHECKED)
-    values = {each.label: each.check.predicted(found, each.M_g or 0.0, each.order or 0.0) for each in limits}
+    values = {each.label: each.check.predicted(found, each.M_g_Nm or 0.0, each.per_cam_rev or 0.0) for each in limits}
     return values, found.certificate
 
 

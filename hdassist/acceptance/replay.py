@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import zip_longest
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from hdassist.acceptance.answer import Answer, to_json, with_fail_on
-from hdassist.acceptance.lot import LotRow
+from hdassist.acceptance.answer import Answer, exit_code, to_json
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
 from hdassist.preset.library import read_preset
 from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.textfile import read_bytes
+from hdassist.version import __version__
 
 RELATIVE = 1e-6  # of a value or its limit: how far numbers may lie apart that agree
 # residuals, and arcsec between two solvers: another processor rounds otherwise
@@ -31,6 +30,42 @@ class InputFile:
     sha256: str | None
 
 
+def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
+    """Preset, traces and pitch files of a request. Raises DataError: standard input was read, which is gone."""
+    recorded = {each.file: each.sha256 for each in (*answer.measured, *answer.pitch)}
+    for place, file in enumerate(request.files()):
+        if file == "-":
+            hint = "save it, and name the file; of a preset: hdassist accept --replay RESULT PRESET"
+            raise DataError("the preset or a file was read from standard input, which is gone", hint)
+        try:
+            data = read_bytes(file, MAX_TRACE_BYTES + 1)[0] if place else read_preset(file)[0]
+        except DataError:
+            data = None
+        sha256 = None if data is None else hashlib.sha256(data).hexdigest()
+        yield InputFile(file, recorded.get(file) if place else answer.preset.sha256, sha256)
+
+
+def require_same(answer: Answer, files: list[InputFile]) -> None:
+    """Raise DataError where a file is not as it was. An answer of an error never got as far as its hashes."""
+    for one in [] if answer.error else files:
+        if one.sha256 is None:
+            raise DataError(f"{one.file} cannot be read", "paths count from the folder in which the answer was made")
+        if one.sha256 != one.recorded_sha256:
+            then = f"sha256 {str(one.recorded_sha256)[:12]}... when the answer was made, {one.sha256[:12]}... now"
+            raise DataError(f"{one.file} has changed: {then}", "hdassist accept makes a new answer")
+
+
+def still_stands(answer: Answer, request: Request, fail_on: FailOn) -> bool:
+    """Whether an answer is what a request would get again: same version, options and files, and no error."""
+    if (answer.version, answer.fail_on, answer.request) != (__version__, fail_on, request) or answer.error:
+        return False
+    try:
+        require_same(answer, list(inputs(answer, request)))
+    except DataError:
+        return False
+    return True
+
+
 @dataclass(frozen=True)
 class Difference:
     """Something that came out otherwise: the check (empty: the answer itself), its key, the value then and now."""
@@ -40,105 +75,10 @@ class Difference:
     recorded: Any
     now: Any
 
-
-@dataclass(frozen=True)
-class Replayed:
-    """An answer done again: as recorded, its files, the answer now (None: not done), what differs, why it was not."""
-
-    recorded: Answer
-    inputs: tuple[InputFile, ...] = ()
-    now: Answer | None = None
-    differences: tuple[Difference, ...] = ()
-    fault: str = ""
-    hint: str = ""
-
-    @property
-    def left_out(self) -> bool:
-        """Whether there was nothing to do in the first place: a row of a lot that was wrong in itself."""
-        return self.recorded.request is None
-
-    @property
-    def exit_code(self) -> int:
-        """0 agrees, 3 differs, 4 its files changed or it cannot be done; 1 and 5 as the answer now where it differs."""
-        if self.left_out:
-            return 0
-        if self.now is None:
-            return CHANGED
-        return 0 if not self.differences else self.now.exit_code if self.now.exit_code in (1, 5) else DIFFERS
-
-    @property
-    def words(self) -> str:
-        """In a word or two."""
-        if self.left_out:
-            return "left out"
-        return "cannot be replayed" if self.now is None else "differs" if self.differences else "agrees"
-
-
-def prepare(answer: Answer, preset: str = "") -> tuple[LotRow | None, Replayed]:
-    """What is to be done again, and what is known of it before; nothing to do where its files are not the same.
-
-    Arguments: answer; preset, to be taken in place of the recorded one (empty: that one).
-    """
-    if answer.request is None:
-        return None, Replayed(answer, fault="its row was wrong in itself: nothing was asked")
-    request = replace(answer.request, preset=preset or answer.request.preset)
-    try:
-        files = tuple(inputs(answer, request))
-    except DataError as fault:
-        return None, Replayed(answer, fault=fault.message, hint=fault.hint)
-    if not answer.error:  # one without an answer never got as far as its hashes
-        for one in files:
-            if one.sha256 is None:
-                hint = "paths count from the folder in which the answer was made"
-                return None, Replayed(answer, files, fault=f"{one.file} cannot be read", hint=hint)
-            if one.sha256 != one.recorded_sha256:
-                then, now = str(one.recorded_sha256)[:12], one.sha256[:12]
-                words = f"{one.file} has changed: sha256 {then}... when the answer was made, {now}... now"
-                return None, Replayed(answer, files, fault=words, hint="hdassist accept makes a new answer")
-    return LotRow(request.serial, request, answer.place or ""), Replayed(answer, files)
-
-
-def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
-    """Preset and traces of a request, with the hashes of its answer and those now.
-
-    Raises DataError: standard input was read, which is gone.
-    """
-    if request.preset == "-":
-        raise DataError("the preset was read from standard input", "name it: hdassist accept --replay RESULT PRESET")
-    yield InputFile(request.preset, answer.preset.sha256, preset_sha256(request.preset))
-    found = {trace.file: trace.sha256 for trace in answer.measured}
-    found |= {wheel.file: wheel.sha256 for wheel in answer.pitch}
-    wheels = [] if request.measured_only else request.wheels.files.values()
-    for what, file in [*(("trace", trace.file) for trace in request.measured), *(("pitch file", f) for f in wheels)]:
-        if file == "-":
-            raise DataError(f"the {what} was read from standard input, which is gone", "save it, and name the file")
-        yield InputFile(file, found.get(file), file_sha256(file))
-
-
-def preset_sha256(name: str) -> str | None:
-    """SHA-256 of a preset; None where it cannot be read."""
-    try:
-        return hashlib.sha256(read_preset(name)[0]).hexdigest()
-    except DataError:
-        return None
-
-
-def file_sha256(path: str) -> str | None:
-    """SHA-256 of a trace as the reader takes it; None where it cannot be read."""
-    try:
-        return hashlib.sha256(read_bytes(path, MAX_TRACE_BYTES + 1)[0]).hexdigest()
-    except DataError:
-        return None
-
-
-def still_stands(answer: Answer, request: Request, version: str, fail_on: FailOn) -> bool:
-    """Whether an answer is what a request would get again: same version, options and files, and no error."""
-    if answer.error or (answer.version, answer.fail_on, answer.request) != (version, fail_on, request):
-        return False
-    try:
-        return all(one.sha256 is not None and one.recorded_sha256 == one.sha256 for one in inputs(answer, request))
-    except DataError:
-        return False
+    def __str__(self) -> str:
+        values = ("none" if each is None else each for each in (self.recorded, self.now))
+        then, now = (f"{each:.9g}" if isinstance(each, float) else each for each in values)
+        return f"{f'{self.check}, ' * bool(self.check)}{self.key}: {then} then, {now} now"
 
 
 def differences(recorded: Answer, now: Answer) -> list[Difference]:
@@ -152,32 +92,106 @@ def differences(recorded: Answer, now: Answer) -> list[Difference]:
         return [Difference("", "verdict", recorded.status, now.status), Difference("", "error", *errors)]
     if recorded.error and now.error and recorded.error.code == now.error.code:
         now = replace(now, error=recorded.error)  # in the words of a cell or of an option
-    now = with_fail_on(now, recorded.fail_on)
-    was, comes = to_json(recorded), to_json(now)
-    old_checks, new_checks = was.pop("checks", []), comes.pop("checks", [])
-    left_out = dict.fromkeys(("version", "time", "request", "place"))
-    found = list(_differences("", "", was | left_out, comes | left_out, 0.0))
-    for old, new in zip_longest(old_checks, new_checks):
-        parts = ((old or new)[key] for key in ("code", "M_g_Nm", "per_cam_rev"))
-        name = " ".join(str(part) for part in parts if part is not None)
-        if old is None or new is None:
-            found.append(Difference(name, "check", old and "there", new and "there"))
-        else:
-            found += _differences(name, "", old, new, RELATIVE * abs(old["limit"]))
+    if now.verdict:
+        code = exit_code(now.verdict, bool(now.remarks), recorded.fail_on)
+        now = replace(now, fail_on=recorded.fail_on, exit_code=code)
+    was, comes = (dict(_flat("", "", to_json(each), 0.0)) for each in (recorded, now))
+    found = []
+    for name in dict.fromkeys([*was, *comes]):
+        (old, allowed), (new, _) = was.get(name, (None, 0.0)), comes.get(name, (None, 0.0))
+        are_numbers = isinstance(old, float) and isinstance(new, int | float)
+        if abs(old - new) > max(RELATIVE * abs(old), allowed) if are_numbers else old != new:
+            found.append(Difference(*name, old, new))
     return found
 
 
-def _differences(check: str, key: str, old: Any, new: Any, allowed: float) -> Iterator[Difference]:
-    """Differences of two JSON values, each with its path; allowed, how far numbers may be apart at least."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        for name in dict.fromkeys([*old, *new]):
-            inner = ROUNDING.get(name, allowed)
-            yield from _differences(check, f"{key}.{name}".lstrip("."), old.get(name), new.get(name), inner)
-    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        for place, pair in enumerate(zip(old, new, strict=True)):
-            yield from _differences(check, f"{key}.{place}", *pair, allowed)
-    elif isinstance(old, float) and isinstance(new, int | float):
-        if abs(old - new) > max(RELATIVE * abs(old), allowed):
-            yield Difference(check, key, old, new)
-    elif old != new:
-        yield Difference(check, key, old, new)
+def _flat(check: str, key: str, value: Any, allowed: float) -> Iterator[tuple[tuple[str, str], tuple[Any, float]]]:
+    """Check and path of each number and text of a JSON value that is compared, and how far numbers may be off."""
+    if key in ("version", "time", "request", "place"):
+        return
+    if not isinstance(value, dict | list):
+        yield (check, key), (value, allowed)
+        return
+    if isinstance(value, list):
+        yield (check, f"{key}.length"), (len(value), allowed)
+    for name, inner in value.items() if isinstance(value, dict) else enumerate(value):
+        inside, within = f"{key}.{name}".lstrip("."), ROUNDING.get(str(name), allowed)
+        if key == "checks":
+            parts = (inner[part] for part in ("code", "M_g_Nm", "per_cam_rev"))
+            check = " ".join(str(part) for part in parts if part is not None)
+            inside, within = "", RELATIVE * abs(inner["limit"])
+        yield from _flat(check, inside, inner, within)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """An answer done again.
+
+    recorded; its files; fault, what hinders it, or else the request that is made again; the answer now, None before it
+    is made; what differs.
+    """
+
+    recorded: Answer
+    inputs: tuple[InputFile, ...] = ()
+    fault: DataError | None = None
+    request: Request | None = None
+    now: Answer | None = None
+    differences: tuple[Difference, ...] = ()
+
+    @classmethod
+    def prepare(cls, answer: Answer, preset: str = "") -> Replay:
+        """What is known before it is done; preset, to be taken in place of the recorded one (empty: that one)."""
+        files: list[InputFile] = []
+        try:
+            if answer.request is None:
+                raise DataError("its row was wrong in itself: nothing was asked")
+            request = replace(answer.request, preset=preset or answer.request.preset)
+            files += inputs(answer, request)
+            require_same(answer, files)
+        except DataError as fault:
+            return cls(answer, tuple(files), fault)
+        return cls(answer, tuple(files), request=request)
+
+    def done(self, now: Answer) -> Replay:
+        """It with the answer now."""
+        return replace(self, now=now, differences=tuple(differences(self.recorded, now)))
+
+    @property
+    def outcome(self) -> tuple[str, int]:
+        """In a word or two, and the exit code: of 1 and 5 that of the answer now, where it differs."""
+        if self.recorded.request is None:
+            return "left out", 0
+        if self.now is None:
+            return "cannot be replayed", CHANGED
+        if self.differences:
+            return "differs", self.now.exit_code if self.now.exit_code in (1, 5) else DIFFERS
+        return "agrees", 0
+
+    def __str__(self) -> str:
+        recorded = self.recorded
+        verdict = "no answer" if recorded.error else recorded.status
+        by = f", by version {recorded.version}" if recorded.version != __version__ else ""
+        name = recorded.serial or recorded.preset.name
+        lines = [f"{name}: {self.outcome[0]} ({verdict} of {recorded.time}{by})"]
+        lines += [f"  {self.fault.message}"] if self.fault else []
+        return "\n".join([*lines, *(f"  {each}" for each in self.differences)])
+
+    def to_json(self) -> dict[str, Any]:
+        """It as a JSON object."""
+        recorded, fault = to_json(self.recorded), self.fault
+        return {
+            "schema": "hdassist.accept-replay/1",
+            "version": __version__,
+            "preset": recorded["preset"],
+            "exit_code": self.outcome[1],
+            "warnings": [],
+            "serial": self.recorded.serial,
+            "agrees": None if self.now is None else not self.differences,
+            "recorded": {key: recorded[key] for key in ("version", "time", "verdict", "exit_code")},
+            "verdict": self.now and self.now.verdict,
+            "time": self.now and self.now.time,
+            "tolerance_relative": RELATIVE,
+            "differences": [asdict(each) for each in self.differences],
+            "inputs": [asdict(each) for each in self.inputs],
+            **({"error": {"code": fault.fault, "message": fault.message, "hint": fault.hint}} if fault else {}),
+        }

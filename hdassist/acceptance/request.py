@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isnan
@@ -11,28 +11,28 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
-from hdassist.acceptance.accept import AcceptanceResult, accept, without_values
 from hdassist.acceptance.decision import Value
-from hdassist.acceptance.limit_parser import LimitText
-from hdassist.acceptance.limits import Limit, limits_of
-from hdassist.acceptance.predictions import Predictions, predict
+from hdassist.acceptance.limits import Limit, LimitText, limits_of
+from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.design.check import DRAWS
-from hdassist.errors import UsageError
+from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
+from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import Line
+from hdassist.preset.overrides import is_overridden
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
-from hdassist.solve.window import in_wide_enough_window, with_window
+from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
 
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
@@ -63,30 +63,35 @@ class TraceFile:
             if isnan(M_g := number_of(self.torque)):
                 raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80:run.csv")
             return M_g
-        torques = list(dict.fromkeys(limit.M_g for limit in limits_of(drive) if limit.M_g is not None))
+        torques = list(dict.fromkeys(each.M_g_Nm for each in limits_of(drive) if each.M_g_Nm is not None))
         if len(torques) > 1:
             named = ", ".join(f"{M_g:g}:{self}" for M_g in torques)
             raise UsageError(f"--measured {self}: at which torque was it measured?", f"one of {named}")
         return (torques or list(drive.operation.M_g))[0]
 
 
-def _kept_as_text(read: Callable[[str], Any]) -> tuple[BeforeValidator, PlainSerializer]:
-    """How a typed text stands in a file: as it is written."""
+def _as_text(parse: Callable[[str], Any]) -> tuple[BeforeValidator, PlainSerializer]:
+    """How what is parsed stands in a file: as it is written."""
 
     def checked(text: Any) -> Any:
         if not isinstance(text, str):
             raise ValueError("must be text")
         try:
-            return read(text)
+            return parse(text)
         except UsageError as error:
             raise ValueError(error.message) from None
 
     return BeforeValidator(checked), PlainSerializer(str)
 
 
-_BOUND = _kept_as_text(lambda text: LimitText.parse(text, "--limit"))
-_VALUE = _kept_as_text(lambda text: LimitText.parse(text, "--value"))
-_TRACE = _kept_as_text(TraceFile.parse)
+# options that may be given several times, and columns of lots: the field of a request that they add to, and their text
+TEXTS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "--set": ("overrides", str),
+    "--limit": ("limits", lambda text: LimitText.parse(text, "--limit")),
+    "--measured": ("measured", TraceFile.parse),
+    "--value": ("values", lambda text: LimitText.parse(text, "--value")),
+}
+_BOUND, _TRACE, _VALUE = (_as_text(TEXTS[option][1]) for option in ("--limit", "--measured", "--value"))
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,16 @@ class Reading(ClosedRecord, TraceForm):
 @dataclass(frozen=True)
 class Wheels(ClosedRecord, WheelFiles):
     """Pitch files of the drive's wheels, and how they are read: the options of `hdassist check`."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a request names, read: its drive, traces by torque [N*m], values by limit, measured wheels."""
+
+    drive: Drive
+    measurements: dict[float, Measurement] = field(default_factory=dict)
+    stated: dict[Limit, Value] = field(default_factory=dict)
+    wheels: MeasuredTeeth | None = None
 
 
 @dataclass(frozen=True)
@@ -128,28 +143,20 @@ class Request(ClosedRecord):
     draws: Annotated[int, Field(ge=0)] = DRAWS
     sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
 
-    @property
-    def effort(self) -> dict[str, Any]:
-        """How predictions are made, as arguments of predict and accept."""
-        return {"draws": self.draws, "sure": self.sure}
-
-    def seeded(self, run: Run) -> Run:
-        """A run with the seed and the other solver of the request."""
-        return replace(run, seed=self.seed, cross_check=self.cross_check)
-
     def files(self) -> list[str]:
-        """Paths of all that is read for it; its preset may be one of the library."""
-        return [self.preset, *(trace.file for trace in self.measured), *self.wheels.files.values()]
+        """Paths of all that is read for it; its preset, the first one, may be one of the library."""
+        wheels = [] if self.measured_only else self.wheels.files.values()
+        return [self.preset, *(trace.file for trace in self.measured), *wheels]
 
     def load(self) -> Drive:
         """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
         try:
             return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
         except UsageError as error:
-            raise UsageError(self.as_said(error.message), error.hint) from None
+            raise UsageError(self.named(error.message), error.hint) from None
 
-    def as_said(self, message: str, *, overrides: bool = False) -> str:
-        """A message about overrides of its preset that names limits as they were given; with overrides, those too."""
+    def named(self, message: str, *, overrides: bool = False) -> str:
+        """A message about overrides of the preset that names limits as they were given; with overrides, those too."""
 
         def name(match: re.Match[str]) -> str:
             place = int(match[1]) - 1
@@ -159,40 +166,47 @@ class Request(ClosedRecord):
 
         return _OVERRIDE.sub(name, message)
 
+    def read(self, drive: Drive) -> Inputs:
+        """The drive with what is named beside it.
 
-def read_measurements(request: Request, drive: Drive) -> dict[float, Measurement]:
-    """Traces of a request by their torque [N*m].
-
-    Raises UsageError where the torque of a trace is open or stands twice; PresetError or DataError for a file that
-    cannot be used; UntrustedError where a record does not tell its orders apart.
-    """
-    files: dict[float, str] = {}
-    for trace in request.measured:
-        torque = trace.at(drive)
-        if torque in files:
-            raise UsageError(f"two traces at {torque:g} N*m", "one trace a torque: join repeated runs in one file")
-        files[torque] = trace.file
-    reading, gearing = request.reading, gearing_of(drive, None)
-    stated, ratio = parse_stated(reading.budget), gearing.ratio if gearing else None
-    return {
-        torque: measure(
-            read_trace(path, reading, ratio),
+        Raises UsageError where the torque of a trace is open or stands twice, or a value is none of a limit;
+        PresetError or DataError for a file that cannot be used; UntrustedError where a record does not tell its orders
+        apart.
+        """
+        files: dict[float, str] = {}
+        for trace in self.measured:
+            torque = trace.at(drive)
+            if torque in files:
+                raise UsageError(f"two traces at {torque:g} N*m", "one trace a torque: join repeated runs in one file")
+            files[torque] = trace.file
+        reading, gearing = self.reading, gearing_of(drive, None)
+        looked_at = partial(
+            measure,
             drive=drive,
             orders=parse_orders(reading.orders or None),
             drift=reading.drift,
-            stated=stated,
-            seed=request.seed,
+            stated=parse_stated(reading.budget),
+            seed=self.seed,
         )
-        for torque, path in files.items()
-    }
+        ratio = gearing.ratio if gearing else None
+        measurements = {torque: looked_at(read_trace(path, reading, ratio)) for torque, path in files.items()}
+        return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
+    def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
+        """Measured wheels; None without any, and where nothing is predicted. Raises what WheelFiles.read does."""
+        return None if self.measured_only else self.wheels.read(drive)
 
-def read_wheels(request: Request, drive: Drive) -> MeasuredTeeth | None:
-    """Measured wheels of a request; None without any, and where nothing is predicted.
+    def predict(self, drive: Drive, wheels: MeasuredTeeth | None, run: Run = Run()) -> Predictions | None:
+        """Predictions that it needs, without a look at what was measured; None where it needs none.
 
-    Raises what WheelFiles.read does.
-    """
-    return None if request.measured_only else request.wheels.read(drive)
+        Raises DataError: no limit, or something measured that no limit is for; UntrustedError: no answer to be trusted.
+        """
+        limits = limits_of(drive)
+        torques, stated = [each.at(drive) for each in self.measured], [each.limit_of(limits) for each in self.values]
+        left = [] if self.measured_only else limits_left(drive, torques, stated)
+        run = replace(run, seed=self.seed, cross_check=self.cross_check)
+        analysis = partial(predict, limits=left, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
+        return in_wide_enough_window(drive, analysis) if left else None
 
 
 def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Value]:
@@ -206,50 +220,27 @@ def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Value
         limit = text.limit_of(limits)
         if limit in found:
             raise UsageError(f"--value {text}: given twice")
-        found[limit] = text.value_for(limit)
+        found[limit] = Value.stated(text, limit)
     return found
 
 
-def predict_for(request: Request) -> Predictions | None:
-    """Predictions that a request needs, without a look at what was measured; None where it needs none.
+def limits_left(drive: Drive, torques: Sequence[float], stated: Sequence[Limit]) -> list[Limit]:
+    """Limits of a drive that neither a trace at one of the torques [N*m] nor a stated value is for.
 
-    Raises DataError: no limit, or something measured that no limit is for; UntrustedError: no answer to be trusted.
+    Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not have;
+    UsageError: such an order on the command line.
     """
-    drive = request.load()
     limits = limits_of(drive)
-    torques, stated = [trace.at(drive) for trace in request.measured], [v.limit_of(limits) for v in request.values]
-    left = () if request.measured_only else without_values(drive, torques, stated)
-    if not left:
-        return None
-    wheels, run = read_wheels(request, drive), request.seeded(Run())
-    analysis = partial(predict, limits=left, wheels=wheels, run=run, **request.effort)
-    return in_wide_enough_window(drive, analysis)
-
-
-def carry_out(
-    request: Request,
-    drive: Drive,
-    measurements: Mapping[float, Measurement],
-    wheels: MeasuredTeeth | None = None,
-    *,
-    predictions: Predictions | None = None,
-    run: Run = Run(),
-) -> AcceptanceResult:
-    """Accept the drive of a request, loaded and measured before.
-
-    Arguments: measurements by torque [N*m]; wheels, with measured teeth; predictions, where they are known already,
-    else run for them. Raises DataError: no limit, or something measured that no limit is for;
-    UsageError: a value that no limit is for; UntrustedError where a prediction cannot be trusted.
-    """
-    analysis = partial(
-        accept,
-        measurements=measurements,
-        wheels=wheels,
-        stated=stated_values(request.values, drive),
-        measured_only=request.measured_only,
-        predictions=predictions,
-        run=request.seeded(run),
-        **request.effort,
-    )
-    there = with_window(drive, predictions.prior.drive.numerics.window) if predictions else drive
-    return in_wide_enough_window(there, analysis)
+    for order in filter(None, (limit.per_cam_rev for limit in limits)):
+        try:
+            order_place(Kinematics.of(drive), order)
+        except UsageError as error:
+            if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
+                raise
+            raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
+    for M_g in torques:
+        if not any(limit.M_g_Nm == M_g and limit.check.measured for limit in limits):
+            raise DataError(
+                f"{drive.name}: measured at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:g}=30"
+            )
+    return [each for each in limits if each not in stated and not (each.check.measured and each.M_g_Nm in torques)]

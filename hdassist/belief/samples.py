@@ -8,20 +8,22 @@ is divided by: the sum of weights stays right on average.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
+from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried
+from hdassist.model.deviations import carried, deviations_of
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
@@ -178,21 +180,6 @@ def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
     return Probability(value, low, high)
 
 
-@dataclass(frozen=True)
-class _Draw:
-    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded) and weight.
-
-    F_ior_arcsec, shape (torques,); turned_arcsec, shape (torques, rotations).
-    """
-
-    refused: str = ""
-    figures: Mapping[str, float] | None = None
-    F_ior_arcsec: Array | None = None
-    turned_arcsec: Array | None = None
-    weight: float = 0.0
-    certificate: Certificate = EMPTY
-
-
 def draw_samples(
     prior: DrivePrior,
     torques: Sequence[float],
@@ -200,6 +187,7 @@ def draw_samples(
     rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
     further: Figures | None = None,
+    further_name: str = "",
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     run: Run = Run(),
@@ -208,31 +196,43 @@ def draw_samples(
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
-    the drive; further, figures that each sample has beside F'_ior; enough, whether samples suffice for what they are
+    the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
+    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are
     for; effort, limits of sampling; seen, called with the samples so far. Raises UsageError for a drive with
     rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
-    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
-    draws: list[_Draw] = []
-    while True:
-        size = min(effort.batch, max(HOPELESS, len(draws)))
-        now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-        shares = prior.shares(now.stop, run.seed)
-        values, chances = prior.values(shares[now]), shares[now, -1].tolist()
-        for each in run.map(solve, values, chances):
-            draws.append(each)
-            run.solved(each.certificate.states)
-        samples = _collected(prior, tuple(torques), rotations, shares, draws, run.seed)
-        if seen:
-            seen(samples)
-        effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-        if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
-            return samples
-        if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
-            if effective < effort.effective:
-                raise _too_few(samples, draws, evidence, effort.effective)
-            return samples
+    solve: Callable[..., Draw] | None = None
+    kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
+    earlier = kept.read() if further_name or not further else []
+    draws: list[Draw] = []
+    try:
+        while True:
+            size = min(effort.batch, max(HOPELESS, len(draws)))
+            now = slice(len(draws), min(len(draws) + size, effort.most_draws))
+            solved: Iterable[Draw] = ()
+            if now.stop > len(earlier):
+                fresh = prior.shares(now.stop, run.seed)[max(now.start, len(earlier)) :]
+                if not solve:
+                    alike = _alike(prior, torques, rotations, run)
+                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, alike)
+                solved = run.map(solve, prior.values(fresh), fresh.tolist())
+            for each in chain(earlier[now], solved):
+                draws.append(each)
+                run.solved(each.certificate.states)
+            samples = _collected(prior, tuple(torques), rotations, draws, run.seed)
+            if seen:
+                seen(samples)
+            effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
+            if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
+                return samples
+            if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
+                if effective < effort.effective:
+                    raise _too_few(samples, draws, evidence, effort.effective)
+                return samples
+    finally:
+        if len(draws) > len(earlier) and (further_name or not further):
+            kept.keep(draws)
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
@@ -251,28 +251,35 @@ def _solved(
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
     further: Figures | None,
+    alike: _Maps | None,
     values: dict[str, float],
-    chance: float,
-) -> _Draw:
-    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance."""
+    shares: list[float],
+) -> Draw:
+    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
+
+    Arguments: values of the draw, by path, and their shares of probability, with the chance behind them.
+    """
+    *of_fields, chance = shares
     if refused := conflict_of(drive, values):
-        return _Draw(refused=refused)
+        return Draw(refused=refused)
     moved = drive.with_values(values)
     try:
         figures, probability, proof = going_on(moved, evidence)
         if chance >= probability:
-            return _Draw(figures=figures, certificate=proof)
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg)
+            return Draw(figures=figures, proof=astuple(proof))
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
-        return _Draw(refused=str(error.fault))
+        return Draw(refused=str(error.fault))
     figures = {**figures, **more}
     if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
         least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
         figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / probability
-    return _Draw("", figures, F_ior, turned, weight, proof + found + more_proof)
+    whole = proof + found + more_proof
+    at_turns = tuple(map(tuple, turned.tolist()))
+    return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
 
 
 def conflict_of(drive: Drive, values: Mapping[str, float]) -> str:
@@ -296,35 +303,65 @@ def going_on(drive: Drive, evidence: tuple[Evidence, ...]) -> tuple[dict[str, fl
 
 
 def errors_by_turn(
-    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float]
+    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], alike: _Maps | None = None
 ) -> tuple[Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
-    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Raises
-    UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
+    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Arguments:
+    alike, `maps_by_turn` of a drive with the same deviations. Raises UsageError for rolling balls, UntrustedError where
+    an answer cannot be trusted.
     """
-    turns = np.array(rotations_deg, dtype=float)
-    moved = np.flatnonzero(turns % 360)
-    batch = Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})
-    formulation, like, proof = formulate(contact_system(drive)), None, EMPTY
-    F_ior, turned = np.empty(len(torques)), np.empty((len(torques), len(turns)))
+    (own, turned), moved = _turns(drive, rotations_deg)
+    like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
+    F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     for k, M_g in enumerate(torques):
         error_map = ErrorMap(drive, M_g, formulation, like)
-        like = error_map.fresh
-        own = error_map.many_extremes(Batch.of(drive), grid=FEW)
-        F_ior[k], turned[k], proof = own.first, own.first, proof + own.certificate
+        like, maps = error_map.fresh, alike[k] if alike else (None, None)
+        now = error_map.many_extremes(own, grid=FEW, alike=maps[0])
+        F_ior[k], found[k], proof = now.first, now.first, proof + now.certificate
         if len(moved):
-            there = error_map.many_extremes(batch, grid=FEW)
-            turned[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
-    return F_ior, turned, proof
+            there = error_map.many_extremes(turned, grid=FEW, alike=maps[1])
+            found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
+    return F_ior, found, proof
+
+
+_Maps = Sequence[tuple[Array, Array]]  # of each torque
+
+
+def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> tuple[Array, Array]:
+    """Maps of the error of a drive at a torque [N*m], as it stands and with its fixed wheel turned.
+
+    Errors as those of errors_by_turn.
+    """
+    (own, turned), _ = _turns(drive, rotations_deg)
+    error_map = ErrorMap(drive, M_g)
+    return error_map.solved_map(own), error_map.solved_map(turned)
+
+
+def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, Batch], NDArray[np.int64]]:
+    """A drive as it stands, and with its fixed wheel turned, by those of the rotations that turn it."""
+    turns = np.array(rotations_deg, dtype=float)
+    moved = np.flatnonzero(turns % 360)
+    return (Batch.of(drive), Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})), moved
+
+
+def _alike(prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run) -> _Maps | None:
+    """Maps of the drive as given where its draws have the same deviations; None where they do not."""
+    deviations = {path for d in deviations_of(prior.drive.mounting.mark_kind) for path in (d.size, d.direction)}
+    if deviations & {each.path for each in prior.fields}:
+        return None
+    solve = partial(maps_by_turn, rotations_deg=rotations_deg)
+    try:
+        return list(run.map(partial(in_wide_enough_window, prior.drive), [partial(solve, M_g=M_g) for M_g in torques]))
+    except HdassistError:  # then each draw is on its own
+        return None
 
 
 def _collected(
     prior: DrivePrior,
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
-    shares: Array,
-    draws: Sequence[_Draw],
+    draws: Sequence[Draw],
     seed: int,
 ) -> Samples:
     rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
@@ -333,7 +370,7 @@ def _collected(
     return Samples(
         prior,
         torques,
-        shares[rows, : len(prior.fields)],
+        np.array([each.shares for each in kept]).reshape(len(kept), len(prior.fields)),
         np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
         {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
         np.array([each.weight for each in kept]),
@@ -347,7 +384,7 @@ def _collected(
     )
 
 
-def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
+def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
     """The error where fewer samples are effective than needed, with the evidence without which most would agree."""
     found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
     if sum(samples.refused.values()) > len(draws) / 2 or not evidence:
@@ -362,6 +399,6 @@ def _too_few(samples: Samples, draws: Sequence[_Draw], evidence: tuple[Evidence,
     )
 
 
-def _mean_likelihood(draws: Sequence[_Draw], evidence: tuple[Evidence, ...]) -> float:
+def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
     """Mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
     return float(np.mean([np.exp(log_likelihood(evidence, each.figures or {})) for each in draws if not each.refused]))

@@ -43,7 +43,7 @@ def command(*, options: o.PageOptions) -> None:
     from hdassist.terminal.answers import json_text
 
     out = options.open()
-    found = [*packages(), *machine(), engine(), *terminal(), self_test(), library()]
+    found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library()]
     broken = any(finding.status == "broken" for finding in found)
     code = UntrustedError.exit_code if broken else 0
     if options.json:
@@ -97,6 +97,22 @@ def engine() -> Finding:
 
     compiled, words = walk.library()
     return Finding("engine", "ok" if compiled else "note", words)
+
+
+def cache() -> Finding:
+    """Where answers are kept, how large they are, and how to be rid of them."""
+    from hashlib import sha256
+
+    from hdassist.run.cache import FOLDER, NO_CACHE, cache_folder, cached, cached_files, keep, keeps_answers
+
+    folder, key = cache_folder(), sha256(b"doctor").hexdigest()
+    keep("doctor", key, b"")
+    if cached("doctor", key) is None:
+        return Finding("cache", "note", f"{folder} can't be used: nothing is kept; {FOLDER} names another folder")
+    files = cached_files()
+    size = f"{len(files)} files, {sum(each for _, each, _ in files) / 1e6:.1f} MB"
+    found = f"{folder}, {size}; remove the folder to empty it, {FOLDER} names another one"
+    return Finding("cache", "ok", found if keeps_answers() else f"{found}; {NO_CACHE} is set: no answers are kept")
 
 
 def terminal() -> Iterator[Finding]:

@@ -249,8 +249,7 @@ def new(
     check weighs what is assumed.
     """
     from hdassist.loading.load import load_preset
-    from hdassist.loading.write import new_preset
-    from hdassist.loading.write_similar import similar_preset
+    from hdassist.loading.write import new_preset, similar_preset
     from hdassist.preset.wishes import read_wish
     from hdassist.terminal.files import write_text
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
 from hdassist.comparing.doubt import doubtful_waves
-from hdassist.comparing.findings import BLIND_SHARE, CLEAR_GAIN, Conclusion, Explanation, conclude, explanation
+from hdassist.comparing.explanations import (
+    BLIND_SHARE,
+    CLEAR_GAIN,
+    Conclusion,
+    Explanation,
+    conclude,
+    explanation,
+)
 from hdassist.comparing.fit import VectorFit, VectorFitter
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders, rms, solved_curve
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders, SolvedStates, rms
 from hdassist.comparing.vectors import VECTORS
-from hdassist.error.error_map import extremes_of
-from hdassist.error.waves import Complex, ErrorWaves
+from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import curve_of
 from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_of, measure
@@ -24,7 +29,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.answers import Certificate
 
 MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
 SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
@@ -32,8 +37,6 @@ POLISHED = 2.0  # times the least chi-square: fits up to that are continued on t
 RESIDUAL_ORDERS = 3  # orders of a residual that are named
 UNIDENTIFIABLE_ANGLE = 360.0  # deg: standard uncertainty of an angle that is not identifiable
 FIT_STATES = 200_000  # that the fits of a comparison solve, about
-
-SwappedSigns = Literal["error_is", "cam_sense", "both"]
 
 
 @dataclass(frozen=True)
@@ -49,12 +52,17 @@ class RecordConvention:
     error_is: str = "cam-output"
     cam_sense: str = "ccw"
 
+    @property
+    def free(self) -> tuple[bool, bool]:
+        """Whether start and zero are fitted."""
+        return self.start_deg is None, self.zero_deg is None
+
 
 @dataclass(frozen=True)
 class MirroredFile:
-    """The other way round a file fits clearly better: what of it is swapped, and rms of the difference then."""
+    """Another convention by which a file fits clearly better, and rms of the difference then."""
 
-    swapped: SwappedSigns
+    convention: RecordConvention
     rms_arcsec: float
 
 
@@ -62,11 +70,11 @@ class MirroredFile:
 class Comparison:
     """A measured trace beside what a drive should do.
 
-    M_g [N*m]; convention: how the file was read; unchanged: the drive as it is, with the
-    alignment of the record; standard uncertainties of that [deg], None where it was given; predicted_arcsec at the
-    bins, levels and drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; ranges
-    [arcsec] limited to the orders over the angles visited; singles: one explanation of each vector; joint; both none
-    where nothing is called for.
+    M_g [N*m]; convention: how the file was read; unchanged: the drive as it is, with the alignment of the record;
+    uncertainties_deg: standard, of start and zero of that, None where given; predicted_arcsec at the bins, levels and
+    drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; predicted_curve,
+    difference_curve [arcsec] limited to the orders, at the angles visited (sweep.grid_turns); singles: one explanation
+    of each vector; joint; both none where nothing is called for.
     """
 
     drive: Drive
@@ -74,16 +82,12 @@ class Comparison:
     M_g: float
     convention: RecordConvention
     unchanged: Explanation
-    start_uncertainty_deg: float | None
-    zero_uncertainty_deg: float | None
+    uncertainties_deg: tuple[float | None, float | None]
     predicted_arcsec: Array
     residual_arcsec: Array
     orders: tuple[OrderPair, ...]
-    predicted_range_arcsec: float
-    difference_range_arcsec: float
-    difference_rms_arcsec: float
-    largest_arcsec: float
-    largest_at_turns: float
+    predicted_curve: Array
+    difference_curve: Array
     singles: tuple[Explanation, ...]
     joint: Explanation | None
     conclusion: Conclusion
@@ -95,6 +99,17 @@ class Comparison:
     def sweep(self) -> SweepResult:
         """The measured side, both directions as one."""
         return self.measurement.directions[0]
+
+    @property
+    def difference_rms_arcsec(self) -> float:
+        """Rms of the difference within the orders."""
+        return rms(np.array([pair.difference.amplitude_arcsec for pair in self.orders]))
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """The largest difference [arcsec], and the rig's cam angle of it [turns]."""
+        k = int(np.abs(self.difference_curve).argmax())
+        return float(self.difference_curve[k]), float(self.sweep.grid_turns[k])
 
 
 def torque_of(drive: Drive) -> float:
@@ -121,14 +136,13 @@ def alignment_of(trace: MeasuredTrace, drive: Drive, convention: RecordConventio
     sense = 1.0 if convention.cam_sense == "ccw" else -1.0
     if trace.angle_of == "output" and not direct:
         sense = -sense  # the cam turns against the output
+    sign = 1.0 if convention.error_is == "cam-output" else -1.0
     if trace.sense:
-        if convention.error_is != "cam-output":
+        if sign < 0:
             raise UsageError("two encoders tell the sign of the error", "leave out --error-is")
         # the output's encoder counts as the model's angles do, or the other way
         sign = -trace.sense * sense * (1.0 if direct else -1.0)
-    else:
-        sign = 1.0 if convention.error_is == "cam-output" else -1.0
-    return Alignment(np.radians(convention.start_deg or 0.0), np.radians(convention.zero_deg or 0.0), sign, sense)
+    return Alignment(convention.start_deg or 0.0, convention.zero_deg or 0.0, sign, sense)
 
 
 def compare(
@@ -153,44 +167,40 @@ def compare(
     torus = ErrorWaves(drive, M_g, run)
     measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=run.seed, together=True)
     sweep = measurement.directions[0]
-    free_start, free_zero = convention.start_deg is None, convention.zero_deg is None
     doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
+
+    def fitter_of(there: RecordConvention) -> VectorFitter:
+        record = RecordedOrders(sweep, torus, Kinematics.of(drive), alignment_of(trace, drive, there))
+        return VectorFitter(drive, record, torus, doubt, there.free)
+
     changes = doubt(drive)
-    record = RecordedOrders(sweep, torus, Kinematics.of(drive))
-    certain = VectorFitter(drive, record, torus, doubt, start=free_start, zero=free_zero)
-    fitter, base = certain.doubting(changes, alignment_of(trace, drive, convention))
-    record = fitter.record
-    unchanged = explanation(base, base, record, drive)
-    mirrored = {} if unchanged.sufficient else _mirrored(trace, certain, changes, base)
-    singles, joint, mirror = _explanations(drive, fitter, base, unchanged, mirrored)
+    fitter, base = fitter_of(convention).doubted(changes)
+    unchanged = explanation(base, base, fitter.record, drive)
+    others = [] if unchanged.sufficient else _swapped(convention, error=not trace.sense)
+    mirrored = [(there, *fitter_of(there).doubted(changes)) for there in others]
+    singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
     # every range and every residual from solved states
-    solved = _SolvedStates(drive, M_g)
-    curve = solved.curve(drive, sweep.bins.turns, base.alignment)
+    solved, record, turns = SolvedStates(M_g), fitter.record, sweep.bins.turns
+    curve = solved.curve(drive, turns, unchanged.alignment)
     difference, residual, slope = _difference(sweep, sweep.bins.error - curve)
     predicted = record.measured - difference  # (2 orders,)
-    difference_curve = curve_of(difference, sweep.fit.orders, sweep.grid_turns)
-    largest = int(np.abs(difference_curve).argmax())
     unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
-    best = min(singles, key=lambda single: single.chi_square, default=unchanged)
-    singles = [_solved_again(single, record, solved, curve=single.vectors == best.vectors) for single in singles]
-    joint = joint and _solved_again(joint, record, solved, curve=True)
+    least = min((single.chi_square for single in singles), default=np.inf)
+    singles = [_solved(single, drive, record, solved, curve=single.chi_square == least) for single in singles]
+    joint = joint and _solved(joint, drive, record, solved, curve=True)
     return Comparison(
         drive=drive,
         measurement=measurement,
         M_g=M_g,
         convention=convention,
         unchanged=unchanged,
-        start_uncertainty_deg=_angle_uncertainty(base, 0, unchanged) if free_start else None,
-        zero_uncertainty_deg=_angle_uncertainty(base, int(free_start), unchanged) if free_zero else None,
-        predicted_arcsec=sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual - residual,
+        uncertainties_deg=_angle_uncertainties(base, unchanged, convention.free),
+        predicted_arcsec=sweep.fit.curve(turns) + sweep.fit.residual - residual,
         residual_arcsec=residual,
         orders=record.pairs(predicted, difference),
-        predicted_range_arcsec=float(np.ptp(curve_of(predicted, sweep.fit.orders, sweep.grid_turns))),
-        difference_range_arcsec=float(np.ptp(difference_curve)),
-        difference_rms_arcsec=rms(difference),
-        largest_arcsec=float(difference_curve[largest]),
-        largest_at_turns=float(sweep.grid_turns[largest]),
+        predicted_curve=curve_of(predicted, sweep.fit.orders, sweep.grid_turns),
+        difference_curve=curve_of(difference, sweep.fit.orders, sweep.grid_turns),
         singles=tuple(singles),
         joint=joint,
         conclusion=conclude(unchanged, singles, joint, mirrored=mirror is not None),
@@ -213,22 +223,28 @@ def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
     return orders, residual, slope
 
 
+def _swapped(convention: RecordConvention, *, error: bool) -> list[RecordConvention]:
+    """The convention with the cam's sense swapped and, unless two encoders tell the sign, the error, and both."""
+    turned = replace(convention, cam_sense="cw" if convention.cam_sense == "ccw" else "ccw")
+    other = "output-cam" if convention.error_is == "cam-output" else "cam-output"
+    return [turned, *(replace(each, error_is=other) for each in (convention, turned) if error)]
+
+
 def _explanations(
-    drive: Drive,
     fitter: VectorFitter,
     base: VectorFit,
     unchanged: Explanation,
-    mirrored: Mapping[SwappedSigns, tuple[VectorFitter, VectorFit]],
+    mirrored: Sequence[tuple[RecordConvention, VectorFitter, VectorFit]],
 ) -> tuple[list[Explanation], Explanation | None, MirroredFile | None]:
     """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
-    record = fitter.record
-    usual = unchanged.chi_square <= unchanged.freedom + np.sqrt(2 * unchanged.freedom)
+    record, drive = fitter.record, fitter.drive
+    usual = unchanged.chi_square <= unchanged.degrees_of_freedom + np.sqrt(2 * unchanged.degrees_of_freedom)
     if unchanged.sufficient and usual and fitter.linear_gains(base).max() < SCREEN * CLEAR_GAIN:
         return [], None, None
     mirror, other = None, base
     if mirrored:
-        swapped, (reader, other) = min(mirrored.items(), key=lambda each: each[1][1].chi_square)
-        mirror = MirroredFile(swapped, reader.residual_rms_arcsec(other))
+        convention, reader, other = min(mirrored, key=lambda each: each[2].chi_square)
+        mirror = MirroredFile(convention, reader.residual_rms_arcsec(other))
         if record.within_noise(other.chi_square, len(base.free)):
             return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
@@ -245,53 +261,29 @@ def _explanations(
     return singles, explanation(joint, base, record, drive), mirror
 
 
-def _mirrored(
-    trace: MeasuredTrace, fitter: VectorFitter, changes: Complex, base: VectorFit
-) -> dict[SwappedSigns, tuple[VectorFitter, VectorFit]]:
-    """Fits of the drive as it is to the file with its signs swapped, each with its fitter."""
-    own = base.alignment
-    ways: dict[SwappedSigns, Alignment] = {"cam_sense": replace(own, sense=-own.sense)}
-    if not trace.sense:
-        ways |= {"error_is": replace(own, sign=-own.sign), "both": replace(own, sign=-own.sign, sense=-own.sense)}
-    return {swapped: fitter.doubting(changes, alignment) for swapped, alignment in ways.items()}
-
-
-class _SolvedStates:
-    """Errors from solved states, of a drive and others with other deviations; certificate: of all states so far."""
-
-    def __init__(self, drive: Drive, M_g: float) -> None:
-        self.drive, self._M_g = drive, M_g
-        self.certificate = EMPTY
-
-    def F_ior(self, drive: Drive) -> float:
-        """F'_ior [arcsec] over the full cycle."""
-        (extremes,) = extremes_of(drive, [self._M_g])
-        self.certificate += extremes.certificate
-        return extremes.first
-
-    def curve(self, drive: Drive, turns: Array, alignment: Alignment) -> Array:
-        """Error as the file has it [arcsec], up to a constant, at the rig's cam angles [turns]."""
-        values, certificate = solved_curve(drive, self._M_g, turns, alignment)
-        self.certificate += certificate
-        return values
-
-
-def _solved_again(found: Explanation, record: RecordedOrders, solved: _SolvedStates, *, curve: bool) -> Explanation:
+def _solved(
+    found: Explanation, drive: Drive, record: RecordedOrders, solved: SolvedStates, *, curve: bool
+) -> Explanation:
     """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
     if not found.overrides:
         return found
-    drive = solved.drive.with_values(dict(found.overrides))
-    found = replace(found, F_ior_arcsec=solved.F_ior(drive))
+    there = drive.with_values({path: float(value) for path, value in (text.split("=") for text in found.overrides)})
+    found = replace(found, F_ior_arcsec=solved.F_ior(there))
     if not curve:
         return found
-    residual = record.measured - record.of_curve(solved.curve(drive, record.sweep.bins.turns, found.alignment))
-    pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference_arcsec)
-    clear = [p for p in pairs if p.difference_arcsec > CHI_SQUARE_CLEAR * p.difference_uncertainty_arcsec]
-    return replace(found, residual_rms_arcsec=rms(residual), residual_orders=tuple(clear[:RESIDUAL_ORDERS]))
+    residual = record.measured - record.of_curve(solved.curve(there, record.sweep.bins.turns, found.alignment))
+    pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)
+    clear = [
+        p for p in pairs if p.difference.amplitude_arcsec > CHI_SQUARE_CLEAR * (p.difference.uncertainty_arcsec or 0.0)
+    ]
+    return replace(found, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:RESIDUAL_ORDERS]))
 
 
-def _angle_uncertainty(base: VectorFit, row: int, unchanged: Explanation) -> float:
-    """Standard uncertainty [deg] of a fitted angle of the alignment, by its row among the free unknowns."""
-    if (base.unidentifiable[row] ** 2).sum() > BLIND_SHARE:
-        return UNIDENTIFIABLE_ANGLE
-    return float(np.sqrt(unchanged.excess * base.covariance[row, row]))
+def _angle_uncertainties(
+    base: VectorFit, unchanged: Explanation, free: tuple[bool, bool]
+) -> tuple[float | None, float | None]:
+    """Standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
+    blind = (base.unidentifiable**2).sum(axis=1) > BLIND_SHARE
+    fitted = np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist()
+    start = fitted.pop(0) if free[0] else None
+    return start, fitted.pop(0) if free[1] else None

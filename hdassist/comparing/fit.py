@@ -1,21 +1,21 @@
 """Least squares of a drive's deviation vectors on the orders of a trace, through the contact model.
 
-The unknowns are x and y of each vector, then start and zero of the record. Every step of the Gauss-Newton iteration
-(docs/theory.md, (13) to (16)) solves the contacts anew. Directions among the unknowns along which the standard
-uncertainty would exceed any plausible deviation are unidentifiable and stay where they are.
+The unknowns are x and y of each vector, then start and zero of the record [deg]. Every step of the Gauss-Newton
+iteration (docs/theory.md, (13) to (16)) solves the contacts anew. Directions among the unknowns along which the
+standard uncertainty would exceed any plausible deviation are unidentifiable and stay where they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from hdassist.comparing.record import Alignment, RecordedOrders, rms
-from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.comparing.record import RecordedOrders, rms
+from hdassist.comparing.vectors import VECTOR_ORDERS, VECTORS, vectors_of, with_vectors
 from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
@@ -40,113 +40,96 @@ PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
 PROFILE_RISE = 12.0  # of chi-square above the least: end of a profile
 
 COUNT = len(VECTORS)
-START_PLACE, ZERO_PLACE = 2 * COUNT, 2 * COUNT + 1  # places among the unknowns
 WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # what each vector turns with
-WAVES_AROUND = np.array([vector.order for vector in VECTORS])
 
 
 @dataclass(frozen=True, eq=False)
 class VectorFit:
     """Deviations and alignment that fit a record best.
 
-    vectors: complex, in their units, shape (vectors,); fitted: places of those that were free; free: places of the free
-    ones among all unknowns, shape (f,); identifiable, unidentifiable: orthonormal directions among the free unknowns,
-    shapes (f, i) and (f, f - i); covariance: of the free unknowns along the identifiable directions (16), shape (f, f).
+    unknowns: all of them, shape (2 vectors + 2,); fitted: places of the vectors that were free; free: places of the
+    free unknowns, shape (f,); unidentifiable: orthonormal directions among these, shape (f, u); covariance: of the free
+    unknowns along all other directions (16), shape (f, f).
     """
 
-    vectors: Complex
-    alignment: Alignment
+    unknowns: Array
     fitted: tuple[int, ...]
     free: NDArray[np.int64]
     chi_square: float
-    identifiable: Array
     unidentifiable: Array
     covariance: Array
 
     @property
-    def unknowns(self) -> Array:
-        """X and y of all vectors in their units, start and zero [deg], shape (2 vectors + 2,)."""
-        angles = np.degrees([self.alignment.start, self.alignment.zero])
-        return np.concatenate([_components(self.vectors), angles])
+    def vectors(self) -> Complex:
+        """The vectors in their units, shape (vectors,)."""
+        return complex_of(self.unknowns)
 
 
+@dataclass(frozen=True, eq=False)
 class VectorFitter:
     """Fits of vectors of one drive to one record.
 
-    Arguments: record; torus, waves of the drive's error; doubt: changes of the waves of a drive with other deviations,
-    see doubtful_waves; start, zero: whether these are fitted with the vectors.
+    torus: waves of the drive's error; doubt: changes of the waves of a drive with other deviations, see doubtful_waves;
+    angles: whether start and zero of the record are fitted with the vectors.
     """
 
-    def __init__(
-        self,
-        drive: Drive,
-        record: RecordedOrders,
-        torus: ErrorWaves,
-        doubt: Callable[[Drive], Complex],
-        *,
-        start: bool,
-        zero: bool,
-    ) -> None:
-        self._drive, self.record, self._torus, self._doubt = drive, record, torus, doubt
-        self._start, self._zero = start, zero
-        self._own = vectors_of(drive)
-        self._blind = max(LEAST_BLIND, BLIND * float(np.abs(self._own).max()))
+    drive: Drive
+    record: RecordedOrders
+    torus: ErrorWaves
+    doubt: Callable[[Drive], Complex]
+    angles: tuple[bool, bool]
 
-    def base(self, alignment: Alignment) -> VectorFit:
+    def base(self) -> VectorFit:
         """The drive as it is, with start and zero fitted as far as they are free."""
-        (waves,) = self._waves(self._own, (), POINTS)
-        found, _ = self.record.scan(waves, alignment, start=self._start, zero=self._zero)
-        return self._descend(self._own, found, (), POINTS)
+        given = self.record.alignment
+        unknowns = np.array([*_components(vectors_of(self.drive)), given.start_deg, given.zero_deg])
+        unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:], self.angles)
+        return self._descend(unknowns, ())
 
-    def doubting(self, changes: Complex, alignment: Alignment) -> tuple[VectorFitter, VectorFit]:
+    def doubted(self, changes: Complex) -> tuple[VectorFitter, VectorFit]:
         """A fitter with the model doubted (14) at the alignment that fits best, and the drive as it is by it.
 
         changes: of the drive's waves, shape (changes, waves).
         """
-        fitter, fit = self, self.base(alignment)
-        for _ in range(DOUBT_ROUNDS if self._start or self._zero else 1):
-            fitter = self._doubting_at(fit, changes)
-            fit = fitter.base(alignment)
+        fitter, fit = self, self.base()
+        for _ in range(DOUBT_ROUNDS if any(self.angles) else 1):
+            fitter = self._doubted_at(fit, changes)
+            fit = fitter.base()
         return fitter, fit
 
     def with_shift(self, fit: VectorFit) -> VectorFit:
         """A fit whose covariance has in it how far it moves where the model is doubted at its own deviations."""
-        drive = with_vectors(self._drive, fit.vectors, fit.fitted)
-        other = self._doubting_at(fit, self._doubt(drive)).refined(fit)
-        shift = fit.identifiable @ (fit.identifiable.T @ (other.unknowns - fit.unknowns)[fit.free])
+        changes = self.doubt(with_vectors(self.drive, fit.vectors, fit.fitted))
+        shift = (self._doubted_at(fit, changes).refined(fit).unknowns - fit.unknowns)[fit.free]
+        shift -= fit.unidentifiable @ (fit.unidentifiable.T @ shift)
         return replace(fit, covariance=fit.covariance + np.outer(shift, shift))
 
     def residual_rms_arcsec(self, fit: VectorFit) -> float:
         """Rms [arcsec] of the residual of a fit within the orders."""
-        (waves,) = self._waves(fit.vectors, fit.fitted, POINTS)
-        return rms(self.record.measured - self.record.predicted(waves, fit.alignment))
+        (waves,) = self._waves(fit.unknowns, fit.fitted)
+        return rms(self.record.measured - self.record.predicted(waves, fit.unknowns[-2:]))
 
     def single(self, vector: int, base: VectorFit) -> VectorFit:
         """One vector fitted, the others as they are, on a torus fine enough to rank the fits."""
-        starts = [self._own, *self._starts(vector)]
-        waves = [self._waves(vectors, (vector,), COARSE)[0] for vectors in starts]
-        scans = [self.record.scan(w, base.alignment, start=self._start, zero=self._zero) for w in waves]
+        starts = list(self._starts(vector, base))
+        scans = [
+            self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:], self.angles) for start in starts
+        ]
         best = int(np.argmin([chi_square for _, chi_square in scans]))
-        if scans[best][1] > NEARER * scans[0][1]:
-            return self._descend(self._own, base.alignment, (vector,), MIDDLE)
-        return self._descend(starts[best], scans[best][0], (vector,), MIDDLE)
+        if scans[best][1] <= NEARER * scans[0][1]:
+            starts[0] = np.append(starts[best][:-2], scans[best][0])
+        return self._descend(starts[0], (vector,), MIDDLE)
 
-    def refined(self, fit: VectorFit, vectors: Sequence[int] | None = None) -> VectorFit:
+    def refined(self, fit: VectorFit, fitted: Sequence[int] | None = None) -> VectorFit:
         """A fit continued on a fine torus, of the same vectors or of others."""
-        fitted = fit.fitted if vectors is None else tuple(vectors)
-        return self._descend(fit.vectors, fit.alignment, fitted, POINTS)
+        return self._descend(fit.unknowns, fit.fitted if fitted is None else tuple(fitted))
 
     def linear_gains(self, base: VectorFit) -> Array:
         """Decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
-        everything = tuple(range(COUNT))
-        residual, waves = self._residual(base.vectors, base.alignment, (), POINTS)
-        jacobian = self._jacobian(base.vectors, base.alignment, everything, waves)
-        gains = []
-        for k in everything:
-            own = jacobian[:, [2 * k, 2 * k + 1, *range(2 * COUNT, jacobian.shape[1])]]
-            predicted = own @ np.linalg.lstsq(own, residual)[0]
-            gains.append(2 * residual @ predicted - (predicted**2).sum())
-        return np.array(gains)
+        residual, waves = self._residual(base.unknowns, (), POINTS)
+        jacobian = self._jacobian(base.unknowns, tuple(range(COUNT)), waves)
+        own = [jacobian[:, [2 * k, 2 * k + 1, *range(2 * COUNT, jacobian.shape[1])]] for k in range(COUNT)]
+        return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in own])
 
     def profiled(self, fit: VectorFit) -> VectorFit:
         """A fit of one vector with its minimum and covariance over a profile of the start, where that is uncertain.
@@ -154,18 +137,17 @@ class VectorFitter:
         The valley is bent and may have other minima; each start of the profile weighs as its chi-square has it.
         """
         start = 2  # the vector's two components come first
-        if not self._start or self._zero or (fit.unidentifiable[start] ** 2).sum() > PROFILE_BLIND:
+        if self.angles != (True, False) or (fit.unidentifiable[start] ** 2).sum() > PROFILE_BLIND:
             return fit
         step = float(np.sqrt(fit.covariance[start, start]))
         if step < PROFILE_LEAST:
             return fit
-        held = VectorFitter(self._drive, self.record, self._torus, self._doubt, start=False, zero=False)
-        profile = [held._descend(fit.vectors, fit.alignment, fit.fitted, MIDDLE)]
-        for way in (1, -1):
+        held = replace(self, angles=(False, False))
+        profile = [held._descend(fit.unknowns, fit.fitted, MIDDLE)]
+        for way in (step, -step):
             last = profile[0]
             for _ in range(PROFILE_STEPS):
-                turned = float(last.alignment.start + way * np.radians(step))
-                last = held._descend(last.vectors, replace(last.alignment, start=turned), fit.fitted, MIDDLE)
+                last = held._descend(last.unknowns + way * (np.arange(2 * COUNT + 2) == 2 * COUNT), fit.fitted, MIDDLE)
                 profile.append(last)
                 if last.chi_square > min(point.chi_square for point in profile) + PROFILE_RISE:
                     break
@@ -179,98 +161,90 @@ class VectorFitter:
             covariance[:start, :start] += share * point.covariance
         return replace(result, covariance=covariance)
 
-    def _doubting_at(self, fit: VectorFit, changes: Complex) -> VectorFitter:
+    def _doubted_at(self, fit: VectorFit, changes: Complex) -> VectorFitter:
         """A fitter of the record with a covariance (14) of changes, taken at the alignment of a fit."""
-        (waves,) = self._waves(fit.vectors, fit.fitted, POINTS)
-        record = self.record.doubting(waves, changes, fit.alignment)
-        return VectorFitter(self._drive, record, self._torus, self._doubt, start=self._start, zero=self._zero)
+        (waves,) = self._waves(fit.unknowns, fit.fitted)
+        return replace(self, record=self.record.doubting(waves, changes, fit.unknowns[-2:]))
 
-    def _waves(self, vectors: Complex, fitted: Sequence[int], points: int, *others: Complex) -> Complex:
-        """Waves of the drive with its vectors as given, and with others, shape (1 + others, waves)."""
-        drives = [with_vectors(self._drive, each, fitted) for each in (vectors, *others)]
-        return self._torus.waves(drives, points)
+    def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = POINTS, *steps: Array) -> Complex:
+        """Waves of the drive with fitted vectors as the unknowns have them, and a step on, shape (1 + steps, waves)."""
+        there = [complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
+        return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in there], points)
 
-    def _starts(self, vector: int) -> Iterable[Complex]:
-        """The drive's own vectors with one of them scaled and, unless its direction is unidentifiable, turned."""
-        own = self._own[vector] or START_SIZE
+    def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
+        """The unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
+        yield base.unknowns
+        own = base.vectors[vector] or START_SIZE
         values = [own * scale for scale in START_SCALES]
-        if not self._gauges(self._own, (vector,)).shape[1]:
+        if not self._gauges(base.unknowns, (vector,)).shape[1]:
             values += [own * np.exp(1j * np.radians(turn)) for turn in START_TURNS]
-        if not self._own[vector]:
+        if not base.vectors[vector]:
             values.append(own)
         for value in values:
-            vectors = self._own.copy()
-            vectors[vector] = value
-            yield vectors
+            unknowns = base.unknowns.copy()
+            unknowns[2 * vector : 2 * vector + 2] = value.real, value.imag
+            yield unknowns
 
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
         """Places among the unknowns of those that are fitted, shape (f,)."""
         components = [place for k in fitted for place in (2 * k, 2 * k + 1)]
-        return np.array(components + [START_PLACE] * self._start + [ZERO_PLACE] * self._zero, dtype=np.int64)
+        return np.array([*components, *(2 * COUNT + np.flatnonzero(self.angles))], dtype=np.int64)
 
-    def _descend(self, vectors: Complex, alignment: Alignment, fitted: tuple[int, ...], points: int) -> VectorFit:
+    def _descend(self, unknowns: Array, fitted: tuple[int, ...], points: int = POINTS) -> VectorFit:
         """Gauss-Newton with steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
         free = self._free(fitted)
-        residual, waves = self._residual(vectors, alignment, fitted, points)
+        residual, waves = self._residual(unknowns, fitted, points)
         for _ in range(MOST_STEPS if len(free) else 0):
-            jacobian = self._jacobian(vectors, alignment, fitted, waves)
-            directions, _, sizes = self._split(jacobian, self._gauges(vectors, fitted))
-            step = directions @ ((directions.T @ jacobian.T @ residual) / sizes**2)  # (15), shape (f,)
-            step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max(initial=0.0)), 1e-12))
+            jacobian = self._jacobian(unknowns, fitted, waves)
+            directions, _, sizes = self._split(jacobian, self._gauges(unknowns, fitted))
+            step = np.zeros_like(unknowns)
+            step[free] = directions @ ((directions.T @ jacobian.T @ residual) / sizes**2)  # (15)
+            step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
             before = float(residual @ residual)
             for share in STEP_SHARES:
-                trial = _moved(vectors, alignment, free, share * step)
-                tried, tried_waves = self._residual(*trial, fitted, points)
+                tried, tried_waves = self._residual(unknowns + share * step, fitted, points)
                 if tried @ tried < before:
-                    (vectors, alignment), residual, waves = trial, tried, tried_waves
+                    unknowns, residual, waves = unknowns + share * step, tried, tried_waves
                     break
             if before - float(residual @ residual) < max(SMALLEST_GAIN, SMALLEST_GAIN_SHARE * before):
                 break
-        jacobian = self._jacobian(vectors, alignment, fitted, waves)
-        directions, others, sizes = self._split(jacobian, self._gauges(vectors, fitted))
+        jacobian = self._jacobian(unknowns, fitted, waves)
+        directions, others, sizes = self._split(jacobian, self._gauges(unknowns, fitted))
         covariance = np.asarray((directions / sizes**2) @ directions.T)  # (16), shape (f, f)
-        chi_square = float(residual @ residual)
-        return VectorFit(vectors, alignment, fitted, free, chi_square, directions, others, covariance)
+        return VectorFit(unknowns, fitted, free, float(residual @ residual), others, covariance)
 
-    def _residual(
-        self, vectors: Complex, alignment: Alignment, fitted: Sequence[int], points: int
-    ) -> tuple[Array, Complex]:
+    def _residual(self, unknowns: Array, fitted: Sequence[int], points: int) -> tuple[Array, Complex]:
         """Whitened residual y of (13), shape (2 orders,), and the waves, shape (waves,)."""
-        (waves,) = self._waves(vectors, fitted, points)
-        return self.record.whitened(self.record.measured - self.record.predicted(waves, alignment)), waves
+        (waves,) = self._waves(unknowns, fitted, points)
+        return self.record.whitened(self.record.measured - self.record.predicted(waves, unknowns[-2:])), waves
 
-    def _jacobian(self, vectors: Complex, alignment: Alignment, fitted: Sequence[int], waves: Complex) -> Array:
+    def _jacobian(self, unknowns: Array, fitted: Sequence[int], waves: Complex) -> Array:
         """Whitened slopes J of the prediction by the free unknowns, shape (2 orders, f), per unit and deg."""
-        columns = np.zeros((0, len(self.record.measured)))
+        steps = DIFFERENCE_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
+        columns = self.record.slopes(waves, unknowns[-2:])[list(self.angles)]
         if fitted:
-            steps = DIFFERENCE_STEP * np.array(
-                [[part * (k == j) for j in range(COUNT)] for k in fitted for part in (1, 1j)]
-            )
-            base, *moved = self._waves(vectors, fitted, MIDDLE, *(vectors + step for step in steps))
-            columns = self.record.predicted((np.array(moved) - base) / DIFFERENCE_STEP, alignment)
-        turned = np.radians(self.record.slopes(waves, alignment))[[self._start, self._zero]]
-        return self.record.whitened(np.concatenate([columns, turned])).T
+            base, *moved = self._waves(unknowns, fitted, MIDDLE, *steps)
+            by_vectors = self.record.predicted((np.array(moved) - base) / DIFFERENCE_STEP, unknowns[-2:])
+            columns = np.concatenate([by_vectors, columns])
+        return self.record.whitened(columns).T
 
-    def _gauges(self, vectors: Complex, fitted: Sequence[int]) -> Array:
+    def _gauges(self, unknowns: Array, fitted: Sequence[int]) -> Array:
         """Directions among the free unknowns along which the error does not change, orthonormal, shape (f, gauges).
 
         To begin elsewhere is to turn all vectors of a wheel, which is possible where each of them is free or 0.
         """
-        free = self._free(fitted)
-        angles = free[free >= START_PLACE]
-        turns = np.stack([self.record.starts, -np.array(self.record.rates)], axis=1)[
-            :, angles - START_PLACE
-        ]  # (wheels, angles)
+        free, vectors = self._free(fitted), complex_of(unknowns)
+        if not any(self.angles):
+            return np.zeros((len(free), 0))
         pinned = (vectors != 0) & ~np.isin(np.arange(COUNT), fitted)
-        held = [bool(pinned[wheel == WHEEL].any()) for wheel in range(2)]
-        gauges = null_space(turns[held]) if any(held) else np.eye(len(angles))  # (angles, gauges)
-        directions = []
-        for gauge in gauges.T:
-            back = np.append(np.radians(-turns @ gauge), 0.0)  # of flexspline, rigid wheel and cam
-            unknowns = np.append(_components(1j * WAVES_AROUND * vectors * back[WHEEL]), [0.0, 0.0])
-            unknowns[angles] = gauge
-            directions.append(unknowns[free])
-        return np.asarray(np.linalg.qr(np.array(directions).T)[0]) if directions else np.zeros((len(free), 0))
+        held = np.array([bool(pinned[wheel == WHEEL].any()) for wheel in range(2)])
+        turns = self.record.turns[:, list(self.angles)]  # (2 wheels, angles)
+        gauges = null_space(turns * held[:, None])  # (angles, gauges)
+        back = np.radians(np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])]))  # of flexspline, rigid wheel and cam
+        moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[WHEEL]  # (vectors, gauges)
+        components = np.stack([moved.real, moved.imag], axis=1).reshape(2 * COUNT, -1)
+        directions = np.concatenate([components[free[: 2 * len(fitted)]], gauges])
+        return np.asarray(np.linalg.qr(directions)[0])
 
     def _split(self, jacobian: Array, gauges: Array) -> tuple[Array, Array, Array]:
         """Identifiable directions, shape (f, i), unidentifiable ones, (f, f - i), and singular values of the first."""
@@ -278,20 +252,17 @@ class VectorFitter:
             return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
         others = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
         _, sizes, directions = np.linalg.svd(jacobian @ others, full_matrices=False)  # J = U s V'
-        sharp = (sizes * self._blind > 1) & (sizes > DIFFERENCE_ERROR * sizes.max(initial=0.0))
+        blind = max(LEAST_BLIND, BLIND * float(np.abs(vectors_of(self.drive)).max()))
+        sharp = (sizes * blind > 1) & (sizes > DIFFERENCE_ERROR * sizes.max(initial=0.0))
         directions = others @ directions.T
         return directions[:, sharp], np.concatenate([directions[:, ~sharp], gauges], axis=1), sizes[sharp]
+
+
+def complex_of(unknowns: Array) -> Complex:
+    """Vectors of unknowns, shape (vectors,)."""
+    return np.asarray(unknowns[:-2:2] + 1j * unknowns[1:-2:2])
 
 
 def _components(vectors: Complex) -> Array:
     """X and y of vectors, one after the other, shape (2 vectors,)."""
     return np.stack([vectors.real, vectors.imag], axis=1).ravel()
-
-
-def _moved(vectors: Complex, alignment: Alignment, free: NDArray[np.int64], step: Array) -> tuple[Complex, Alignment]:
-    """Vectors and alignment after a step of the free unknowns, shape (f,)."""
-    full = np.zeros(2 * COUNT + 2)
-    full[free] = step
-    start, zero = alignment.start + np.radians(full[START_PLACE]), alignment.zero + np.radians(full[ZERO_PLACE])
-    moved = vectors + full[:START_PLACE:2] + 1j * full[1:START_PLACE:2]
-    return moved, replace(alignment, start=float(start), zero=float(zero))

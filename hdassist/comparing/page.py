@@ -2,183 +2,149 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
-from hdassist.comparing.findings import Explanation, equally_good
-from hdassist.comparing.record import OrderPair
-from hdassist.comparing.tables_page import F_ior_text, comparison_tables, size_and_direction
-from hdassist.comparing.vectors import VECTORS
-from hdassist.model.kinematics import Kinematics, turns_and_degrees
+from hdassist.comparing.explanations import Explanation, VectorChange, equally_good
+from hdassist.comparing.record import Alignment, OrderAmplitude, OrderPair
+from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import told
 from hdassist.terminal.answers import Json, certificate_object, envelope
 from hdassist.terminal.brief import again, facts, not_known, on_what, proof
-from hdassist.terminal.console import Style
+from hdassist.terminal.console import Style, TextTable
+from hdassist.terminal.influence_words import named
 from hdassist.terminal.plot import two_curves
+from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.textfile import STDIN
 
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
-OTHER_CAUSES = (
-    "Beyond these deviations there are: stiffnesses, clearances and a torque that differ from the preset's, teeth that "
-    "are no first harmonic, friction, tilted shafts, the rig's encoders and couplings, a sign or a zero read wrongly."
-)
+TABLED_ORDERS = 12  # the greatest
+SHORT = 5  # numbers on a short page
+WORDS = ("", "deviation", "cause")  # heads of columns that are no numbers
+
+NUMBERS: tuple[Quantity[Comparison], ...] = (
+    Quantity("measured.range_arcsec", "measured range", "arcsec", ".2f", lambda r: r.sweep.range.value),
+    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "arcsec", ".2f",
+             lambda r: r.sweep.uncertainty_arcsec),
+    Quantity("predicted.range_arcsec", "predicted range", "arcsec", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
+    Quantity("difference.rms_arcsec", "difference, rms", "arcsec", ".2f", lambda r: r.difference_rms_arcsec),
+    Quantity("difference.largest_arcsec", "  largest", "arcsec", ".2f", lambda r: r.largest[0]),
+    Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
+    Quantity("difference.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.difference_curve))),
+    Quantity("residual.rms_arcsec", "beyond orders, rms", "arcsec", ".2f", lambda r: float(np.std(r.residual_arcsec))),
+    Quantity("residual.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
+    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "arcsec", ".2f", lambda r: r.unchanged.F_ior_arcsec),
+    Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda r: r.sweep.bins.span),
+    Quantity("measured.is_full_cycle", "  is the full cycle", "", "", lambda r: not r.sweep.is_bound),
+    Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
+    Quantity("degrees_of_freedom", "  degrees of freedom", "", "", lambda r: r.unchanged.degrees_of_freedom),
+)  # fmt: skip
 
 
 def comparison_answer(result: Comparison, *, plots: bool, details: bool = False) -> Answer:
     """A comparison in each form; plots, whether curves are drawn; details, whether all tables are shown."""
     return Answer(
-        to_json=lambda: _json(result),
+        to_json=partial(_json, result),
         page=lambda style: comparison_page(result, style, plots=plots, details=details),
-        summary_line=lambda: _summary(result),
-        figures=lambda: _figures(result),
+        summary_line=lambda: " ".join([result.conclusion.kind, *_options(result)]),
+        figures=partial(_figures, result),
         about=result.measurement.trace.file,
         warnings=result.warnings,
         proof=result.certificate,
     )
 
 
-def overrides_of(found: Explanation | None) -> list[str]:
-    """New values of an explanation as --set takes them."""
-    return [f"{path}={value:.10g}" for path, value in found.overrides] if found else []
+def _options(result: Comparison) -> list[str]:
+    """Options that follow from the conclusion: how else to read the file, or the new values of deviations."""
+    best, own, mirror = result.conclusion.best, result.convention, result.mirror
+    if result.conclusion.kind == "mirrored" and mirror:
+        other = mirror.convention
+        options = {"--error-is": (own.error_is, other.error_is), "--cam-sense": (own.cam_sense, other.cam_sense)}
+        return [word for option, (now, then) in options.items() if now != then for word in (option, then)]
+    sets = best.overrides if best and result.conclusion.kind != "unexplained" else ()
+    return [word for text in sets for word in ("--set", text)]
 
 
-def _swapping_options(result: Comparison) -> str:
-    """Options that read a mirrored file the other way round: its error, its cam angle, or both."""
-    error = "output-cam" if result.convention.error_is == "cam-output" else "cam-output"
-    sense = "cw" if result.convention.cam_sense == "ccw" else "ccw"
-    options = {"error_is": f"--error-is {error}", "cam_sense": f"--cam-sense {sense}"}
-    swapped = result.mirror.swapped if result.mirror else None
-    return " ".join(text for name, text in options.items() if swapped in (name, "both"))
-
-
-def _start_name(result: Comparison) -> str:
-    """Name of the angle of the output at phi_h = 0."""
-    return "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
-
-
-def _signed_degrees(angle: float) -> float:
-    """An angle [rad] in degrees from -180 to 180."""
-    return float((np.degrees(angle) + 180) % 360 - 180)
+def _angles(result: Comparison, alignment: Alignment) -> dict[str, float]:
+    """Start and zero of a record by their names, from -180 to 180 deg."""
+    start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
+    angles = {start: alignment.start_deg, "cam_zero": alignment.zero_deg}
+    return {name: (angle + 180) % 360 - 180 for name, angle in angles.items()}
 
 
 def _verdict(result: Comparison) -> str:
     """The conclusion in a sentence."""
-    kind, best = result.conclusion.kind, result.conclusion.best
-    if kind == "agrees":
-        return "agrees: noise and stiffnesses that are a little off explain it; no change of the preset is called for"
-    if kind == "mirrored" and result.mirror:
-        rms = f"{result.mirror.rms_arcsec:.2f} instead of {result.difference_rms_arcsec:.2f} arcsec rms"
-        options = _swapping_options(result)
-        return f"mirrored: read the other way round the file fits clearly better, {rms}: {options}"
-    if best is None:
-        return "unexplained: no deviation explains the difference"
-    name = ", ".join(VECTORS[k].size for k in best.vectors)
-    share = f"{100 * best.share:.1f} % of the difference"
-    if kind == "one":
-        return f"explained by one deviation, {name}: {share}, and no more is left than noise"
-    if kind == "several":
-        return f"explained by several deviations together, not by one: {share}, and no more is left than noise"
-    return f"unexplained: the best single deviation, {name}, explains {share}; the rest is clear of noise"
-
-
-def _summary(result: Comparison) -> str:
-    """The answer alone: what was concluded, and the overrides that say it."""
-    kind = result.conclusion.kind
-    if kind == "mirrored":
-        return f"mirrored {_swapping_options(result)}"
-    sets = [] if kind == "unexplained" else overrides_of(result.conclusion.best)
-    return " ".join([kind, *(f"--set {text}" for text in sets)])
+    best = result.conclusion.best
+    name = named(best.deviations[0]) if best else ""
+    share = f"{100 * best.explained_share:.1f} % of the difference" if best else ""
+    mirrored = f"{result.mirror.rms_arcsec:.2f} arcsec rms: {' '.join(_options(result))}" if result.mirror else ""
+    one = f"the best single deviation, {name}, explains {share}; the rest is clear of noise"
+    return {
+        "agrees": "agrees: noise and stiffnesses that are a little off explain it; no change of the preset is needed",
+        "mirrored": f"mirrored: read the other way round the file fits clearly better, {mirrored}",
+        "one": f"explained by one deviation, {name}: {share}, and no more is left than noise",
+        "several": f"explained by several deviations together, not by one: {share}, and no more is left than noise",
+        "unexplained": f"unexplained: {one if best else 'no deviation explains the difference'}",
+    }[result.conclusion.kind]
 
 
 def comparison_page(result: Comparison, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
-    """Conclusion, both curves in one plot, what would explain the difference; with details ranges, orders, all fits."""
+    """Conclusion, both curves in one plot, what would explain the difference; with details all orders and fits."""
     trace = result.measurement.trace
     head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.sweep.bins.span:.2f} cam turns"
-    parts: list[RenderableType] = [
-        Text(style.text(head), style="bold"),
-        Text(style.text(_verdict(result)), style="bold"),
-    ]
-    if details:
-        notes = [*result.measurement.notes, _alignment(result), _sign(result)]
-        parts.append(Text(style.text("\n".join(f"note: {text}" for text in notes))))
+    parts: list[RenderableType] = [Text(style.text(words), style="bold") for words in (head, _verdict(result))]
     if plots:
         parts.append(Text(_plot(result, style)))
     if details:
-        parts += [Text(style.text(_ranges(result))), *comparison_tables(result, style)]
-    advice = [] if result.conclusion.kind == "agrees" else _advice(result, details)
-    parts += [Text(style.text(words)) for words in advice]
+        parts += _tables(result, style)
     parts.append(facts(style, _lines(result, details)))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
 def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
     """What is to be known beside the curves, a label and a text each."""
-    found, best = result.sweep, result.conclusion.best
-    bound = " of the angles visited" if found.is_bound else ""
-    measured = f"{found.range.value:.2f} arcsec{bound} (u = {found.uncertainty_arcsec:.2f})"
-    yield "range", f"measured {measured}, predicted {result.predicted_range_arcsec:.2f}"
-    yield (
-        "apart",
-        (
-            f"{result.difference_rms_arcsec:.2f} arcsec rms, most {result.largest_arcsec:.2f} "
-            f"at {turns_and_degrees(360 * result.largest_at_turns)} of the cam"
-        ),
-    )
-    yield "aligned", _alignment(result)
-    yield "read as", "" if details else _sign(result)
-    change = best.changes[0] if best and best.changes else None
-    if change:
-        size, direction = size_and_direction(change)
-        at = "" if change.direction_deg is None else f" at {direction} deg"
-        yield "lever", f"{VECTORS[change.vector].size} fitted: {size} um{at}"
+    best, joint, alignment = result.conclusion.best, result.joint, result.unchanged.alignment
+    for quantity in NUMBERS if details else NUMBERS[:SHORT]:
+        yield quantity.label, f"{quantity.text(result)} {quantity.unit}"
+    for (name, angle), u in zip(_angles(result, alignment).items(), result.uncertainties_deg, strict=True):
+        sure = "given" if u is None else f"fitted, u = {u:.1f}"
+        yield (
+            name,
+            f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it",
+        )
+    same = "cam/ratio - output, as F_kpp" if alignment.sign > 0 else "output - cam/ratio, against F_kpp"
+    sense = "counter-clockwise" if alignment.sense > 0 else "clockwise"
+    yield "read as", f"error: {same}; cam angle: {sense}, seen from the cam side; phases are the file's"
+    if best and best.changes:
+        size, direction = _size_and_direction(best.changes[0])
+        yield "fitted", f"{named(best.deviations[0])}: {size} um" + f" at {direction} deg" * (direction != "-")
+    if best and result.conclusion.kind == "one":
+        others = [other.deviations[0] for other in equally_good(best, result.singles)]
+        yield "or", f"{', '.join(others)} alone: the record does not decide between them" if others else ""
+    if joint and joint.not_told_apart:
+        yield "together", f"the record cannot tell apart: {'; '.join(map(', '.join, joint.not_told_apart))}"
+    if rest := joint if joint and joint.orders_left else best:
+        left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f} arcsec" for p in rest.orders_left]
+        yield "left", "; ".join(left)
+    yield from (("note", note) for note in result.measurement.notes if details)
     yield "rests on", on_what(result.drive)
     yield "unknown", not_known(result.drive)
-    yield "next", _next(result)
+    file = result.measurement.trace.file
+    other = ["compare", "-" if file == STDIN else file] if result.conclusion.kind == "mirrored" else ["mount"]
+    yield "next", again(other[0], result.drive, *other[1:], *_options(result))
     yield "proof", proof(result.certificate)
     yield "more", "" if details else "--details"
 
 
-def _next(result: Comparison) -> str:
-    """The command to go on with: the file read the other way round, or the drive as the record shows it."""
-    kind, file = result.conclusion.kind, result.measurement.trace.file
-    if kind == "mirrored":
-        return again("compare", result.drive, "-" if file == STDIN else file, *_swapping_options(result).split())
-    best = result.conclusion.best if kind in ("one", "several") else None
-    return again("mount", result.drive, *(word for text in overrides_of(best) for word in ("--set", text)))
-
-
-def _alignment(result: Comparison) -> str:
-    pairs = (
-        (_start_name(result), result.unchanged.alignment.start, result.start_uncertainty_deg),
-        ("cam zero", result.unchanged.alignment.zero, result.zero_uncertainty_deg),
-    )
-    words = []
-    for name, angle, uncertainty in pairs:
-        if uncertainty is None:
-            words.append(f"{name} = {_signed_degrees(angle):g} deg, given")
-        elif uncertainty >= UNIDENTIFIABLE_ANGLE:
-            words.append(f"{name}: fitted, but not told by the record")
-        else:
-            words.append(f"{name} = {_signed_degrees(angle):.1f} deg, u = {uncertainty:.1f}, fitted")
-    return "; ".join(words)
-
-
-def _sign(result: Comparison) -> str:
-    same = (
-        "cam/ratio - output, as F_kpp" if result.unchanged.alignment.sign > 0 else "output - cam/ratio, against F_kpp"
-    )
-    sense = "counter-clockwise" if result.unchanged.alignment.sense > 0 else "clockwise"
-    cam = f"its cam angle grows {sense}, seen from the cam side"
-    return f"the file's error is {same}; {cam}. Curves and phases below are the file's."
-
-
 def _plot(result: Comparison, style: Style) -> str:
-    bins, worst = result.sweep.bins, result.largest_at_turns
+    bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
     first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
     low = min(max(worst - PLOTTED_TURNS, first), max(last - 2 * PLOTTED_TURNS, first))
@@ -190,156 +156,111 @@ def _plot(result: Comparison, style: Style) -> str:
     )  # fmt: skip
 
 
-def _ranges(result: Comparison) -> str:
-    found = result.sweep
-    whole = "the full cycle" if not found.is_bound else "the angles visited"
-    size = result.residual_arcsec
-    return "\n".join(
-        (
-            f"range over {whole}, limited to the orders: measured {found.range.value:.2f} arcsec "
-            f"(u = {found.uncertainty_arcsec:.2f}), predicted {result.predicted_range_arcsec:.2f}",
-            f"difference: rms {result.difference_rms_arcsec:.2f} arcsec, range {result.difference_range_arcsec:.2f}, "
-            f"largest {result.largest_arcsec:.2f} "
-            f"at {turns_and_degrees(360 * result.largest_at_turns)} of the cam",
-            f"residual with its noise: rms {size.std():.2f} arcsec, range {size.max() - size.min():.2f}",
-            f"predicted F'_ior of the full cycle: {F_ior_text(result.unchanged)} arcsec",
+def table_of(style: Style, title: str, heads: Iterable[str], rows: Iterable[Iterable[str]]) -> TextTable:
+    """A table of words and numbers, which is never cut."""
+    names, cells = tuple(heads), [tuple(map(style.text, row)) for row in rows]
+    return TextTable(style, title, names, tuple(head not in WORDS for head in names), overflow="fold", rows=cells)
+
+
+def _tables(result: Comparison, style: Style) -> Iterator[TextTable]:
+    """The greatest orders, and all fits."""
+
+    def greatest(pair: OrderPair) -> float:
+        return -max(pair.measured.amplitude_arcsec, pair.predicted.amplitude_arcsec)
+
+    title = f"amplitude·cos(order·angle + phase), arcsec and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
+    heads = ("order", "measured", "phase", "predicted", "phase", "difference", "cause")
+    shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
+    cells = [[c for a in (p.measured, p.predicted, p.difference) for c in _amplitude(a)][:5] for p in shown]
+    orders = ((f"{p.per_cam_rev:.2f}", *row, p.cause) for p, row in zip(shown, cells, strict=True))
+    yield table_of(style, title, heads, orders)
+    if result.singles:
+        title = (
+            "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
         )
-    )
+        columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
+        fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
+        rows = (row for found in (*fits, result.joint) if found for row in _rows(found))
+        yield table_of(style, title, columns, rows)
 
 
-def _advice(result: Comparison, details: bool) -> list[str]:
-    """Sentences: what is not told apart, what is left, what to type."""
-    kind, best, joint = result.conclusion.kind, result.conclusion.best, result.joint
-    lines = []
-    if (
-        details
-        and joint
-        and (names := sorted({name for combination in joint.indistinguishable for name in combination}))
-    ):
-        count = len(joint.indistinguishable)
-        ways = "one combination" if count == 1 else f"{count} combinations"
-        lines.append(f"Fitted together, {ways} of {', '.join(names)} cannot be told from this record.")
-    if kind == "one" and best:
-        others = ", ".join(VECTORS[s.vectors[0]].size for s in equally_good(best, result.singles))
-        if others:
-            lines.append(f"As well explained by {others} alone: the record does not tell which of them it is.")
-    if kind == "unexplained":
-        named = joint if joint and joint.residual_orders else best
-        left = [
-            f"order {pair.measured.per_cam_rev:.2f}: {pair.difference_arcsec:.2f} arcsec ({pair.measured.cause})"
-            for pair in (named.residual_orders if named else ())
-        ]
-        lines.append((f"Left by the best fit: {'; '.join(left)}. " if left else "") + OTHER_CAUSES * details)
-    if details and best and best.overrides and kind in ("one", "several"):
-        rest = f"; {best.residual_rms_arcsec:.2f} arcsec rms left of {result.difference_rms_arcsec:.2f}, solved again"
-        sets = " ".join(f"--set {text}" for text in overrides_of(best))
-        lines.append(f"To go on with it{rest}:\n  {sets}")
-    return lines
+def _amplitude(found: OrderAmplitude) -> Iterator[str]:
+    """Cells of amplitude and, where it is of use, phase of an order."""
+    yield _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
+    if found.phase_deg is not None:
+        yield f"{found.phase_deg:.0f}"
+
+
+def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
+    """A value with its standard uncertainty, as far as there are such."""
+    spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
+    return "-" if value is None else f"{value:.{digits}f}{spread}"
+
+
+def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
+    """Cells of size [um] and direction [deg]; dashes without a change."""
+    if change is None:
+        return "-", "-"
+    size = _plus_minus(change.size_um, change.size_uncertainty_um)
+    return size, _plus_minus(change.direction_deg, change.direction_uncertainty_deg)
+
+
+def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
+    """Rows of a fit: a line of its own where it has not just one deviation, and each of its deviations."""
+    left, F_ior = f"{found.chi_square / found.degrees_of_freedom:.2f}", _plus_minus(found.F_ior_arcsec, None, 2)
+    numbers: tuple[str, ...] = (f"{100 * max(found.explained_share, 0):.1f} %", left, F_ior)
+    if len(found.deviations) != 1:
+        yield "all together" if found.deviations else "none: as the preset", "", "", *numbers
+        numbers = ("", "", "")
+    changes = {change.size: change for change in found.changes if found.clear}
+    for path in found.deviations:
+        yield path.split(".")[1], *_size_and_direction(changes.get(path)), *numbers
 
 
 def _json(result: Comparison) -> Json:
     """The comparison as a JSON object."""
-    found, trace, best = result.sweep, result.measurement.trace, result.conclusion.best
-    start, alignment = _start_name(result), result.unchanged.alignment
+    trace, conclusion, alignment = result.measurement.trace, result.conclusion, result.unchanged.alignment
+    best = conclusion.best
+    place: Json = {}
+    for (name, angle), uncertainty in zip(_angles(result, alignment).items(), result.uncertainties_deg, strict=True):
+        place[f"{name}_deg"] = angle
+        place |= {f"{name}_uncertainty_deg": uncertainty, f"{name}_fitted": uncertainty is not None}
+    place["error_is"] = "cam-output" if alignment.sign > 0 else "output-cam"
+    place["cam_sense"] = "ccw" if alignment.sense > 0 else "cw"
+    mirror = result.mirror
     return {
         **envelope("compare", result.drive, 0, [*result.drive.origin.warnings, *told(result.drive), *result.warnings]),
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
         "notes": list(result.measurement.notes),
         "M_g_Nm": result.M_g,
-        "place": {
-            f"{start}_deg": _signed_degrees(alignment.start),
-            f"{start}_uncertainty_deg": result.start_uncertainty_deg,
-            f"{start}_fitted": result.start_uncertainty_deg is not None,
-            "cam_zero_deg": _signed_degrees(alignment.zero),
-            "cam_zero_uncertainty_deg": result.zero_uncertainty_deg,
-            "cam_zero_fitted": result.zero_uncertainty_deg is not None,
-            "error_is": "cam-output" if alignment.sign > 0 else "output-cam",
-            "cam_sense": "ccw" if alignment.sense > 0 else "cw",
-        },
-        "cam_revolutions": found.bins.span,
-        "measured": {
-            "range_arcsec": found.range.value,
-            "standard_uncertainty_arcsec": found.uncertainty_arcsec,
-            "is_full_cycle": not found.is_bound,
-        },
-        "predicted": {"range_arcsec": result.predicted_range_arcsec, "F_ior_arcsec": result.unchanged.F_ior_arcsec},
-        "difference": {
-            "range_arcsec": result.difference_range_arcsec,
-            "rms_arcsec": result.difference_rms_arcsec,
-            "largest_arcsec": result.largest_arcsec,
-            "largest_at_cam_deg": 360 * result.largest_at_turns,
-        },
-        "residual": {
-            "rms_arcsec": float(np.std(result.residual_arcsec)),
-            "range_arcsec": float(np.ptp(result.residual_arcsec)),
-        },
-        "chi_square": result.unchanged.chi_square,
-        "degrees_of_freedom": result.unchanged.freedom,
-        "orders": [_pair(pair) for pair in result.orders],
+        "place": place,
+        **as_object(NUMBERS, result),
+        "orders": [asdict(pair) for pair in result.orders],
         "finding": {
-            "kind": result.conclusion.kind,
-            "deviations": [VECTORS[k].size for k in best.vectors] if best else [],
-            "overrides": overrides_of(best),
-            "F_ior_arcsec": best.F_ior_arcsec if best else None,
+            "kind": conclusion.kind,
+            **{key: getattr(best, key) if best else empty for key, empty in FINDING.items()},
         },
-        "mirrored": result.mirror
-        and {"option": _swapping_options(result), "difference_rms_arcsec": result.mirror.rms_arcsec},
-        "singles": [_explanation_object(result, single) for single in result.singles],
-        "joint": result.joint and _explanation_object(result, result.joint),
+        "mirrored": mirror and {"option": " ".join(_options(result)), "difference_rms_arcsec": mirror.rms_arcsec},
+        "singles": [_fit_object(result, single) for single in result.singles],
+        "joint": result.joint and _fit_object(result, result.joint),
         "certificate": certificate_object(result.certificate),
         "seed": result.measurement.seed,
     }
 
 
-def _pair(pair: OrderPair) -> Json:
-    """One order, measured and predicted, as a JSON object."""
-    return {
-        "per_cam_rev": pair.measured.per_cam_rev,
-        "measured": {
-            "amplitude_arcsec": pair.measured.amplitude_arcsec,
-            "uncertainty_arcsec": pair.measured.uncertainty_arcsec,
-            "phase_deg": pair.measured.phase_deg,
-        },
-        "predicted": {"amplitude_arcsec": pair.predicted_arcsec, "phase_deg": pair.predicted_phase_deg},
-        "difference": {
-            "amplitude_arcsec": pair.difference_arcsec,
-            "uncertainty_arcsec": pair.difference_uncertainty_arcsec,
-        },
-        "cause": pair.measured.cause,
-    }
+FINDING: Json = {"deviations": [], "overrides": [], "F_ior_arcsec": None}
 
 
-def _explanation_object(result: Comparison, found: Explanation) -> Json:
+def _fit_object(result: Comparison, found: Explanation) -> Json:
     """One explanation as a JSON object."""
-    return {
-        "deviations": [VECTORS[k].size for k in found.vectors],
-        "changes": [
-            {
-                "size": VECTORS[change.vector].size,
-                "size_um": change.size_um,
-                "size_uncertainty_um": change.size_uncertainty_um,
-                "direction": VECTORS[change.vector].direction,
-                "direction_deg": change.direction_deg,
-                "direction_uncertainty_deg": change.direction_uncertainty_deg,
-            }
-            for change in found.changes
-        ],
-        "not_told_apart": [list(names) for names in found.indistinguishable],
-        "chi_square": found.chi_square,
-        "degrees_of_freedom": found.freedom,
-        "explained_share": found.share,
-        "clear": found.clear,
-        "sufficient": found.sufficient,
-        "overrides": overrides_of(found),
-        "F_ior_arcsec": found.F_ior_arcsec,
-        "difference_left_arcsec": found.residual_rms_arcsec,
-        "orders_left": [
-            {"per_cam_rev": p.measured.per_cam_rev, "amplitude_arcsec": p.difference_arcsec, "cause": p.measured.cause}
-            for p in found.residual_orders
-        ],
-        f"{_start_name(result)}_deg": _signed_degrees(found.alignment.start),
-        "cam_zero_deg": _signed_degrees(found.alignment.zero),
-    }
+    left = [
+        {"per_cam_rev": p.per_cam_rev, "amplitude_arcsec": p.difference.amplitude_arcsec, "cause": p.cause}
+        for p in found.orders_left
+    ]
+    angles = {f"{name}_deg": angle for name, angle in _angles(result, found.alignment).items()}
+    fields = asdict(found)
+    del fields["alignment"]
+    return {**fields, "orders_left": left, **angles}
 
 
 def _figures(result: Comparison) -> Figures:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from itertools import zip_longest
 from string import ascii_uppercase
 
-import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
-from hdassist.comparing.changes import ErrorChange
-from hdassist.comparing.presets import DrivesComparison
+from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs, field_rows
+from hdassist.comparing.page import table_of
 from hdassist.comparing.sheet import DriveSheet
+from hdassist.design import check_page
 from hdassist.design.check import OperatingPoint
 from hdassist.design.check_page import BELIEF, POINT
 from hdassist.design.stiffness_page import WHOLE, segment_objects
@@ -24,29 +24,25 @@ from hdassist.mounting.page import warnings as mount_warnings
 from hdassist.mounting.page import what_to_do
 from hdassist.mounting.seat_page import place
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
-from hdassist.preset.schema import value_text
+from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.answers import Json, certificate_object, cross_checked, envelope
-from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.brief import again, facts, proof
-from hdassist.terminal.console import Style, TextTable, grid, table
-from hdassist.terminal.influence_words import influence_objects
+from hdassist.terminal.console import Style
 from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, Figures
 
 NAMED_PATHS = 6  # in a line
-SENSE = {-1: "less", 0: "the same", 1: "more"}
-Row = tuple[str, Sequence[str]]  # words, and a cell for each drive
 
 
 def drives_answer(result: DrivesComparison, *, seed: int, details: bool = False) -> Answer:
     """A comparison of drives in each form; seed, of draws and samples; details, whether all tables are shown."""
     return Answer(
-        to_json=lambda: _json(result, seed),
-        page=lambda style: _page(result, style, details),
-        summary_line=lambda: _verdict(result),
-        figures=lambda: _figures(result),
-        about=", ".join(drive.name for drive in result.drives),
+        to_json=partial(_json, result, seed),
+        page=partial(_page, result, details),
+        summary_line=partial(_verdict, result),
+        figures=partial(_figures, result),
+        about=", ".join(sheet.drive.name for sheet in result.sheets),
         proof=result.certificate,
     )
 
@@ -63,43 +59,15 @@ def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*sheet.check.warnings, *mount_warnings(sheet.advice), *stiff)))
 
 
-def _letters(result: DrivesComparison) -> list[str]:
-    """Letters that stand for the drives: A, B, and so on."""
-    return [ascii_uppercase[k] if k < 26 else f"#{k + 1}" for k in range(len(result.sheets))]
-
-
-def _verdict(result: DrivesComparison) -> str:
-    """A sentence for each drive but the first: its error, its best hole, and how many fields differ."""
-    letters, holes, lines = _letters(result), [_hole(sheet) for sheet in result.sheets], []
-    for other in range(1, len(letters)):
-        count = sum(field.rows[0].value != field.rows[other].value for field in result.differences)
-        parts = [_at_torque(result, other, k) for k in range(len(result.torques))]
-        parts.append(f"best hole {holes[0]}" + ("" if holes[0] == holes[other] else f" -> {holes[other]}"))
-        parts.append("no field differs" if not count else "1 field differs" if count == 1 else f"{count} fields differ")
-        lines.append(f"{letters[other]} against {letters[0]}: {'; '.join(parts)}")
-    return "\n".join(lines)
-
-
-def _at_torque(result: DrivesComparison, other: int, torque: int) -> str:
-    sense, changes = result.sense(other, torque), result.changes[other - 1]
-    points = [result.sheets[k].check.points[torque] for k in (0, other)]
-    words = f"{result.torques[torque]:g} N·m: F'_ior {' -> '.join(map(F_ior_words, points))} arcsec"
-    if sense is None:
-        return f"{words}, open: what is not known could reverse it"
-    if not sense:
-        return f"{words}, the same"
-    whole = changes.whole
-    share = 100 * abs(whole.median_arcsec[torque]) / np.median(whole.F_ior_arcsec[:, torque])
-    drawn = f" in {len(whole.change_arcsec)} drawn pairs" if len(whole.change_arcsec) > 1 else ""
-    single = max(changes.single, key=lambda change: abs(change.median_arcsec[torque]), default=None)
-    most = f", most by {single.path} alone" if single and len(result.differences) > 1 else ""
-    return f"{words}, {share:.0f} % {SENSE[sense]}{drawn}{most}"
-
-
 def F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
     """F'_ior [arcsec] at a torque, or its 5th to 95th percentile over what is not known."""
     found = point.belief
     return f"{found.p5:{digits}} to {found.p95:{digits}}" if found else f"{point.error.F_ior_arcsec:{digits}}"
+
+
+def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
+    """The sheets by letters that stand for the drives: A, B, and so on."""
+    return {ascii_uppercase[k] if k < 26 else f"#{k + 1}": sheet for k, sheet in enumerate(result.sheets)}
 
 
 def _hole(sheet: DriveSheet) -> str:
@@ -107,82 +75,116 @@ def _hole(sheet: DriveSheet) -> str:
     return NOT_KNOWN if sheet.advice.order == "none" else place(sheet.advice.choice.target).removeprefix("hole ")
 
 
-def _page(result: DrivesComparison, style: Style, details: bool) -> RenderableType:
-    """The verdict; errors, holes and stiffness side by side; the largest changes; with details all that differs."""
-    named = zip(_letters(result), result.drives, strict=True)
-    subject = ", ".join(f"{letter} {drive.name} ({drive.origin.file})" for letter, drive in named)
-    changes, torques = result.changes[0], [f"{M_g:g} N·m" for M_g in result.torques]
-    parts: list[RenderableType] = [
-        Text(style.text(_verdict(result)), style="bold"),
-        Text(style.text(subject)),
-        _table(style, "what comes of it", _letters(result), _rows(result)),
-    ]
-    if changes.single:
-        drawn = len(changes.whole.change_arcsec)
-        title = "which field does most: each alone from A to B, change of F'_ior, arcsec"
-        title += f"\nmedian (least to greatest) of {drawn} pairs drawn from what is not known" if drawn > 1 else ""
-        rows = ((each.path or "all together", _change_cells(each)) for each in (*changes.single, changes.whole))
-        parts.append(_table(style, title, torques, rows))
-    if result.differences and details:
-        parts.append(_fields(result, style))
+def _mounted_best(sheet: DriveSheet, torque: int) -> str:
+    """F'_ior [arcsec] in the position that is ordered, at a torque by its place."""
+    best = sheet.advice.choice.target
+    return NOT_KNOWN if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}"
+
+
+def _verdict(result: DrivesComparison) -> str:
+    """A sentence for each drive but the first: its error as built and mounted best, and how many fields differ."""
+    (first, sheet), *others = _lettered(result).items()
+    lines = []
+    for (letter, other), changes in zip(others, result.changes, strict=True):
+        both = sheet, other
+        count = sum(map(differs, field_rows([each.drive for each in both])))
+        parts = [_at_torque(both, changes, k, M_g) for k, M_g in enumerate(result.torques)]
+        parts.append(f"best hole {' -> '.join(dict.fromkeys(map(_hole, both)))}")
+        parts.append(f"{count or 'no'} field{'s differ' if count > 1 else ' differs'}")
+        lines.append(f"{letter} against {first}: {'; '.join(parts)}")
+    return "\n".join(lines)
+
+
+def _at_torque(both: Sequence[DriveSheet], changes: DriveChanges, k: int, M_g: float) -> str:
+    built = " -> ".join(F_ior_words(sheet.check.points[k]) for sheet in both)
+    mounted = " -> ".join(_mounted_best(sheet, k) for sheet in both)
+    words, sense = f"{M_g:g} N·m: F'_ior {built} arcsec, mounted best {mounted}", changes.F_ior_is[k]
+    if sense == NOT_KNOWN:
+        return f"{words}, open: what is not known could reverse it"
+    if sense == "the same":
+        return f"{words}, the same"
+    drawn = f" in {changes.pairs} drawn pairs" if changes.pairs > 1 else ""
+    single = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
+    most = f", most by {single.field} alone" if single and len(changes.single) > 1 else ""
+    return f"{words}, {100 * changes.together.share[k]:.0f} % {sense}{drawn}{most}"
+
+
+def _page(result: DrivesComparison, details: bool, style: Style) -> RenderableType:
+    """The verdict; all drives side by side; which field does most; with details all that differs."""
+    sheets, torques = _lettered(result), [f"{M_g:g} N·m" for M_g in result.torques]
+    subject = ", ".join(f"{a} {sheet.drive.name} ({sheet.drive.origin.file})" for a, sheet in sheets.items())
+    parts: list[RenderableType] = [Text(style.text(_verdict(result)), style="bold"), Text(style.text(subject))]
+    parts.append(table_of(style, "side by side", ("", *sheets), _rows(result)))
+    for letter, changes in zip([*sheets][1:], result.changes, strict=True):
+        title = f"which field does most: each alone from A to {letter}, change of F'_ior, arcsec"
+        if changes.pairs > 1:
+            title += f"\nmedian (least to greatest) of {changes.pairs} pairs drawn from what is not known"
+        rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
+        if changes.single:
+            parts.append(table_of(style, title, ("", *torques), rows))
+    if details:
+        differing = ((_named(row), *map(_cell, row)) for row in result.fields if differs(row))
+        parts.append(table_of(style, "fields that differ", ("", *sheets), differing))
     parts.append(facts(style, _lines(result, details)))
     if details:
         parts.append(Text(style.text(f"certificate: {result.certificate}{cross_checked(_cross_checks(result))}")))
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def _table(style: Style, title: str, heads: Sequence[str], rows: Iterable[Row]) -> TextTable:
-    found = grid(style, title, "", *heads)
-    for words, cells in rows:
-        found.add_row(*map(style.text, (words, *cells)))
-    return found
-
-
-def _rows(result: DrivesComparison) -> Iterator[Row]:
+def _rows(result: DrivesComparison) -> Iterator[Sequence[str]]:
     """Rows of errors, holes and stiffness: words, and a cell for each drive."""
-    sheets, curves = result.sheets, [sheet.stiffness for sheet in result.sheets]
+    sheets = result.sheets
     for k, M_g in enumerate(result.torques):
         points = [sheet.check.points[k] for sheet in sheets]
-        held = any(point.limit_arcsec is not None for point in points)
-        open_ = any(point.belief for point in points)
+        held, open_ = any(point.limit_arcsec for point in points), any(point.belief for point in points)
         for quantity in (POINT[1], *(BELIEF[:3] if open_ else ()), *(POINT[3:6] if held else ())):
             zero = ", what is not known as 0" if open_ and quantity is POINT[1] else ""
-            yield f"{M_g:g} N·m: {quantity.words}{zero}", [quantity.text(point) for point in points]
-        best = [sheet.advice.order != "none" and sheet.advice.choice.target.F_ior_arcsec[k] for sheet in sheets]
-        yield f"{M_g:g} N·m: in its best hole, arcsec", [f"{F_ior:.2f}" if F_ior else "-" for F_ior in best]
-    yield "best hole", [_hole(sheet) for sheet in sheets]
-    for k, segments in enumerate(zip_longest(*(curve.positive for curve in curves)), 1):
-        # the torques between which a segment lies stand with each drive where they are not the same
-        spans = [f"{s.start:.4g} to {s.end:.4g} N·m" if s else "" for s in segments]
-        same = len(set(spans)) == 1
-        ends = [f", {span}" * (not same) for span in spans]
-        cells = [f"{s.stiffness / 1e4:.3g}{end}" if s else "-" for s, end in zip(segments, ends, strict=True)]
-        yield f"K{k}{f', {spans[0]}' if same else ''}, 1e4 N·m/rad", cells
+            yield f"{M_g:g} N·m: {quantity.words}{zero}", *map(quantity.text, points)
+        yield f"{M_g:g} N·m: F'_ior, mounted best, arcsec", *(_mounted_best(sheet, k) for sheet in sheets)
+    yield "best hole", *map(_hole, sheets)
+    for k, segments in enumerate(zip_longest(*(sheet.stiffness.positive for sheet in sheets)), 1):
+        # the torques between which a segment lies, as they need not be the same
+        ends = (f"{s.stiffness / 1e4:.3g} ({s.start:.4g} to {s.end:.4g} N·m)" if s else "-" for s in segments)
+        yield f"K{k}, 1e4 N·m/rad", *ends
     for whole in WHOLE:
-        yield whole.words, [whole.text(curve) for curve in curves]
+        yield whole.words, *(whole.text(sheet.stiffness) for sheet in sheets)
 
 
-def _change_cells(change: ErrorChange) -> list[str]:
+def _named(row: Sequence[ResolvedField]) -> str:
+    """Path and unit of a field."""
+    return f"{row[0].path}, {row[0].unit}".removesuffix(", ")
+
+
+def _cell(field: ResolvedField) -> str:
+    """A value and its origin."""
+    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind})"
+
+
+def _change_cells(change: ErrorChange) -> Iterator[str]:
     """The change at each torque: its median, and its range over drawn pairs."""
-    median, values = change.median_arcsec, change.change_arcsec.T
-    if values.shape[1] == 1:
-        return [f"{value:+.2f}" for value in median]
-    return [f"{m:+.2f} ({v.min():+.2f} to {v.max():+.2f})" for m, v in zip(median, values, strict=True)]
+    for median, low, high in zip(change.change_arcsec, change.least_arcsec, change.greatest_arcsec, strict=True):
+        yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
 def _lines(result: DrivesComparison, details: bool) -> Iterator[tuple[str, str]]:
     """Labelled lines below the tables."""
-    if paths := result.changes[0].impossible:
+    if paths := [path for changes in result.changes for path in changes.not_alone]:
         yield "not alone", f"{_some(paths)}: no drive that can be computed, or one that leaves more unknown"
-    for letter, sheet in zip(_letters(result), result.sheets, strict=True):
+    for letter, sheet in _lettered(result).items():
         yield f"{letter} not known", names(sheet.check.unknown)
         yield f"{letter} mounting", what_to_do(sheet.advice) if sheet.advice.order == "none" else ""
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
-    yield "differs", "" if details else _some([field.path for field in result.differences])
-    yield "same value", f"{_some(result.origins)}: from another kind of origin" if result.origins else ""
-    yield "next", again("report", result.drives[-1], "-o", "report.html")
+    yield "differs", "" if details else _some([row[0].path for row in result.fields if differs(row)])
+    origins = _some(_other_origins(result))
+    yield "same value", f"{origins}: from another kind of origin" if origins else ""
+    yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
     yield "more", "" if details else "--details"
     yield "proof", proof(result.certificate, _cross_checks(result))
+
+
+def _other_origins(result: DrivesComparison) -> list[str]:
+    """Paths of the fields that drives have with the same value, but not by the same kind of origin."""
+    return [row[0].path for row in result.fields if not differs(row) and len({cell.kind for cell in row}) > 1]
 
 
 def _cross_checks(result: DrivesComparison) -> list[CrossCheck | None]:
@@ -191,91 +193,49 @@ def _cross_checks(result: DrivesComparison) -> list[CrossCheck | None]:
 
 def _some(paths: Sequence[str]) -> str:
     """The first of some paths, and how many more there are."""
-    return ", ".join(paths[:NAMED_PATHS]) + (
-        f" and {len(paths) - NAMED_PATHS} more" if len(paths) > NAMED_PATHS else ""
-    )
-
-
-def _fields(result: DrivesComparison, style: Style) -> Table:
-    """Fields that differ, with value and origin in each drive."""
-    found = table(style, "what differs")
-    found.add_column("field")
-    found.add_column("unit")
-    for letter in _letters(result):
-        found.add_column(letter, justify="right", overflow="fold")
-        found.add_column(f"origin of {letter}")
-    for field in result.differences:
-        values = [NOT_KNOWN if row.kind == NOT_KNOWN else value_text(row.value) for row in field.rows]
-        cells = [cell for value, row in zip(values, field.rows, strict=True) for cell in (value, row.kind)]
-        found.add_row(*map(style.text, (field.path, field.unit, *cells)))
-    return found
+    more = f" and {len(paths) - NAMED_PATHS} more" if len(paths) > NAMED_PATHS else ""
+    return ", ".join(dict.fromkeys(paths[:NAMED_PATHS])) + more
 
 
 def _json(result: DrivesComparison, seed: int) -> Json:
     """The comparison as a JSON object."""
     return {
-        **envelope("compare-presets", result.drives[0], warnings=comparison_warnings(result)),
-        "presets": [_drive_object(sheet) for sheet in result.sheets],
+        **envelope("compare-presets", result.sheets[0].drive, warnings=comparison_warnings(result)),
+        "presets": [_drive_object(sheet, seed) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
         "differences": [
             {
-                "field": field.path,
-                "unit": field.unit,
-                "values": [{"value": row.value, "origin": row.kind, "reference": row.ref} for row in field.rows],
+                "field": row[0].path,
+                "unit": row[0].unit,
+                "values": [{"value": cell.value, "origin": cell.kind, "reference": cell.ref} for cell in row],
             }
-            for field in result.differences
+            for row in result.fields
+            if differs(row)
         ],
-        "same_value_other_origin": list(result.origins),
-        "changes": [_changes_object(result, k) for k in range(1, len(result.sheets))],
+        "same_value_other_origin": _other_origins(result),
+        "changes": [{"from": 0, "to": k, **asdict(changes)} for k, changes in enumerate(result.changes, 1)],
         "certificate": certificate_object(result.certificate, _cross_checks(result)),
         "seed": seed,
     }
 
 
-def _drive_object(sheet: DriveSheet) -> Json:
-    check, advice, curve = sheet.check, sheet.advice, sheet.stiffness
-    best = asdict(advice.choice.target) if advice.order != "none" else {}
+def _drive_object(sheet: DriveSheet, seed: int) -> Json:
+    """What `check`, `mount` and `stiffness` say of a drive in their JSON, as far as it is compared."""
+    check, best = check_page.to_json(sheet.check, seed), sheet.advice.choice.target
+    ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
     return {
-        **envelope("compare-presets", sheet.drive)["preset"],
+        **check["preset"],
         "file": sheet.drive.origin.file,
-        "operating_points": [as_object((*POINT, *BELIEF), point) for point in check.points],
-        "order": advice.order,
-        "best": {key: best[key] for key in ("hole", "rotation_deg", "F_ior_arcsec")} if best else None,
-        **as_object(WHOLE, curve),
-        "stiffness": segment_objects(curve.positive),
-        "unknown": unknown_objects(check.unknown),
-        "influence": influence_objects(check.influences),
-    }
-
-
-def _changes_object(result: DrivesComparison, other: int) -> Json:
-    changes = result.changes[other - 1]
-    senses = [result.sense(other, k) for k in range(len(result.torques))]
-    return {
-        "from": 0,
-        "to": other,
-        "pairs": len(changes.whole.change_arcsec),
-        "F_ior_is": [NOT_KNOWN if sense is None else SENSE[sense] for sense in senses],
-        "together": _change_object(changes.whole),
-        "single": [{"field": change.path, **_change_object(change)} for change in changes.single],
-        "not_alone": list(changes.impossible),
-    }
-
-
-def _change_object(change: ErrorChange) -> Json:
-    return {
-        "change_arcsec": change.median_arcsec.tolist(),
-        "least_arcsec": change.change_arcsec.min(axis=0).tolist(),
-        "greatest_arcsec": change.change_arcsec.max(axis=0).tolist(),
+        **{key: check[key] for key in ("operating_points", "unknown", "influence")},
+        "order": sheet.advice.order,
+        "best": None if sheet.advice.order == "none" else ordered,
+        **as_object(WHOLE, sheet.stiffness),
+        "stiffness": segment_objects(sheet.stiffness.positive),
     }
 
 
 def _figures(result: DrivesComparison) -> Figures:
     """One row per drive and torque."""
-    columns = (*POINT, *BELIEF)
-    rows = [
-        [letter, sheet.drive.name, *(quantity.value(point) for quantity in columns)]
-        for letter, sheet in zip(_letters(result), result.sheets, strict=True)
-        for point in sheet.check.points
-    ]
-    return ["drive", "preset", *(quantity.key for quantity in columns)], rows
+    tables = {letter: check_page.figures(sheet.check) for letter, sheet in _lettered(result).items()}
+    heads, _ = tables["A"]
+    return ["drive", *heads], [[letter, *row] for letter, (_, rows) in tables.items() for row in rows]

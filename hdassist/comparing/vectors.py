@@ -1,78 +1,41 @@
-"""Deviation vectors of a drive in terms of its preset, a size and a direction each.
+"""Deviation vectors that are fitted to a record: size and direction of a deviation as a complex number.
 
-Of order 3 there is none: on two opposite zones it looks like a first harmonic.
+Left out is what looks like another one in a single position of the wheel: order 3 (on two opposite zones it looks like
+a first harmonic), the offset e_b of the rigid wheel, and the ovality a_s2 of its seat.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable
 
 import numpy as np
 
 from hdassist.error.waves import Complex
+from hdassist.model.deviations import deviations_of
 from hdassist.preset.fields import Drive
 
-
-@dataclass(frozen=True)
-class DeviationVector:
-    """One deviation: paths of its size [um] and its direction [deg], and its words.
-
-    part: what it turns with, flexspline g, rigid wheel b or cam h; order: waves around it; unit [um] that it is counted
-    in, so that all weigh about alike: first harmonics nearly cancel on two opposite zones, even ones do not.
-    """
-
-    size: str
-    direction: str
-    words: str
-    part: Literal["g", "b", "h"]
-    order: int = 1
-    unit: float = 1.0
-
-    @property
-    def name(self) -> str:
-        """Symbol of the size."""
-        return self.size.split(".")[1]
-
-
-EVEN_UNIT = 0.1  # um
-VECTORS = (
-    DeviationVector("tolerances.F_i1", "phases.xi_g", "flexspline teeth", "g"),
-    DeviationVector("tolerances.F_i2", "phases.xi_b", "rigid wheel teeth", "b"),
-    DeviationVector("tolerances.e_hb", "phases.phi_hb", "offset, rigid wheel", "b"),
-    DeviationVector("tolerances.e_hh", "phases.phi_hh", "offset, cam", "h"),
-    DeviationVector("tolerances.e_hg", "phases.phi_hg", "offset, flexspline", "g"),
-    DeviationVector("harmonics.a_b2", "harmonics.xi_b2", "ovality of the rigid wheel or its seat", "b", 2, EVEN_UNIT),
-    DeviationVector("harmonics.a_g2", "harmonics.xi_g2", "ovality of the flexspline", "g", 2, EVEN_UNIT),
-    DeviationVector("harmonics.a_b4", "harmonics.xi_b4", "order 4 of the rigid wheel", "b", 4, EVEN_UNIT),
-    DeviationVector("harmonics.a_g4", "harmonics.xi_g4", "order 4 of the flexspline", "g", 4, EVEN_UNIT),
-)
-_UNITS = np.array([v.unit for v in VECTORS])
+VECTORS = tuple(d for d in deviations_of("xi") if d.order != 3 and not d.size.endswith((".e_b", ".a_s2")))
+VECTOR_ORDERS = np.array([vector.order for vector in VECTORS])
+# um, in which each is counted, so that all weigh about alike: first harmonics nearly cancel on two opposite zones
+VECTOR_UNITS = np.where(VECTOR_ORDERS > 1, 0.1, 1.0)
 
 
 def vectors_of(drive: Drive) -> Complex:
     """Deviations of a drive as complex numbers in their units, shape (vectors,); the angle is order x direction."""
-    sizes = np.array([drive.number(v.size) for v in VECTORS])
-    turned = np.radians([v.order * drive.number(v.direction) for v in VECTORS])
-    return np.asarray(sizes / _UNITS * np.exp(1j * turned))
+    sizes, directions = np.array([[drive.number(v.size), drive.number(v.direction)] for v in VECTORS]).T
+    return np.asarray(sizes / VECTOR_UNITS * np.exp(1j * np.radians(VECTOR_ORDERS * directions)))
 
 
-def direction_of(vector: complex, near: float, order: int = 1) -> float:
-    """Direction of a vector of an order [deg], in the turn that is nearest to another direction."""
-    turn = 360 / order
-    return near + float((np.degrees(np.angle(vector)) / order - near + turn / 2) % turn - turn / 2)
+def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
+    """Size [um] and direction [deg] of one of the vectors, in the turn nearest to the direction that the drive has."""
+    near, turn = drive.number(VECTORS[k].direction), 360 / VECTORS[k].order
+    away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - near
+    return float(abs(vectors[k]) * VECTOR_UNITS[k]), near + (away + turn / 2) % turn - turn / 2
 
 
-def with_vectors(drive: Drive, vectors: Complex, free: Sequence[int]) -> Drive:
-    """The drive with some of its deviation vectors changed.
-
-    Arguments: vectors, complex and in their units, one for each of VECTORS; free, places of those to take over.
-    Directions are given in the turn nearest to those that the drive has.
-    """
-    values = {}
-    for k in free:
-        vector = VECTORS[k]
-        values[vector.size] = float(abs(vectors[k])) * vector.unit
-        values[vector.direction] = direction_of(vectors[k], drive.number(vector.direction), vector.order)
+def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive:
+    """The drive with those of its deviation vectors changed that were fitted, by their places in VECTORS."""
+    values: dict[str, float] = {}
+    for k in fitted:
+        values[VECTORS[k].size], values[VECTORS[k].direction] = size_and_direction(drive, vectors, k)
     return drive.with_values(values)

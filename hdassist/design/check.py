@@ -22,7 +22,7 @@ from hdassist.belief.samples import (
     draw_samples,
     limits_settled,
 )
-from hdassist.error.cycle import KinematicError, cross_checked, kinematic_error
+from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import extremes_of, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
@@ -227,9 +227,11 @@ def check(
         solved.append(error)
         run.finished(len(error.states))
     # cvxpy takes a second to import: another solver looks at the extremes in one process, and the self error in another
-    again: Callable[[], Any] = partial(_cross_checked, there, solved, teeth, run.of_task)
+    sampled = [error.sampled(seed=run.seed) for error in solved]
+    again: Callable[[], Any] = partial(_cross_checks, there, sampled, teeth, run.of_task)
     own_error: Callable[[], Any] = partial(self_error, drive, torques, run=run.of_task)
-    errors, own = run.map(_called, [again, own_error])
+    checks, own = run.map(_called, [again, own_error])
+    errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]
     run.finished(sum(part.certificate.states for part in own))
     known = measured.without_harmonics(drive) if measured else drive
     prior = prior_of(known)
@@ -291,7 +293,7 @@ def _called(job: Callable[[], Any]) -> Any:
     return job()
 
 
-def _cross_checked(
+def _cross_checks(
     drive: Drive, errors: Sequence[KinematicError], teeth: ToothDeviations | None, run: Run
-) -> list[KinematicError]:
-    return [cross_checked(drive, error, teeth, run=run) for error in errors]
+) -> list[CrossCheck]:
+    return [cross_check_of(drive, error, teeth, run=run) for error in errors]

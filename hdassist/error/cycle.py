@@ -32,6 +32,7 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
+CHECKED = 8  # random states beside the extremes that another solver solves again
 BLOCK = 4 * CHUNK  # states whose gaps are held at once
 
 
@@ -80,6 +81,13 @@ class KinematicError:
         """Place of the least error among the states."""
         return int(np.argmin(self.error_arcsec))
 
+    def sampled(self, count: int = CHECKED, seed: int = 0) -> KinematicError:
+        """The same at its extremes and at so many random states alone."""
+        some = np.random.default_rng(seed).choice(len(self.states), min(count, len(self.states)), replace=False)
+        rows = np.unique(np.concatenate([[self.at_max, self.at_min], some]))
+        kept = {name: getattr(self, name)[rows] for name in ("rotation_arcsec", "zone_share", "tooth_force_N")}
+        return replace(self, states=self.states.take(rows), **kept)
+
     @property
     def one_wave_share(self) -> float:
         """Share of states in which one mesh zone takes less than 1 % of the torque."""
@@ -103,7 +111,7 @@ def kinematic_error(
     states: States | None = None,
     teeth: ToothDeviations | None = None,
     solver: str | None = None,
-    sample: int = 8,
+    sample: int = CHECKED,
     run: Run = Run(),
 ) -> KinematicError:
     """Kinematic error of a drive at a torque M_g [N*m], over the full cycle unless states are given.
@@ -131,7 +139,8 @@ def kinematic_error(
     if run.cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
         stated = formulation if programmes == 1 else None
-        result = cross_checked(drive, result, teeth, sample=sample, stated=stated, run=run)
+        check = cross_check_of(drive, result.sampled(sample, run.seed), teeth, stated, run)
+        result = replace(result, cross_check=check)
     return result
 
 
@@ -163,32 +172,26 @@ def _collect(
     return KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
 
 
-def cross_checked(
+def cross_check_of(
     drive: Drive,
-    result: KinematicError,
+    error: KinematicError,
     teeth: ToothDeviations | None = None,
-    *,
-    sample: int = 8,
     stated: Formulation | None = None,
     run: Run = Run(),
-) -> KinematicError:
-    """The same with its extremes and a seeded sample solved again by the run's other solver.
+) -> CrossCheck:
+    """All states of an error solved again by the run's other solver.
 
     Arguments as those of `kinematic_error`; stated, the programme, where all states have one. Raises UntrustedError
     where two solvers disagree.
     """
-    count = len(result.states)
-    some = np.random.default_rng(run.seed).choice(count, min(sample, count), replace=False)
-    rows = np.unique(np.concatenate([[result.at_max, result.at_min], some]))
-    chosen, checks = result.states.take(rows), []
-    for part, formulation in _formulations(drive, chosen, stated):
-        there, torques = chosen.take(part), np.full(len(part), result.M_g)
-        gaps = state_gaps(drive, formulation.system, there, teeth)
-        delta_p, expected = formulation.system.delta_p_of(gaps), result.rotation_arcsec[rows[part]]
-        where = partial(place, there, result.M_g)
-        checks.append(solve_again(formulation, torques, delta_p, expected, run.cross_check or CROSS_SOLVER, where))
+    checks = []
+    for rows, formulation in _formulations(drive, error.states, stated):
+        states, torques = error.states.take(rows), np.full(len(rows), error.M_g)
+        delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
+        where, solver = partial(place, states, error.M_g), run.cross_check or CROSS_SOLVER
+        checks.append(solve_again(formulation, torques, delta_p, error.rotation_arcsec[rows], solver, where))
     worst = max(check.max_difference_arcsec for check in checks)
-    return replace(result, cross_check=CrossCheck(checks[0].solver, len(rows), worst))
+    return CrossCheck(checks[0].solver, len(error.states), worst)
 
 
 def place(states: States, M_g: float, k: int) -> str:

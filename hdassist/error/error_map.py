@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hdassist.error.cycle import kinematic_error, place
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import scalars_of
+from hdassist.model.deviations import TEETH, scalars_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, neighbours_together, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -34,15 +34,19 @@ Indices = NDArray[np.int64]
 
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
+DIFFERENCES = 12  # positions of each wheel at which drives that are alike are compared, at least
 BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
 HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
+REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
 LEAST = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT = 4000  # states of a cycle below which all are solved
+MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
+DISC = 8  # drives from which on their states are solved together
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
 
@@ -170,27 +174,44 @@ class ErrorMap:
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
-        hills = _hills(solved.at_points(grid), self)
+        hills = _hills(solved.at_points(self.points(grid)), self)
         ranges = np.bincount(hills.row, np.where(hills.rank, 0, hills.height))
         return np.asarray(ranges, dtype=float), solved.certificate
 
-    def many_extremes(self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID) -> Extremes:
+    def solved_map(self, batch: Batch) -> Array:
+        """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
+
+        No points of a short cycle, of which every state is solved. Raises UntrustedError where an answer
+        cannot be trusted.
+        """
+        if not len(batch) or len(self.states) < SHORT:
+            return np.empty((len(batch), 0, 0))
+        solved = _Solved(self, batch, LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True))
+        return solved.at_points(self.points(GRID))
+
+    def many_extremes(
+        self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID, alike: Array | None = None
+    ) -> Extremes:
         """Extremes of drives, solved and proven where estimates propose them.
 
         Arguments: batch, the drives; estimates of their rotation [arcsec] at points of the map, shape (drives, k, l),
-        by default solved at so many positions of each wheel (grid), and in every state of a short cycle. Raises
-        UntrustedError where an answer cannot be trusted.
+        by default solved at so many positions of each wheel (grid), and in every state of a short cycle; alike, the
+        solved_map of drives with the same deviations and other parts, from which these differ less than from point to
+        point: then the difference is solved on a coarse grid. Raises UntrustedError where an answer cannot be trusted.
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
         if estimates is None and len(self.states) < SHORT:
             solved.every_state()
         else:
+            if alike is not None:
+                estimates = solved.near(alike)
             coarse = estimates is None and grid < READ
-            proposed = solved.at_points(grid) if estimates is None else estimates
+            proposed = solved.at_points(self.points(grid)) if estimates is None else estimates
             if coarse:
                 proposed = _interpolated(proposed, self.points().shape[:2])
             solved.climb(solved.promising(_hills(proposed, self)), STRIDES[coarse])
+            solved.look_around()
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
@@ -307,14 +328,37 @@ class _Solved:
         points = np.stack(np.divmod(np.flatnonzero(self._search.board.ravel() >= 0), self._search.board.shape[1]), -1)
         self._at(np.arange(len(self._batch))[:, None], points[None])
 
-    def at_points(self, grid: int) -> Array:
-        """Rotation [arcsec] at the points of a grid, shape (drives, k, l)."""
-        points = self._search.points(grid)
-        there_and_back = points.copy()
-        there_and_back[1::2] = points[1::2, ::-1]  # so that neighbours follow each other
+    def near(self, alike: Array) -> Array:
+        """Rotation [arcsec] at the points of the map of drives that are alike, by its difference at some of them."""
+        points, shape = self._search.points(GRID), alike.shape[1:]
+        down, across = (
+            max(step for step in (1, 2, 3, 4, 5) if n % step == 0 and n // step >= DIFFERENCES) for n in shape
+        )
+        return alike + _interpolated(self.at_points(points[::down, ::across]) - alike[:, ::down, ::across], shape)
+
+    def at_points(self, points: Indices) -> Array:
+        """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
         rows = np.arange(len(self._batch))[:, None, None]
-        self._at(rows, there_and_back[None])
-        return np.asarray(self.value[rows, self._search.state(points)[None]])
+        for lines in np.array_split(points, 1 + len(rows) * points[..., 0].size // MAP_STATES):
+            row, state = (each.ravel() for each in np.broadcast_arrays(rows, self._search.state(lines)))
+            order = self._neighbours_together(row, state, points.shape[1])
+            self._at(row[order], np.broadcast_to(lines, (len(rows), *lines.shape)).reshape(-1, 2)[order])
+        return np.asarray(self.value[rows, self._search.state(points)])
+
+    def _neighbours_together(self, row: Indices, state: Indices, across: int) -> Indices:
+        """Order in which states of a grid, with so many positions across, follow each other by the least of pivots.
+
+        Of few drives, there and back over the rows of the grid. Of many, all drives' states in such a row together:
+        their tooth vectors fill a disc, which is gone over in strips.
+        """
+        line, place = np.divmod(np.arange(len(row)) % (len(row) // len(self._batch)), across)
+        if len(self._batch) < DISC:
+            return np.lexsort((np.where(line % 2, -place, place), line, row))
+        states = self._search.states.take(state)
+        x, y = self._batch.scalars(row, states.alpha_g, states.alpha_b)[:, TEETH : TEETH + 2].T
+        strip = np.floor((x - x.min()) / max(np.ptp(x), 1e-9) * np.sqrt(len(self._batch) * across / 2))
+        strip = np.where(line % 2, -strip, strip)
+        return np.lexsort((np.where(strip % 2, -y, y), strip, line))
 
     def promising(self, hills: _Hills) -> _Hills:
         """Hills near the highest of their drive, after one state was solved on each that may be it."""
@@ -347,6 +391,21 @@ class _Solved:
             if stride > 1:
                 to = self._search.to_lattice(point + stride * self._summit(value))
             row, sign, point, stride = row[going], sign[going], to[going], max(stride // 2, 1)
+
+    def look_around(self) -> None:
+        """Solve what is within REACH of each drive's extremes, until nothing there is higher.
+
+        Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
+        """
+        z_b, z_g = self._search.board.shape
+        wide = np.stack(np.meshgrid(*[np.arange(-REACH, REACH + 1)] * 2), axis=-1).reshape(-1, 2)
+        wide = wide[wide.sum(axis=1) % self._search.finest == 0]
+        for sign in (1, -1):
+            row = np.arange(len(self._batch))
+            while len(row):
+                top = np.nanargmax(sign * self.value[row], axis=1)
+                self._at(row[:, None], np.stack([top % z_b, top % z_g], axis=-1)[:, None] + wide)
+                row = row[np.nanargmax(sign * self.value[row], axis=1) != top]
 
     def _at(self, row: Indices, point: Indices) -> Array:
         """Rotation [arcsec] of drives at points, shape (..., 2), solved where that is not known yet."""

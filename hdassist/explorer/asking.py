@@ -1,43 +1,96 @@
-"""What the explorer holds: a session, what is known of it, and the processes that are asked."""
+"""The explorer's session, the answers about each variant of it, and the processes that are asked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
+from rich.cells import cell_len
+from rich.segment import Segment
 from textual.app import App
+from textual.color import Color
 from textual.filter import LineFilter
 from textual.timer import Timer
 
+from hdassist.error.trace import Trace
 from hdassist.errors import HdassistError
-from hdassist.explorer.answers import Advised, Answer, Curve, Sure
-from hdassist.explorer.known import Known, Memory
-from hdassist.explorer.pictures import Inks
-from hdassist.explorer.plain import SevenBits
-from hdassist.explorer.questions import (
+from hdassist.explorer.compute import (
     FULL,
-    BeliefQuestion,
+    Answer,
     Effort,
-    MountQuestion,
-    ProofQuestion,
-    Question,
-    SlopesQuestion,
-    TrialsQuestion,
+    Headline,
+    LeverEffects,
+    SeatCurve,
+    cam_turn,
+    drive_answers,
+    lever_effects,
+    trial_answers,
 )
+from hdassist.explorer.failed import Failed
 from hdassist.explorer.screens import Form
-from hdassist.explorer.service import Service
+from hdassist.explorer.service import Question, Service
 from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import Session, Step
-from hdassist.explorer.themes import THEMES, inks
+from hdassist.mounting.advice import Advice
+from hdassist.terminal.console import PLAIN, Style
+from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
-REST = 0.7  # s that the wheel rests in a position before that is proven
+REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
+THEMES = ("textual-light", "textual-dark")
+SIGNS = PLAIN | str.maketrans("○●◌◆…°″±≤≥←→↑↓─━┄│", 'o@%#~d"~<><>^v---|')  # of one column each
+
+
+@dataclass
+class Known:
+    """Answers about one variant of the drive, or about one with trials; old: the headline of the variant before."""
+
+    curve: SeatCurve | None = None
+    headline: Headline | None = None
+    old: Headline | None = None
+    advice: Advice | TrialAdvice | None = None
+    effects: LeverEffects | None = None
+    trace: Trace | None = None
+    traced: tuple[float, float] | None = None  # turn of the wheel [deg] and torque [N*m] of the trace
+    failed: Failed | None = None
+
+    def take(self, answer: Answer) -> None:
+        """Learn an answer."""
+        match answer:
+            case SeatCurve():
+                self.curve = answer
+            case Headline():
+                self.headline = answer
+            case LeverEffects():
+                self.effects = answer
+            case Trace():
+                self.trace = answer
+            case Failed():
+                self.failed = answer
+            case _:
+                self.advice = answer
+
+
+class SevenBits(LineFilter):
+    """Every line of the screen in 7-bit characters, each as wide as before."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        """The same segments for a terminal without Unicode; lines of frames become +."""
+        del background
+        return [Segment(seven_bits(segment.text), segment.style, segment.control) for segment in segments]
+
+
+def seven_bits(text: str) -> str:
+    """A text in ASCII that takes as many columns."""
+    return "".join(sign if sign.isascii() else "+" * cell_len(sign) for sign in text.translate(SIGNS))
 
 
 class Asking(App[int]):
-    """A session, and questions about it: each change asks what is not known yet, and ends what is no longer wanted.
+    """A session, and questions about it: each change asks for new answers, and ends questions that became needless.
 
-    Arguments: session, service and effort of the first questions; dark or light; ascii, whether in 7 bits; kept, the
-    file that holds the session for next time.
+    Arguments: session, service and effort; dark or light; ascii, whether in 7 bits; kept, the file that holds the
+    session for next time.
     """
 
     def __init__(
@@ -53,45 +106,59 @@ class Asking(App[int]):
         super().__init__()
         self.kept, self.unkept = kept, ""
         self.settled = session.step  # that needs no keeping: as it was opened, or saved
-        self._plain = [SevenBits()] if ascii else []
+        self.ascii, self.torque = ascii, 0  # place of the torque that cam turn and levers are shown at
         self.session, self.service, self.effort = session, service, effort
-        self.memory = Memory()
+        self.answers: dict[Step, Known] = {}
         self._rest: Timer | None = None
-        for theme in THEMES:
-            self.register_theme(theme)
-        self.theme = THEMES[0 if dark else 1].name
+        self.theme = THEMES[dark]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """What every line goes through on its way to the terminal."""
-        return [*super().get_line_filters(), *self._plain]
+        """The filters that every line goes through on its way to the terminal."""
+        return [*super().get_line_filters(), *([SevenBits()] if self.ascii else [])]
 
     def draw(self) -> None:
-        """Show the session and what is known of it."""
+        """Show the session and its answers."""
 
-    def wants_slopes(self) -> bool:
-        """Whether slopes are on the screen."""
+    def is_wanted(self, pane: str) -> bool:
+        """Whether a pane (levers, turn) is on the screen."""
+        del pane
         return False
 
-    @property
-    def inks(self) -> Inks:
-        """Styles of the theme."""
-        return inks(self.current_theme.dark)
+    def style(self, width: int) -> Style:
+        """The style of drawings in characters."""
+        return Style(ascii=self.ascii, codes=False, width=width)
 
     @property
     def known(self) -> Known:
-        """What is known of the drive without trials."""
-        return self.memory.of(Step(self.session.changes))
+        """Answers about the drive without trials."""
+        return self.answers.setdefault(Step(self.session.changes), Known())
 
     @property
     def of_trials(self) -> Known | None:
-        """What is known from the trials; None where there are none."""
-        return self.memory.of(self.session.step) if self.session.trials else None
+        """Answers from the trials; None where there are none."""
+        return self.answers.setdefault(self.session.step, Known()) if self.session.trials else None
+
+    @property
+    def pinned(self) -> Known | None:
+        """Answers about the variant to compare with, None where it is the one that is shown."""
+        pinned = self.session.pinned
+        return None if pinned == self.session.changes else self.answers.get(Step(pinned))
+
+    @property
+    def M_g(self) -> float:
+        """Torque that cam turn and levers are shown at [N*m]."""
+        torques = self.session.drive.operation.M_g
+        return torques[self.torque % len(torques)]
 
     def show(self, session: Session) -> None:
-        """Go on with another session: ask what is not known of it, and draw it."""
+        """Go on with another session: ask for answers that are missing, and draw it."""
         old, before, self.session = self.session, self.known, session
         if session.changes != old.changes:
-            self.known.old = before.belief or before.old
+            if self.workers.cancel_group(self, "levers"):
+                before.effects = None
+            if self.workers.cancel_group(self, "turn"):
+                before.traced = None
+            self.known.old = before.headline or before.old
             self.ask_of_drive()
         if session.step != old.step:
             self.keep()
@@ -117,8 +184,8 @@ class Asking(App[int]):
         except HdassistError as error:
             self.complain(error)
 
-    def complain(self, error: HdassistError) -> None:
-        """Say what is wrong, and what to do about it."""
+    def complain(self, error: HdassistError | Failed) -> None:
+        """Notify of an error and its hint."""
         hint = f"\n{error.hint}" if error.hint else ""
         self.notify(visible(f"{error.message}{hint}"), severity="error", markup=False, timeout=8)
 
@@ -134,62 +201,53 @@ class Asking(App[int]):
         self.push_screen(Form(title, fields, hint, check), lambda values: take(values) if values else None)
 
     def ask_of_drive(self) -> None:
-        """Ask where the wheel of the drive is best, and what its error may be, unless that is known."""
-        known = self.known
-        for group in ("drive", "belief"):
-            self.workers.cancel_group(self, group)
-        if known.belief is None or not known.belief.whole:
-            self.follow(BeliefQuestion(self.session.drive, self.effort), known.take, "belief")
-        if known.advised is None:
-            known.failed = None
-            self.follow(MountQuestion(self.session.drive, self.effort), known.take, "drive")
-        self.when_at_rest()
+        """Ask for the answers of `check` and `mount`, unless they are there."""
+        self.workers.cancel_group(self, "drive")
+        if self.known.advice is None:
+            self.known.failed = None
+            self.follow(partial(drive_answers, self.session.drive, self.effort), self.known, "drive")
 
     def ask_of_trials(self) -> None:
-        """Ask what the trials teach, unless that is known or there are none."""
+        """Ask for the answer of `trials`, unless it is there or there are none."""
         self.workers.cancel_group(self, "trials")
-        if (known := self.of_trials) and known.advised is None:
-            known.failed, known.share = None, 0.0
-            session = self.session
-            asked = TrialsQuestion(session.drive, session.trials, session.rig, self.effort)
-            self.follow(asked, known.take, "trials")
+        if (known := self.of_trials) and known.advice is None:
+            known.failed = None
+            self.follow(partial(trial_answers, self.session, self.effort), known, "trials")
 
-    def follow(self, question: Question, take: Callable[[Answer], None], group: str) -> None:
+    def follow(self, question: Question, known: Known, group: str) -> None:
         """Ask, and take each answer; another question of the group ends the process of this one."""
 
         async def follow() -> None:
             async for answer in self.service.ask(question):
-                take(answer)
-                self.draw()
-                whole = isinstance(answer, Curve) and len(answer.places) == len(self.session.positions)
-                if group == "drive" and (whole or isinstance(answer, Advised)):
+                if isinstance(answer, Failed) and group in ("levers", "turn"):
+                    self.complain(answer)
+                else:
+                    known.take(answer)
+                if isinstance(answer, Headline) and answer.whole:
                     self.when_at_rest()
+                self.draw()
             self.call_later(self.draw)
 
         self.run_worker(follow(), group=group, exclusive=True)
 
     def when_at_rest(self) -> None:
-        """Prove the position that is looked at, and look for slopes there, once the wheel rests in it."""
-        for group in ("proof", "slopes"):
-            self.workers.cancel_group(self, group)
+        """Ask for what else is on the screen once no key was pressed for a while."""
         if self._rest:
             self._rest.stop()
-        self._rest = self.set_timer(REST, self._at_rest)
+        self._rest = self.set_timer(REST, self.ask_of_panes)
 
-    def _at_rest(self) -> None:
-        known, session = self.known, self.session
-        curve, turn = known.curve, session.turn_deg
-        if curve is None or curve.sure is Sure.COARSE or known.failed:
-            return
-        if self.wants_slopes() and turn not in known.slopes:
-            self.follow(SlopesQuestion(session.drive, turn, self.effort), known.take, "slopes")
-        place = curve.at(turn)
-        if known.advised and (place is None or place.sure not in (Sure.PROVEN, Sure.AT_ZERO)):
-            self.follow(ProofQuestion(session.drive, turn, self.effort), known.take, "proof")
+    def ask_of_panes(self) -> None:
+        """Ask for steps of levers and a cam turn, where they are on the screen and not there yet."""
+        known, drive, headline = self.known, self.session.drive, self.known.headline
+        if self.is_wanted("levers") and known.effects is None and headline and headline.whole:
+            known.effects = LeverEffects({})
+            self.follow(partial(lever_effects, drive, headline.typical, self.effort), known, "levers")
+        wanted = self.session.turn_deg, self.M_g
+        if self.is_wanted("turn") and known.traced != wanted:
+            known.trace, known.traced = None, wanted
+            self.follow(partial(cam_turn, drive, *wanted), known, "turn")
 
     @property
     def busy(self) -> bool:
         """Whether processes compute."""
-        return any(
-            not worker.is_finished for worker in self.workers if worker.group in ("drive", "belief", "trials", "proof")
-        )
+        return any(not worker.is_finished for worker in self.workers if worker.group in ("drive", "trials"))

@@ -40,29 +40,29 @@ def command(
     import sys
 
     from hdassist.errors import UsageError
-    from hdassist.explorer.state import opened, with_trials
-    from hdassist.explorer.trial_entry import rig_of
+    from hdassist.explorer.state import opened, rig_of, with_trials
 
     if preset == "-":
         raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
     overrides = (*drives.overrides, *o.torque_overrides(drives.torque))
     session = opened(preset, overrides, measuring)
-    rig_of(session.drive, session.rig)
+    rig_of(session)
     if trials:
         session = with_trials(session, " ".join(trials))
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
 
-    from hdassist.explorer.app import Explorer
     from hdassist.explorer.guard import terminal_guarded
-    from hdassist.explorer.questions import Effort
     from hdassist.explorer.service import Service
-    from hdassist.explorer.session_file import SessionFile
-    from hdassist.terminal.console import Style, say, silence
 
     with terminal_guarded():
-        service = Service()
+        service = Service()  # it imports beside this process
         try:
+            from hdassist.explorer.app import Explorer
+            from hdassist.explorer.compute import Effort
+            from hdassist.explorer.session_file import SessionFile
+            from hdassist.terminal.console import Style, say, silence
+
             plain = Style.of(sys.stdout, ascii=ascii).ascii
             kept = SessionFile(preset)
             app = Explorer(session, service, Effort(jobs=jobs), dark=not light, ascii=plain, kept=kept)

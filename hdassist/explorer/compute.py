@@ -1,411 +1,337 @@
-"""What the explorer's processes compute: answers to a question, quick ones first, each by the function of a command.
-
-An F'_ior is first the range over a few states, then that of a search, then of every state where `hdassist mount` solves
-every state. Advice, cards and JSON are those of mount and trials.
-"""
+"""The explorer's answers, computed in processes beside the screen; each is given to `tell` as soon as it is there."""
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from datetime import date
+from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import ErrorBelief, Samples
-from hdassist.design.check import drive_samples
-from hdassist.error.cycle import kinematic_error
+from hdassist.belief.prior import FieldPrior, prior_of
+from hdassist.belief.samples import ErrorBelief, Samples, errors_by_turn
+from hdassist.design.check import DRAWS, DesignCheck, OperatingPoint, check, drive_samples
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.self_error import self_error
-from hdassist.error.table import DEVIATIONS
+from hdassist.error.trace import Trace, trace
 from hdassist.errors import HdassistError
-from hdassist.explorer import trial_entry
-from hdassist.explorer.answers import (
-    Advised,
-    Answer,
-    Believed,
-    Curve,
-    Facts,
-    Place,
-    Rendered,
-    Slopes,
-    Sure,
-    TorqueBelief,
-    Underway,
-    Value,
-)
-from hdassist.explorer.compute_views import compared, turned
-from hdassist.explorer.levers import SETTINGS, stepped
-from hdassist.explorer.questions import (
-    BeliefQuestion,
-    Effort,
-    MountQuestion,
-    ProofQuestion,
-    Question,
-    RenderQuestion,
-    SlopesQuestion,
-    TraceQuestion,
-    TrialsQuestion,
-    TurnQuestion,
-)
-from hdassist.model.assumed import assumptions
-from hdassist.model.contacts import StateGaps
-from hdassist.model.deviations import deviation_scalars
+from hdassist.explorer.failed import Failed
+from hdassist.explorer.levers import SETTINGS, step_of
+from hdassist.explorer.state import Session, rig_of
+from hdassist.model.contacts import contact_system
+from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
-from hdassist.model.unknown import unknown_turn, unknowns
-from hdassist.mounting import card_render
-from hdassist.mounting import page as mount_page
+from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.advice import Advice, advise
-from hdassist.mounting.card import card_of
 from hdassist.mounting.losses import PositionStatistics
-from hdassist.mounting.positions import MountingCurve, hole_of, rotated, seat_positions
+from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.mounting.trial import read_trial
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
-from hdassist.run.run import Progress, Run
-from hdassist.solve.loadcase import LoadCase
+from hdassist.run.run import UNCHECKED, Run
+from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.terminal.answers import json_text
-from hdassist.terminal.texts import texts
-from hdassist.trials import page as trials_page
+from hdassist.terminal.brief import proof
+from hdassist.terminal.influence_words import influence_words, measure_words
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort, trial_states
-from hdassist.verdict import verdict_by_probability
+from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
+from hdassist.verdict import Verdict, verdict_by_probability
 
-FEWEST = 5  # positions of each wheel that the first values rest on: those of the first torque are there at once
-FREE_STEP = 15.0  # deg between positions at first, where the seat has no holes
-GROUP = 2  # positions that one task searches: few, so that the curve grows under the eye
-STEPS = 20  # in which is told how far an answer is
 SEED = 0  # of samples and of what is solved again, as the commands have it
-LOW, HIGH = 0.05, 0.95
+LOW, MIDDLE, HIGH = 0.05, 0.5, 0.95  # percentiles
+STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
 
 
-def answers(question: Question, tell: Callable[[Answer], None] = lambda _: None) -> Iterator[Answer]:
-    """Answers to a question, ever surer. Raises HdassistError where there is none.
+class Sure(StrEnum):
+    """How sure an F'_ior is: estimated from few states, its extremes searched, every state solved, a 90 % range."""
 
-    tell is given what comes between them: how far one is.
+    COARSE = "COARSE"
+    REFINED = "REFINED"
+    PROVEN = "PROVEN"
+    RANGE = "90 % RANGE"
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is computed.
+
+    grid: positions of each wheel that an estimate rests on; draws: effective samples of what is not known exactly;
+    trials: that of trials; jobs: processes at work, 0 for one each core.
     """
-    match question:
-        case MountQuestion():
-            return _mount(question.drive, question.effort)
-        case BeliefQuestion():
-            return _believed(question.drive, question.effort, tell)
-        case TrialsQuestion():
-            return _trials(question, tell)
-        case ProofQuestion():
-            return _proof(question.drive, question.rotation_deg, question.effort)
-        case SlopesQuestion():
-            return _slopes(rotated(question.drive, question.rotation_deg), question)
-        case TurnQuestion():
-            return iter([turned(question)])
-        case TraceQuestion():
-            return iter([compared(question)])
-        case RenderQuestion():
-            return iter([Rendered(_rendered(question))])
+
+    grid: int = 8
+    draws: int = DRAWS
+    trials: TrialEffort = TRIAL_EFFORT
+    jobs: int = 0
 
 
-def _mount(drive: Drive, effort: Effort) -> Iterator[Answer]:
-    """What is known of a drive, its curve ever surer, advice of `hdassist mount`."""
-    facts = _facts(drive)
-    yield facts
-    has_curve = searchable(drive) and not facts.any_hole
-    if has_curve:
-        yield from _coarse(drive, effort.turns)
+FULL = Effort()
+
+
+@dataclass(frozen=True, eq=False)
+class SeatCurve:
+    """F'_ior [arcsec] over turns of the fixed wheel from where it stands [deg].
+
+    F_ior_arcsec: shape (3, torques, turns): 5th percentile, median, 95th, all alike where it is one value; sure: how
+    sure it is at each turn.
+    """
+
+    rotations_deg: tuple[float, ...]
+    F_ior_arcsec: Array
+    sure: tuple[Sure, ...]
+
+    def place(self, rotation_deg: float) -> int | None:
+        """Which of the turns one is, None for another."""
+        near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
+        return int(near.argmax()) if near.any() else None
+
+    @property
+    def merits(self) -> Array:
+        """Greatest over the torques of the median against that of how the wheel stands, shape (turns,)."""
+        median = self.F_ior_arcsec[1]
+        now = median[:, self.rotations_deg.index(0.0)]
+        return np.asarray((median / np.maximum(now, 1e-9)[:, None]).max(axis=0))
+
+
+@dataclass(frozen=True)
+class ErrorRange:
+    """F'_ior [arcsec] at a torque M_g [N*m] with the wheel as it stands, and the limit that it is held against.
+
+    p5, p50, p95: percentiles over all that is not known exactly, all alike where all is known; self_error_arcsec comes
+    on top of it; probability of keeping the limit, None where all is known; verdict by the rule of `check`.
+    """
+
+    M_g: float
+    p5: float
+    p50: float
+    p95: float
+    self_error_arcsec: float
+    limit_arcsec: float | None
+    probability: float | None
+    verdict: Verdict
+
+    @property
+    def margin_arcsec(self) -> float | None:
+        """What the limit leaves above the 95th percentile with the self error [arcsec]."""
+        return None if self.limit_arcsec is None else self.limit_arcsec - self.p95 - self.self_error_arcsec
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The answer of `check`, a row a torque.
+
+    samples: effective ones so far, 0 where all is known; whole: whether it is the whole answer; notes: what drives
+    F'_ior, what to measure, warnings and proof; typical: values by path of the sample nearest to the median.
+    """
+
+    rows: tuple[ErrorRange, ...]
+    samples: float
+    whole: bool = False
+    notes: tuple[str, ...] = ()
+    typical: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LeverEffects:
+    """By field: the step that is plausible [its unit], and what it does to F'_ior at each torque [arcsec]."""
+
+    steps: Mapping[str, tuple[float, tuple[float, ...]]]
+
+
+Answer = SeatCurve | Headline | LeverEffects | Advice | TrialAdvice | Trace | Failed
+Tell = Callable[[Answer], None]
+
+
+def is_any_hole(drive: Drive) -> bool:
+    """Whether the direction that decides is not known: any hole may be the best one."""
+    return bool(unknowns(drive) and unknown_turn(drive) and not no_hole_better(drive))
+
+
+def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
+    """F'_ior over the seat by an estimate and a search, the answer of `check`, that of `mount`.
+
+    Raises HdassistError where there is no answer.
+    """
+    if searchable(drive) and not is_any_hole(drive):
+        rotations = tuple(seat_positions(drive))
+        tell(
+            _seat_curve(
+                rotations, in_wide_enough_window(drive, partial(_estimates, rotations, effort.grid)), Sure.COARSE
+            )
+        )
+        tell(_seat_curve(rotations, in_wide_enough_window(drive, partial(_searched, rotations)), Sure.REFINED))
     with workers(effort.jobs) as executor:
-        if has_curve:
-            yield from _refined(drive, executor)
-        analysis = partial(
-            advise,
-            torques=drive.operation.M_g,
-            rotations_deg=seat_positions(drive),
-            draws=effort.draws,
+        run = Run(executor, seed=SEED)
+        tell(in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell)))
+        torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
+        analysis = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
+        advice = in_wide_enough_window(drive, analysis)
+    if not advice.any_hole:
+        tell(_mount_curve(advice))
+    tell(advice)
+
+
+def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
+    """The answer of `trials`. Raises HdassistError where there is none."""
+    drive = session.drive
+    with workers(effort.jobs) as executor:
+        advice = advise_from_trials(
+            drive,
+            [read_trial(text, drive.mounting.holes) for text in session.trials],
+            rig_of(session),
+            needed=session.rig.sure,
+            effort=effort.trials,
             run=Run(executor, seed=SEED),
         )
-        yield _mount_advised(in_wide_enough_window(drive, analysis))
+    tell(_statistics_curve(advice.losses))
+    tell(advice)
 
 
-def _believed(drive: Drive, effort: Effort, tell: Callable[[Answer], None]) -> Iterator[Answer]:
-    """F'_ior over all that is not known exactly, by the samples of `hdassist check`; told on the way, so far."""
-    with workers(effort.jobs) as executor:
-
-        def drawn(there: Drive) -> Believed:
-            prior, torques = prior_of(there), there.operation.M_g
-            if not (prior.fields and effort.draws):
-                return Believed(())
-            if not searchable(there):
-                return Believed((), failed="the cycle of rolling balls cannot be searched")
-            limits = [there.limit(M_g) for M_g in torques]
-            own = [each.range_arcsec for each in self_error(there, torques)] if any(limits) else [0.0] * len(torques)
-            held = [None if limit is None else limit - more for limit, more in zip(limits, own, strict=True)]
-
-            def row(samples: Samples, k: int) -> TorqueBelief:
-                at = ErrorBelief(samples, k)
-                if (limit := held[k]) is None:
-                    return TorqueBelief(torques[k], at.p5, at.p50, at.p95)
-                found = at.probability_within(limit)
-                verdict = verdict_by_probability(found.low, found.high)
-                return TorqueBelief(torques[k], at.p5, at.p50, at.p95, limits[k], found.value, verdict)
-
-            def believed(samples: Samples, whole: bool) -> Believed:
-                return Believed(tuple(row(samples, k) for k in range(len(torques))), samples.effective, whole)
-
-            def seen(samples: Samples) -> None:
-                if samples.effective:
-                    tell(believed(samples, whole=False))
-
-            found = drive_samples(prior, held, draws=effort.draws, run=Run(executor, seed=SEED), seen=seen)
-            return believed(found, whole=True)
-
-        try:
-            yield in_wide_enough_window(drive, drawn)
-        except HdassistError as error:
-            yield Believed((), failed=error.message)
+def cam_turn(drive: Drive, rotation_deg: float, M_g: float, tell: Tell) -> None:
+    """The answer of `trace` with the fixed wheel turned. Raises HdassistError where there is none."""
+    tell(in_wide_enough_window(rotated(drive, rotation_deg), partial(trace, M_g=M_g, run=UNCHECKED)))
 
 
-def _trials(asked: TrialsQuestion, tell: Callable[[Answer], None]) -> Iterator[Answer]:
-    """The advice of `hdassist trials`; told on the way, how far it is."""
-    drive, rig = asked.drive, trial_entry.rig_of(asked.drive, asked.rig)
-    effort = TrialEffort.of(asked.effort.trial_draws) if asked.effort.trial_draws else TRIAL_EFFORT
-    progress = _in_shares(trial_states(drive, len({*drive.operation.M_g, rig.M_g}), effort), tell)
-    with workers(asked.effort.jobs) as executor:
-        trials, run = trial_entry.read(asked.trials, drive), Run(executor, progress, SEED)
-        yield _trials_advised(advise_from_trials(drive, trials, rig, needed=asked.rig.sure, effort=effort, run=run))
+def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
+    """What a plausible step of each field does to F'_ior of a typical drive, estimated from few states.
 
-
-def _in_shares(states: int, tell: Callable[[Answer], None]) -> Progress:
-    """What counts states that are solved, and tells their share of so many, each step of it once."""
-    solved = told = 0
-
-    def progress(count: int) -> None:
-        nonlocal solved, told
-        solved += count
-        if (step := min(STEPS * solved // states, STEPS)) > told:
-            told = step
-            tell(Underway(step / STEPS))
-
-    return progress
-
-
-def _proof(drive: Drive, rotation: float, effort: Effort) -> Iterator[Answer]:
-    """The curve of one position alone."""
-    with workers(effort.jobs) as executor:
-        tasks = [(drive, M_g, rotation) for M_g in drive.operation.M_g]
-        values = tuple(Value(value, Sure.PROVEN) for value in executor.map(_every_state, tasks))
-    yield Curve(tuple(drive.operation.M_g), (_place(drive, rotation, values),), drive.mounting.holes)
-
-
-def _slopes(drive: Drive, asked: SlopesQuestion) -> Iterator[Answer]:
-    """Changes of the range over a few states with a step of each field, told as they come."""
-    if not searchable(drive):
+    A step of a field that is not known exactly goes about one standard deviation far. Raises HdassistError where the
+    typical drive has no answer.
+    """
+    here = drive.with_values(dict(typical))
+    if not searchable(here):
         return
-    turns, torques = asked.effort.turns, drive.operation.M_g
-    cases = [LoadCase.of(drive, M_g) for M_g in torques]
-    now = [_ranges(case, [drive], turns)[0] for case in cases]
-    found: dict[str, tuple[float, ...]] = {}
-    for path in _moving(drive):
-        there = drive.with_values({path: stepped(field_table()[path], drive.number(path))})
-        with suppress(HdassistError):  # a drive that cannot be computed has no slope
-            same = path.startswith(DEVIATIONS)  # the same contact system, moved otherwise
-            there_cases = cases if same else [LoadCase.of(there, M_g) for M_g in torques]
-            after = [_ranges(case, [there], turns)[0] for case in there_cases]
-            found[path] = tuple(b - a for a, b in zip(now, after, strict=True))
+    now = _ranges(here, effort.grid)
+    steps = dict(_steps(here, {each.path: each for each in prior_of(drive).fields}))
+    found: dict[str, tuple[float, tuple[float, ...]]] = {}
+    with workers(effort.jobs) as executor:
+        ranges = executor.map(partial(_moved_ranges, here, effort.grid), steps.items())
+        for (path, step), there in zip(steps.items(), ranges, strict=True):
+            if there is not None:
+                found[path] = step, tuple((there - now).tolist())
             if len(found) % 8 == 0:
-                yield Slopes(asked.rotation_deg, dict(found))
-    yield Slopes(asked.rotation_deg, found)
+                tell(LeverEffects(dict(found)))
+    tell(LeverEffects(found))
 
 
-def _moving(drive: Drive) -> Iterator[str]:
-    """Fields that a step can be taken of."""
+def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str, float]]:
+    """Plausible steps of the fields of a drive, the other way where the first leaves what is allowed."""
     for path, info in field_table().items():
         if kind_of(info) != "number" or path.split(".")[0] in SETTINGS or drive.value(path) is None:
             continue
-        value = stepped(info, drive.number(path))
-        there = drive.with_values({path: value})
-        if drive.allows(path, value) and first_conflict(there) is None:
-            yield path
+        if prior := priors.get(path):
+            low, high = prior.value(np.array([MIDDLE - STEP, MIDDLE + STEP]))
+            step = float(f"{(high - low) / 2:.2g}")
+        else:
+            step = step_of(info, drive.number(path))
+        for each in (step, -step):
+            value = drive.number(path) + each
+            if each and drive.allows(path, value) and first_conflict(drive.with_values({path: value})) is None:
+                yield path, each
+                break
 
 
-def _rendered(asked: RenderQuestion) -> str:
-    """A text as the command writes it."""
-    advice = pickle.loads(asked.sealed)  # of this program's own process
-    page: Any = mount_page if isinstance(advice, Advice) else trials_page
-    if asked.kind == "json":
-        return json_text(page.to_json(advice, *([SEED] if isinstance(advice, Advice) else [])))
-    say = texts()
-    card = card_of(page.card_facts(advice, say), say, serial=asked.serial, made=date.today())
-    made = {".html": card_render.html, ".md": card_render.markdown, ".txt": card_render.plain_text}
-    return made[asked.kind](card)
+def _ranges(drive: Drive, grid: int) -> Array:
+    return _estimates((0.0,), grid, drive)[:, 0]
 
 
-def _facts(drive: Drive) -> Facts:
-    open_ = unknowns(drive)
-    paths, fields = tuple(each.path for each in open_), prior_of(drive).fields
-    return Facts(paths, bool(open_ and unknown_turn(drive)), len(list(assumptions(drive))), len(fields))
+def _moved_ranges(drive: Drive, grid: int, step: tuple[str, float]) -> Array | None:
+    """F'_ior at each torque after a step, estimated; None where such a drive has no answer."""
+    path, by = step
+    with suppress(HdassistError):
+        return _ranges(drive.with_values({path: drive.number(path) + by}), grid)
+    return None
 
 
-def _places(drive: Drive) -> list[float]:
-    """Turns [deg] that the curve has at first: the holes, or steps where the angle is free."""
-    return seat_positions(drive, FREE_STEP)
-
-
-def _place(drive: Drive, rotation: float, values: tuple[Value, ...]) -> Place:
-    hole, allowed = hole_of(rotation, drive.mounting.holes), drive.mounting.allowed
-    return Place(rotation, hole, values, allowed == "all" or hole is None or hole in allowed)
-
-
-def _curve(drive: Drive, values: Array, sure: Sequence[Sequence[Sure]]) -> Curve:
-    """Arguments: values and sure, shape (torques, places), NaN where nothing is known."""
-    places = tuple(
-        _place(drive, rotation, tuple(Value(float(v[k]), s[k]) for v, s in zip(values, sure, strict=True)))
-        for k, rotation in enumerate(_places(drive))
-        if not np.isnan(values[:, k]).any()
-    )
-    return Curve(tuple(drive.operation.M_g)[: len(values)], places, drive.mounting.holes)
-
-
-def _coarse(drive: Drive, turns: int) -> Iterator[Curve]:
-    """The curve from a few states of each position: one torque after the other from the fewest, then all from more."""
-    there = [rotated(drive, rotation) for rotation in _places(drive)]
-    cases: list[LoadCase] = []
-    rows: list[list[float]] = []
+def _estimates(rotations_deg: tuple[float, ...], grid: int, drive: Drive) -> Array:
+    """F'_ior of turned drives from a grid of states, shape (torques, turns)."""
+    turned = Batch(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
+    formulation, like, found = formulate(contact_system(drive)), None, []
     for M_g in drive.operation.M_g:
-        cases.append(LoadCase.of(drive, M_g))
-        rows.append(_ranges(cases[-1], there, min(FEWEST, turns)))
-        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
-    if turns > FEWEST:
-        rows = [_ranges(case, there, turns) for case in cases]
-        yield _curve(drive, np.array(rows), [[Sure.COARSE] * len(there)] * len(rows))
+        error_map = ErrorMap(drive, M_g, formulation, like)
+        like = error_map.fresh
+        found.append(error_map.estimated_ranges(turned, grid)[0])
+    return np.array(found)
 
 
-def _ranges(case: LoadCase, drives: Sequence[Drive], turns: int) -> list[float]:
-    """Ranges of the error [arcsec] over a few states, spread over both wheels' turns: never more than F'_ior.
-
-    Drives differ in their deviations alone: the engine is far quicker with all of their states at once.
-    """
-    angles = 2 * np.pi * np.arange(turns) / turns
-    alpha_g, alpha_b = (angle.ravel() for angle in np.meshgrid(angles, angles, indexing="ij"))
-    scalars = [deviation_scalars(drive, alpha_g, alpha_b) for drive in drives]
-    rotation = case.solve(StateGaps(np.concatenate(scalars)), lambda k: f"state {k}").rotation_arcsec
-    return [float(each) for each in np.ptp(rotation.reshape(len(drives), -1), axis=1)]
+def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
+    return errors_by_turn(drive, drive.operation.M_g, rotations_deg)[1]
 
 
-def _refined(drive: Drive, executor: Executor) -> Iterator[Curve]:
-    """The curve as its positions are searched, one group after the other."""
-    rotations, torques = _places(drive), drive.operation.M_g
-    groups = [list(range(first, min(first + GROUP, len(rotations)))) for first in range(0, len(rotations), GROUP)]
-    values = np.full((len(torques), len(rotations)), np.nan)
-    tasks = [(drive, M_g, [rotations[k] for k in group]) for group in groups for M_g in torques]
-    found = executor.map(_searched, tasks)
-    sure = [[_sure(drive, Sure.REFINED)] * len(rotations)] * len(torques)
-    for group in groups:
-        for t in range(len(torques)):
-            values[t, group] = next(found)
-        yield _curve(drive, values, sure)
+def _seat_curve(rotations_deg: tuple[float, ...], F_ior_arcsec: Array, sure: Sure) -> SeatCurve:
+    return SeatCurve(rotations_deg, np.stack([F_ior_arcsec] * 3), (sure,) * len(rotations_deg))
 
 
-def _sure(drive: Drive, reached: Sure) -> Sure:
-    """How sure an F'_ior is that was searched or solved: no more than what is not known allows."""
-    return Sure.AT_ZERO if unknowns(drive) else reached
+def _statistics_curve(found: PositionStatistics) -> SeatCurve:
+    rotations = tuple(sorted({0.0, *found.rotations_deg}))
+    values = [[found.quantile(share, found.place(at)) for at in rotations] for share in (LOW, MIDDLE, HIGH)]
+    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (Sure.RANGE,) * len(rotations))
 
 
-def _searched(task: tuple[Drive, float, Sequence[float]]) -> list[float]:
-    drive, M_g, rotations = task
-    error_map = ErrorMap(drive, M_g)
-    return [error_map.many_extremes(Batch.of(rotated(drive, rotation))).first for rotation in rotations]
-
-
-def _every_state(task: tuple[Drive, float, float]) -> float:
-    drive, M_g, rotation = task
-    return kinematic_error(rotated(drive, rotation), M_g).F_ior_arcsec
-
-
-def _sealed(advice: Advice | TrialAdvice) -> bytes:
-    return pickle.dumps(advice, protocol=pickle.HIGHEST_PROTOCOL)
-
-
-def _mount_advised(advice: Advice) -> Advised:
-    drive, curve = advice.drive, advice.curve
-    settled = advice.order != "none"
-    why = "" if settled else "nothing can be ordered: what is not known could reverse it"
-    return Advised(
-        command="mount",
-        words=mount_page.what_to_do(advice),
-        best_deg=advice.chosen.rotation_deg,
-        reasons=tuple(_mount_reasons(advice)),
-        warnings=mount_page.warnings(advice),
-        settled=settled,
-        why_not=why,
-        next_deg=advice.to_try[0].rotation_deg if not settled else None,
-        curve=_mount_curve(drive, curve, advice),
-        sealed=_sealed(advice),
+def _mount_curve(advice: Advice) -> SeatCurve:
+    if advice.positions:
+        return _statistics_curve(advice.positions)
+    curve = advice.curve
+    order = np.argsort(curve.rotation_deg)
+    done = np.atleast_1d(curve.every_state[:, order].all(axis=0)).tolist()
+    sure = [Sure.PROVEN if each and not advice.unknown else Sure.REFINED for each in done]
+    return SeatCurve(
+        tuple(curve.rotation_deg[order].tolist()), np.stack([curve.F_ior_arcsec[:, order]] * 3), tuple(sure)
     )
 
 
-def _mount_reasons(advice: Advice) -> Iterator[str]:
-    if gain := advice.gain_probability:
-        yield f"P(gain) {gain.value:.0%}, {advice.needed:.0%} wanted, {advice.all_draws} draws"
-    proof = advice.curve.certificate
-    yield f"{proof.states} states, greatest residual {proof.max_residual:.0e}"
+def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> Headline:
+    """The answer of `check`; told on the way, by the samples so far."""
+    prior, torques, samples = prior_of(drive), drive.operation.M_g, None
+    if prior.fields and effort.draws and searchable(drive):
+        limits = [drive.limit(M_g) for M_g in torques]
+        own = [each.range_arcsec for each in self_error(drive, torques)]
+        held = [None if limit is None else limit - each for limit, each in zip(limits, own, strict=True)]
+
+        def seen(samples: Samples) -> None:
+            if samples.effective:
+                rows = (_sampled(samples, k, own[k], limits[k]) for k in range(len(torques)))
+                tell(Headline(tuple(rows), samples.effective))
+
+        samples = drive_samples(prior, held, draws=effort.draws, run=run, seen=seen)
+    found = check(drive, draws=effort.draws, samples=samples, run=run)
+    rows = tuple(map(_row, found.points))
+    return Headline(rows, samples.effective if samples else 0.0, True, tuple(_notes(found)), _typical(found))
 
 
-def _spread(found: PositionStatistics) -> Array:
-    """5th and 95th percentile of F'_ior [arcsec] in each position, shape (2, torques, positions)."""
-    places = range(len(found.rotations_deg))
-    return np.array([np.transpose([found.quantile(share, place) for place in places]) for share in (LOW, HIGH)])
+def _sampled(samples: Samples, torque: int, own: float, limit: float | None) -> ErrorRange:
+    belief, probability, verdict = ErrorBelief(samples, torque), None, Verdict.NO_LIMIT
+    if limit is not None:
+        kept = belief.probability_within(limit - own)
+        probability, verdict = kept.value, verdict_by_probability(kept.low, kept.high)
+    M_g = samples.torques[torque]
+    return ErrorRange(M_g, belief.p5, belief.p50, belief.p95, own, limit, probability, verdict)
 
 
-def _mount_curve(drive: Drive, curve: MountingCurve, advice: Advice) -> Curve:
-    """The curve of an advice: where every state is solved it is proven, elsewhere searched."""
-    bands: dict[int, Array] = {}
-    if found := advice.positions:
-        spread = _spread(found)
-        bands = {int(place): spread[:, :, k] for k, place in enumerate(np.flatnonzero(curve.usable))}
-    places = []
-    for k in np.argsort(curve.rotation_deg):
-        every, band = curve.every_state[:, k], bands.get(int(k))
-        values = tuple(
-            Value(
-                float(value),
-                _sure(drive, Sure.PROVEN if every[t] else Sure.REFINED),
-                None if band is None else (float(band[0, t]), float(band[1, t])),
-            )
-            for t, value in enumerate(curve.F_ior_arcsec[:, k])
-        )
-        places.append(_place(drive, float(curve.rotation_deg[k]), values))
-    return Curve(curve.torques, tuple(places), curve.holes)
+def _row(point: OperatingPoint) -> ErrorRange:
+    belief, value, kept = point.belief, point.error.F_ior_arcsec, point.probability
+    percentiles = (belief.p5, belief.p50, belief.p95) if belief else (value,) * 3
+    own = point.self_error.range_arcsec
+    return ErrorRange(point.M_g, *percentiles, own, point.limit_arcsec, kept.value if kept else None, point.verdict)
 
 
-def _trials_advised(advice: TrialAdvice) -> Advised:
-    losses, drive = advice.losses, advice.drive
-    spread = _spread(losses)
-    places = []
-    for place in np.argsort(losses.rotations_deg):
-        values = tuple(
-            Value(value, Sure.FITTED, (float(spread[0, t, place]), float(spread[1, t, place])))
-            for t, value in enumerate(losses.quantile(0.5, int(place)))
-        )
-        places.append(_place(drive, losses.rotations_deg[place], values))
-    best, good = losses.chosen
-    size, about, facing, off = advice.offset
-    toward = "direction open" if advice.facing[0] is None else f"at {facing:.0f} deg (sd {off:.0f})"
-    return Advised(
-        command="trials",
-        words=trials_page.instruction(advice),
-        best_deg=best,
-        reasons=(
-            f"P(good) {good:.0%}, {advice.needed:.0%} wanted",
-            f"cam offset {size:.0f} um (sd {about:.0f}) {toward}",
-        ),
-        warnings=tuple(trials_page.warnings(advice, texts())),
-        settled=advice.settled,
-        why_not="" if advice.settled else "the trials do not settle it",
-        next_deg=advice.to_measure_next[0],
-        curve=Curve(tuple(drive.operation.M_g), tuple(places), drive.mounting.holes),
-        sealed=_sealed(advice),
-    )
+def _notes(found: DesignCheck) -> Iterator[str]:
+    point = found.points[found.least_sure]
+    if found.influences:
+        yield f"influence at {point.M_g:g} N·m: {influence_words(found.influences)}"
+    if measure := measure_words(found.to_measure, point.limit_arcsec is not None):
+        yield f"measure: {measure}"
+    yield from found.warnings
+    yield f"proof: {proof(found.certificate, found.cross_checks)}"
+
+
+def _typical(found: DesignCheck) -> Mapping[str, float]:
+    if not found.samples:
+        return {}
+    values = found.samples.F_ior_arcsec[:, found.least_sure]
+    near = np.argmin(np.abs(values - found.samples.percentile(MIDDLE, found.least_sure)))
+    return found.samples.prior.values(found.samples.shares[[near]])[0]

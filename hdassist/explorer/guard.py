@@ -15,7 +15,7 @@ GIVEN_BACK = (
     b"\x1b[?1049l\x1b[?25h\x1b[?1000l\x1b[?1002l\x1b[?1003l\x1b[?1006l\x1b[?1015l\x1b[?1016l\x1b[?1004l\x1b[?2004l"
     b"\x1b[<u\x1b[0m\r\n"
 )
-END_SECONDS = 2.0  # s that the explorer has to end in order once its terminal is gone
+END_SECONDS = 5.0  # s that the explorer has to end in order once its terminal is gone
 IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGTTOU", "SIGTTIN", "SIGPIPE")
 
 

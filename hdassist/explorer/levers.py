@@ -1,4 +1,4 @@
-"""The fields of a preset as levers: what each says, in which unit, how far a step goes."""
+"""The fields of a preset as levers: value, unit and meaning of each, and how far a step goes."""
 
 from __future__ import annotations
 
@@ -28,14 +28,9 @@ class Lever:
     mark: str = ""
 
     @property
-    def section(self) -> str:
-        """Section of the preset."""
-        return self.path.split(".")[0]
-
-    @property
-    def name(self) -> str:
-        """Name of the field in its section."""
-        return self.path.split(".")[1]
+    def words(self) -> str:
+        """Meaning and range."""
+        return f"{self.meaning}{f'; {self.range}' if self.range else ''}"
 
 
 def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
@@ -64,11 +59,6 @@ def text_of(value: Any) -> str:
     return plain(value) if float(plain(value)) == value else repr(value)
 
 
-def is_knob(info: FieldInfo) -> bool:
-    """Whether a field can be turned by steps."""
-    return kind_of(info) in ("number", "count")
-
-
 def step_of(info: FieldInfo, value: float) -> float:
     """How far a step of a field goes from a value: by its unit, else about one per cent in a round number."""
     unit = unit_of(info)
@@ -80,7 +70,9 @@ def step_of(info: FieldInfo, value: float) -> float:
     return 10.0 ** floor(log10(reach) - 1)
 
 
-def stepped(info: FieldInfo, value: float, steps: int = 1) -> float:
-    """The value so many steps on, without the dust of binary fractions."""
-    there = value + steps * step_of(info, value)
-    return float(f"{there:.10g}")
+def stepped(drive: Drive, path: str, steps: int) -> str | None:
+    """The value of a field so many steps on, as text; None where it has no steps."""
+    info, value = field_table()[path], drive.value(path)
+    if kind_of(info) not in ("number", "count") or value is None:
+        return None
+    return text_of(float(f"{value + steps * step_of(info, value):.10g}"))

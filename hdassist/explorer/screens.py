@@ -16,28 +16,30 @@ from hdassist.visible import visible
 
 EXPLAINED = """\
 [b]What you see[/b]
-The [b]seat[/b] of the fixed wheel from the cam side: its holes, counted counter-clockwise from where the wheel stands.
-[b]N[/b] now, [b]B[/b] best, [b]W[/b] worst, [b]?[/b] to measure next; filled numbers were measured.
-The [b]curve[/b] is F'_ior, the kinematic error from peak to peak over the full cycle, in each of these positions.
+At the top F'_ior, the kinematic error from peak to peak over the full cycle, at each torque: 5th percentile, median and
+95th percentile over all that is not known exactly, the limit, how probably it is kept, and the verdict of check.
+[b]Holes[/b]: the same with the fixed wheel turned, counted counter-clockwise from now, from the cam side.
+[b]N[/b] now, [b]B[/b] best, [b]W[/b] worst, [b]?[/b] measure next, ◆ measured, x not allowed.
 
 [b]How sure a number is[/b]
-[b]COARSE[/b] ·  the range over a few states of the cycle: never more than the error, mostly some per cent less.
+[b]COARSE[/b] ·  estimated from few states of the cycle.
 [b]REFINED[/b] ○  the extremes of the cycle were searched for.
 [b]PROVEN[/b] ●  every state of the cycle was solved, and each answer proven.
-[b]FITTED[/b] ◌  what your trials make likely, with the range that holds 90 % of it.
+[b]90 % RANGE[/b] ◌  median, and 5th to 95th percentile over what is not known exactly.
 A card is written only from the advice of mount or trials, and only where these would write one.
 
 [b]Levers[/b]
-[b]?[/b] assumed, [b]*[/b] changed here. "per step": what a step more (+) does to F'_ior at the first torque, where the
-wheel is looked at, COARSE. Enter edits; an empty value takes a change back.
+[b]?[/b] assumed, [b]*[/b] changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec] of a
+typical drive, COARSE, the greatest first. Where a field is not known exactly a step is about one standard deviation.
+Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or 120/122.
 
 [b]Keys[/b]
-← → turn the wheel     b best hole     0 where it stands     Tab next pane
-t add trials           x drop the last one
-Enter edit a field     + - a step      u undo   r redo       p pin the drive as it is, to compare
-c card   s save   j JSON   g picture   y copy the command line
-1 seat   2 over the cam angle   3 a measured trace over the prediction
-l levers   d dark or light   ctrl+p all actions   q leave: the session is kept for next time
+1 holes   2 seat   3 or l levers   4 cam turn   Tab next pane   / filter levers
+← → ↑ ↓ turn the wheel   b best hole   0 where it stands   m next torque
+t add trials   x drop the last one   Enter edit a field   + - a step
+u undo   r redo   p pin the drive as it is, to compare
+c card   s preset   j JSON   g picture   y copy the command line
+d dark or light   q leave: the session is kept for next time
 """
 
 

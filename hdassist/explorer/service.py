@@ -5,26 +5,25 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 import os
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
-from typing import TYPE_CHECKING
+from typing import Any
 
 from hdassist.errors import HdassistError
-from hdassist.explorer.answers import Answer, Failed
+from hdassist.explorer.failed import Failed
+from hdassist.run.processes import begin_worker
 
-if TYPE_CHECKING:
-    from hdassist.explorer.questions import Question
-
+Question = Callable[[Callable[[Any], None]], None]  # a function of explorer.compute with its arguments
 PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a process with several cannot be forked
 
 
 class Service:
-    """Begins processes, hands on what they tell, and ends them.
+    """Begins processes, hands on their answers, and ends them.
 
     They are forked from a process that has imported all that computes (a second, once), so that each begins within
     milliseconds and has no threads of the screen's.
@@ -41,8 +40,8 @@ class Service:
         self._running: set[BaseProcess] = set()
         self._closed = False
 
-    async def ask(self, question: Question) -> AsyncIterator[Answer]:
-        """What a process of its own answers; when the caller stops listening, or is cancelled, it is ended."""
+    async def ask(self, question: Question) -> AsyncIterator[Any]:
+        """The answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
         here, there = self._context.Pipe(duplex=False)
         process = self._context.Process(target=answer, args=(question, there), daemon=False)
         begun = asyncio.create_task(asyncio.to_thread(self._begin, process, there))
@@ -97,24 +96,15 @@ async def _readable(connection: Connection) -> None:
 
 def answer(question: Question, there: Connection) -> None:
     """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
-    from hdassist.explorer.compute import answers
-    from hdassist.run.processes import begin_worker
-
     begin_worker(os.getppid())
-    _silence()
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):  # the terminal is the screen's, whatever a library has to say
+        os.dup2(nowhere, stream)
     try:
-        for each in answers(question, there.send):
-            there.send(each)
+        question(there.send)
     except HdassistError as error:
         there.send(Failed(error.message, error.hint))
     except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
         there.send(Failed(f"internal error: {type(error).__name__}: {error}", "this is a bug in hdassist"))
     finally:
         there.close()
-
-
-def _silence() -> None:
-    """Leave the terminal to the screen, whatever a library has to say."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (1, 2):
-        os.dup2(nowhere, stream)

@@ -12,8 +12,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field, ValidationError
 
 from hdassist.errors import DataError, HdassistError
-from hdassist.explorer.state import Session, Step, at_step
-from hdassist.explorer.trial_entry import rig_of
+from hdassist.explorer.state import Session, Step, at_step, rig_of
 from hdassist.preset.kinds import CLOSED
 from hdassist.preset.library import preset_names
 from hdassist.terminal.files import put_text
@@ -67,7 +66,7 @@ class SessionFile:
         try:
             kept = KeptSession.model_validate_json(self._before)
             there = at_step(replace(opened, rig=kept.rig), Step(kept.changes, kept.trials))
-            rig_of(there.drive, kept.rig)
+            rig_of(there)
             if kept.preset != self._preset or not 0 < kept.rig.sure < 1:
                 raise DataError(f"{kept.preset}, sure {kept.rig.sure:g}, is none of {self._preset}")
         except ValidationError as error:

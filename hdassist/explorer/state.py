@@ -6,15 +6,18 @@ from dataclasses import dataclass, replace
 from shlex import quote
 
 from hdassist.errors import UsageError
-from hdassist.explorer import trial_entry
 from hdassist.loading.load import load_text
 from hdassist.model.deviations import carried
+from hdassist.mounting.positions import hole_of
+from hdassist.mounting.trial import read_trial
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
 from hdassist.terminal.options import TrialOptions
+from hdassist.trials.prior import Rig
 
 MOST_PAST = 200  # steps that can be undone
 USUAL = TrialOptions()
+TEETH = ("gears.z_g", "gears.z_b")  # change together
 
 Change = tuple[str, str]  # path of a field, and its value as --set takes it
 
@@ -62,13 +65,18 @@ class Session:
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """What was changed of the preset."""
+        """Changes of the preset."""
         return self.step.changes
 
     @property
     def trials(self) -> tuple[str, ...]:
         """Trials as the command takes them: h4:17.3 or 120:17.3."""
         return self.step.trials
+
+    @property
+    def trial_torque(self) -> float:
+        """Torque of the trials [N*m]."""
+        return self.rig.torque_of(self.drive.operation.M_g)
 
     @property
     def overrides(self) -> tuple[str, ...]:
@@ -113,30 +121,45 @@ def opened(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL
     return Session(source, source.drive(), rig)
 
 
+def rig_of(session: Session) -> Rig:
+    """The rig of the trials. Raises UsageError for one that cannot be."""
+    return Rig(session.trial_torque, session.rig.noise, session.rig.reseat)
+
+
 def edited(session: Session, path: str, value: str) -> Session:
     """The session with a field changed; an empty value takes the change back.
 
-    Raises UsageError with the loader's words where the value is refused.
+    Teeth change together: one number of them keeps their difference, 120/122 gives both. Raises UsageError with the
+    loader's words where the value is refused.
     """
     if path not in field_table():
         raise UsageError(f"no field {path}")
-    changes = dict(session.changes)
-    changes.pop(path, None)
-    if value.strip():
-        changes[path] = value.strip()
+    value = value.strip()
+    values = {path: value}
+    if path in TEETH:
+        other = TEETH[path == TEETH[0]]
+        follows = session.drive.value(other) - session.drive.value(path)
+        values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
+        if "/" in value:
+            values = dict(zip(TEETH, map(str.strip, value.split("/", 1)), strict=True))
+    changes = {key: text for key, text in session.changes if key not in values}
+    changes |= {key: text for key, text in values.items() if text}
     return _stepped(session, replace(session.step, changes=tuple(changes.items())))
 
 
 def with_trials(session: Session, text: str) -> Session:
     """The session with trials more: "28.1" at the hole that is looked at, or "h4:17.3", several with blanks between.
 
-    Raises UsageError for what is none.
+    Raises UsageError for an invalid trial.
     """
     words = text.split()
     if not words:
         raise UsageError("no trial given", "like 28.1, or h4:17.3")
-    told = tuple(trial_entry.told(word, session.drive, session.turn_deg) for word in words)
-    return _stepped(session, replace(session.step, trials=(*session.trials, *told)))
+    holes = session.drive.mounting.holes
+    hole = hole_of(session.turn_deg, holes)
+    here = f"{session.turn_deg:g}" if hole is None else f"h{hole}"
+    trials = [word if ":" in word else f"{here}:{word}" for word in words]
+    return _stepped(session, replace(session.step, trials=(*session.trials, *trials)))
 
 
 def without_trial(session: Session) -> Session:
@@ -149,11 +172,6 @@ def turned(session: Session, by: int) -> Session:
     positions = session.positions
     here = min(range(len(positions)), key=lambda k: abs((positions[k] - session.turn_deg + 180) % 360 - 180))
     return replace(session, turn_deg=positions[(here + by) % len(positions)])
-
-
-def turned_to(session: Session, rotation_deg: float) -> Session:
-    """The session with the wheel looked at in a position [deg]."""
-    return replace(session, turn_deg=rotation_deg % 360)
 
 
 def pinned(session: Session) -> Session:
@@ -188,5 +206,5 @@ def at_step(session: Session, step: Step) -> Session:
     """The session at a step. Raises what loading raises."""
     drive = session.drive if step.changes == session.changes else session.source.drive(step.changes)
     for trial in step.trials:
-        trial_entry.told(trial, drive, 0.0)  # holes may have become fewer
+        read_trial(trial, drive.mounting.holes)  # holes may have become fewer
     return replace(session, drive=drive, step=step)

@@ -234,8 +234,8 @@ def _warn(drive: Drive, findings: Findings) -> None:
     _warn_of_limits(drive, findings)
     _warn_of_amplitudes(drive, findings)
     _warn_of_model(drive, findings)
-    for remark in remarks(drive):
-        findings.warn(tuple(remark.path.split(".")), remark.message, remark.usual)
+    for path, message, usual in remarks(drive):
+        findings.warn(tuple(path.split(".")), message, usual)
 
 
 def _warn_of_limits(drive: Drive, findings: Findings) -> None:

@@ -12,6 +12,7 @@ from typing import Literal
 from hdassist.model.deviations import Deviation, deviations_of, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
+from hdassist.preset.knowledge import F_p
 
 CLASS = 9  # of ISO 1328-1:2013: F_p of the coarsest teeth that a drive is taken to have; the paper's drive is there
 # of the pitch diameter, um/mm, as the drive of Lyuminarsky et al. (2019) has them: 80 and 30 um at 160 mm
@@ -118,8 +119,7 @@ def names(fields: Sequence[Unknown], most: int = 4) -> str:
 
 def pitch_deviation(drive: Drive, grade: int) -> float:
     """Total cumulative pitch deviation F_p [um] of a drive's wheels in an accuracy class. Source: ISO 1328-1:2013."""
-    d, m = drive.gears.m * drive.gears.z_g, drive.gears.m
-    return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((grade - 5) / 2))
+    return F_p(drive.gears.m * drive.gears.z_g, drive.gears.m, grade)
 
 
 def _most(drive: Drive, each: Deviation) -> tuple[float, str]:

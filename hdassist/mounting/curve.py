@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
-from hdassist.error.cycle import kinematic_error
+from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, searchable
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
@@ -27,13 +26,13 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 
 SAMPLE = 1  # random states solved again at each position, besides those of the extremes
+AGAIN = 12  # positions of which one task solves states again
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 GROUP = 6  # positions that one task searches
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
 HOLES = 24  # positions of which every state is solved
 PROVEN = 2  # positions where every state is solved
 
-_Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
 
@@ -158,11 +157,17 @@ class _Job:
     def solve(self, places: Iterable[tuple[int, int]]) -> None:
         """Solve every state at some places (torque, rotation)."""
         places = list(places)
-        tasks = [(*self._there(self.rotations[r]), self.torques[t], self.run.of_task) for t, r in places]
-        for place, (value, proof, check) in zip(places, self._run(_solved, tasks), strict=False):
+        drives, found = [self._there(self.rotations[r]) for _, r in places], []
+        tasks = [(*drive, self.torques[t], self.run.of_task) for drive, (t, _) in zip(drives, places, strict=True)]
+        for place, drive, (value, error) in zip(places, drives, self._run(_solved, tasks), strict=False):
             self.values[place], self.solved[place] = value, True
-            self._take(proof)
-            self.cross_checks += [check] if check else []
+            self._take(error.certificate)
+            found.append((*drive, error))
+        if self.run.cross_check:
+            # by as few processes as need be: the import of cvxpy takes each of them most of a second, and much memory
+            parts = [found[first : first + AGAIN] for first in range(0, len(found), AGAIN)]
+            for checks in self._run(_again, [(part, self.run.of_task) for part in parts]):
+                self.cross_checks += checks
 
     def _there(self, rotation: float) -> tuple[Drive, ToothDeviations | None]:
         """The drive and its measured teeth at a rotation [deg]."""
@@ -205,10 +210,10 @@ class _Job:
             cross_checks=tuple(self.cross_checks),
         )
 
-    def _run(self, function: Callable[[_Task], _Result], tasks: list[_Task]) -> Iterator[_Result]:
-        if self.interrupted:
+    def _run(self, function: Callable[..., _Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[_Result]:
+        if self.interrupted or not tasks:
             return
-        self.interrupted = yield from until_interrupted(self.run.map(function, tasks))
+        self.interrupted = yield from until_interrupted(self.run.map(function, *zip(*tasks, strict=True)))
 
     def _take(self, proof: Certificate) -> None:
         self.certificate += proof
@@ -222,19 +227,21 @@ def _coarse_first(count: int) -> list[int]:
     return [n for n in mirrored if n < count]
 
 
-def _searched(task: tuple[Drive, float, Array]) -> tuple[list[float], Certificate]:
-    drive, M_g, rotations = task
+def _searched(drive: Drive, M_g: float, rotations: Array) -> tuple[list[float], Certificate]:
     error_map = ErrorMap(drive, M_g)
     found = [error_map.many_extremes(Batch.of(rotated(drive, rotation))) for rotation in rotations]
     return [f.first for f in found], sum((f.certificate for f in found), EMPTY)
 
 
-_Valley = tuple[Drive, tuple[float, ...], tuple[float, ...] | None, tuple[float, ...], float, float]
-
-
-def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
+def _bottom(
+    drive: Drive,
+    torques: tuple[float, ...],
+    weights: tuple[float, ...] | None,
+    now: tuple[float, ...],
+    middle: float,
+    step: float,
+) -> tuple[float, list[float], Certificate]:
     """Rotation [deg] at the bottom of a valley of the merit, F'_ior there at each torque."""
-    drive, torques, weights, now, middle, step = task
     maps = [ErrorMap(drive, M_g) for M_g in torques]
     proofs: list[Certificate] = []
 
@@ -242,6 +249,8 @@ def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
         found = [error_map.many_extremes(Batch.of(rotated(drive, rotation))) for error_map in maps]
         proofs.extend(f.certificate for f in found)
         return [f.first for f in found]
+
+    from scipy.optimize import minimize_scalar  # holes need none of it
 
     answer = minimize_scalar(
         lambda rotation: float(merit(np.array(at(rotation)), np.array(now), weights)),
@@ -253,10 +262,11 @@ def _bottom(task: _Valley) -> tuple[float, list[float], Certificate]:
     return rotation % 360, at(rotation), sum(proofs, EMPTY)
 
 
-_Full = tuple[Drive, ToothDeviations | None, float, Run]
+def _solved(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
+    """F'_ior [arcsec], and the error at the states that another solver is to solve again, with the proof of all."""
+    error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
+    return error.F_ior_arcsec, error.sampled(SAMPLE, run.seed)
 
 
-def _solved(task: _Full) -> tuple[float, Certificate, CrossCheck | None]:
-    drive, teeth, M_g, run = task
-    error = kinematic_error(drive, M_g, teeth=teeth, sample=SAMPLE, run=replace(run, progress=None))
-    return error.F_ior_arcsec, error.certificate, error.cross_check
+def _again(solved: Sequence[tuple[Drive, ToothDeviations | None, KinematicError]], run: Run) -> list[CrossCheck]:
+    return [cross_check_of(drive, error, teeth, run=run) for drive, teeth, error in solved]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from math import pi
 
 from hdassist.preset.fields import Drive, Source
+from hdassist.preset.knowledge import REFERENCE
 
 PATH = "supports.C_3"
 FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
-REFERENCE = 160.0  # mm: pitch diameter at which the stiffnesses below are stated; they grow with it
-# stiffness and its plausible range [N/mm], and why
+# stiffness and its plausible range [N/mm] at the reference diameter, with which they grow, and why
 SUPPORTS = {
     "unknown": (1e4, 1e3, 1e5, "the middle of a range from a compliant to a solid hub"),
     "solid": (4.5e4, 2e4, 1e5, "a solid hub on a stiff shaft; by judgement"),

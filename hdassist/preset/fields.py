@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, PrivateAttr, field_validator, model_validator
+from pydantic import BaseModel, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.catalogue import Catalogue
@@ -270,19 +270,12 @@ class Drive(BaseModel):
             return tuple(_read_alternative(table) for table in tables or ())
         return tables if isinstance(tables, Unread) else Unread("must be a list of tables", "like - {gears.j_n: 6.1}")
 
-    @field_validator("source", mode="before")
+    @field_validator("source", "cost", mode="before")
     @classmethod
-    def _read_source(cls, table: Any) -> Any:
+    def _read_by_path(cls, table: Any, info: ValidationInfo) -> Any:
         if not isinstance(table, dict):
             return {} if table is None else table
-        return {path: _read_entry(path, entry, table) for path, entry in table.items()}
-
-    @field_validator("cost", mode="before")
-    @classmethod
-    def _read_cost(cls, table: Any) -> Any:
-        if not isinstance(table, dict):
-            return {} if table is None else table
-        return {path: _read_cost_entry(path, entry, table) for path, entry in table.items()}
+        return {path: _read_entry(str(info.field_name), path, entry, table) for path, entry in table.items()}
 
     @property
     def origin(self) -> Origin:
@@ -388,22 +381,18 @@ def _read_alternative(table: Any) -> Any:
     return read
 
 
-def _read_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
-    if path not in field_table():
-        return Unread("names no field", _near_path(path, field_table(), table), at_key=True)
-    if isinstance(entry, dict) and "range" in entry:
+def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> Any:
+    """An entry of the table "source" or "cost"."""
+    known, words, example = (
+        (tuple(field_table()), "names no field", "like {kind: given, ref: page 6}")
+        if name == "source"
+        else (sized(), "names no size of a deviation", "like {share: 2, k: 1.5}")
+    )
+    if path not in known:
+        return Unread(words, _near_path(path, known, table), at_key=True)
+    if isinstance(entry, dict) and name == "source" and "range" in entry:
         return entry | {"range": read_range(path, entry["range"])}
-    if isinstance(entry, dict | Unread | Source):
-        return entry
-    return Unread("must be a table of keys", "like {kind: given, ref: page 6}")
-
-
-def _read_cost_entry(path: str, entry: Any, table: Mapping[str, Any]) -> Any:
-    if path not in sized():
-        return Unread("names no size of a deviation", _near_path(path, sized(), table), at_key=True)
-    if isinstance(entry, dict | Unread | CostLaw):
-        return entry
-    return Unread("must be a table of keys", "like {share: 2, k: 1.5}")
+    return entry if isinstance(entry, dict | Unread | Source | CostLaw) else Unread("must be a table of keys", example)
 
 
 @cache

@@ -39,6 +39,11 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
         if all(name in paths for name in names):
             involved = tuple(paths[name] for name in names)
             yield from ((conflict, involved) for conflict in rule(*(values[path] for path in involved)))
+    for path, phase in values.items():
+        size = path.replace("harmonics.xi_", "harmonics.a_")
+        if size != path and phase is not None and values.get(size, phase) is None:
+            hint = f"give {size} in um as well; a phase alone says nothing"
+            yield Conflict(path, "a phase without an amplitude", f"{phase:g} deg", hint), (path, size)
 
 
 @cache
@@ -109,22 +114,6 @@ def torques_usable(M_g: Sequence[float]) -> Iterator[Conflict]:
         yield Conflict("operation.M_g", "the same torque twice", ", ".join(f"{torque:g}" for torque in twice))
 
 
-def harmonics_have_sizes(
-    a_g2: float | None, a_g3: float | None, a_g4: float | None, a_b2: float | None, a_b3: float | None,
-    a_b4: float | None, a_s2: float | None, xi_g2: float | None, xi_g3: float | None, xi_g4: float | None,
-    xi_b2: float | None, xi_b3: float | None, xi_b4: float | None, xi_s2: float | None,
-) -> Iterator[Conflict]:  # fmt: skip
-    """A phase belongs to an amplitude."""
-    sizes = {"g2": a_g2, "g3": a_g3, "g4": a_g4, "b2": a_b2, "b3": a_b3, "b4": a_b4, "s2": a_s2}
-    phases = {"g2": xi_g2, "g3": xi_g3, "g4": xi_g4, "b2": xi_b2, "b3": xi_b3, "b4": xi_b4, "s2": xi_s2}
-    for name, phase in phases.items():
-        if phase is not None and sizes[name] is None:
-            yield Conflict(
-                f"harmonics.xi_{name}", "a phase without an amplitude", f"{phase:g} deg",
-                f"give harmonics.a_{name} in um as well; a phase alone says nothing",
-            )  # fmt: skip
-
-
 def run_out_counts_once(mark_kind: str, F_i2: float, e_b: float) -> Iterator[Conflict]:
     """A run-out is said by F_i2 with marks of run-out, or by e_b."""
     if mark_kind == "runout" and F_i2 and e_b:
@@ -183,7 +172,6 @@ RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     something_holds,
     supports_hold,
     torques_usable,
-    harmonics_have_sizes,
     run_out_counts_once,
     segments_end_in_order,
     holes_exist,

@@ -1,8 +1,6 @@
 """A drive like a known one: what is given of it, and everything else by similarity, with its plausible range.
 
-Lengths grow with the pitch diameter d, the module is d over the teeth, the wave and the clearance of the teeth keep
-their size in modules, stiffnesses grow with d and compliances with 1/d (one modulus of elasticity), torques with d^3.
-Tolerances do not scale like that: they follow ISO 1328-1. Profile shifts keep the bore in proportion to d.
+Each field follows its law (`knowledge`); profile shifts keep the bore in proportion to the pitch diameter.
 """
 
 from __future__ import annotations
@@ -16,67 +14,12 @@ from hdassist.errors import UsageError
 from hdassist.preset.coupling import FIELDS as COUPLING
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, range_of, unit_of
-from hdassist.preset.plausible import TORQUE_DENSITY
+from hdassist.preset.knowledge import CATALOGUE_K3, LAWS, REFERENCE, TORQUE_DENSITY, F_p, Law, growth
 
-REFERENCE = 160.0  # mm, pitch diameter at which the ranges below are stated
-# N*m/rad at the reference: K3 of catalogue sizes 20 to 65, ratio 80 and more, by d^3, is this to 3 %; of 17 and
-# 14 it is 10 and 28 % less
-CATALOGUE_K3 = 9.0e5
-FARTHEST_TORQUE = 3.0  # times beyond these densities: no such drive
+FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
 CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
-LEAST_PLAY = 10.0  # um, upper end of the range of j_n however fine the teeth are
-
-
-@dataclass(frozen=True)
-class Law:
-    """How a field grows, and between what bounds it may lie.
-
-    by: "same", "d" (length or stiffness), "1/d" (compliance), "sqrt d", "m" (in modules); bounds: in the unit of the
-    field at a pitch diameter of 160 mm, or, with of_value, as shares of the value; why, the reason of the bounds.
-    """
-
-    by: str
-    bounds: tuple[float, float] | None = None
-    why: str = ""
-    of_value: bool = False
-
-
-JUDGED = "range by judgement"
-LAWS: dict[str, Law] = {
-    "gears.alpha": Law("same"),
-    "gears.h_a": Law("same", (0.5, 0.7), "tips of short teeth come free"),
-    "gears.h_f": Law("same", (1.25, 1.35), "usual basic racks"),
-    "gears.j_n": Law("m", (0.0, 20.0), "tooth thinning, no drawing says it"),
-    "material.E": Law("same", (2.0e5, 2.12e5), f"steel; {JUDGED}"),
-    "material.nu": Law("same", (0.27, 0.31), f"steel; {JUDGED}"),
-    "material.alpha_T": Law("same"),
-    "flexspline.h_1": Law("d", (0.8, 1.25), JUDGED, of_value=True),
-    "flexspline.h_3": Law("d", (0.6, 1.1), JUDGED, of_value=True),
-    "flexspline.b_w": Law("d", (0.6, 1.1), JUDGED, of_value=True),
-    "flexspline.l": Law("d", (0.45, 1.05), f"short cups are half as long; {JUDGED}", of_value=True),
-    "flexspline.k_t": Law("same", (1.0, 1.8), "teeth stiffen the rim; no source found"),
-    "bearing.N": Law("same"),
-    "bearing.ring_b": Law("d", (20.0, 28.0), f"no table found; {JUDGED}"),
-    "bearing.ring_h": Law("d", (3.8, 5.0), "no table found; thinner rings have a larger self error"),
-    "bearing.d_ball": Law("d", (12.5, 16.0), f"used with rolling balls only; {JUDGED}"),
-    "bearing.g_b": Law("sqrt d", (0.0, 20.0), JUDGED),
-    "bearing.ball_motion": Law("same"),
-    "bearing.beta": Law("same", (0.0, 1.0), "any ball phase"),
-    "cam.W_0": Law("m", (0.8, 1.016), "1.00 to 1.27 modules; no catalogue prints it"),
-    "cam.coupling": Law("same"),
-    "cam.shaft_d": Law("d"),
-    "cam.overhang": Law("d"),
-    "supports.C_1": Law("d", (2e5, 2e7), "seat in the housing"),
-    "supports.C_2": Law("d", (5e3, 1e5), "shell in series with its output support"),
-    "supports.C_3": Law("d", (1e3, 1e5), "cam on its shaft"),
-    "contact.c_t": Law("1/d", (0.3e-5, 6e-5), "the face width works near one edge only"),
-    "contact.k_face": Law("same", (6.8, 10.0), "of a tooth pair, by width"),
-    "contact.c_ball": Law("1/d", (1.25e-5, 2.857e-5), "ISO/TS 16281 ball, tangent at 100-1000 N at 160 mm"),
-    "contact.c_bore": Law("1/d", (2e-8, 5e-7), f"conformal seat; {JUDGED}"),
-}
-WHERE_GIVEN = ("material.alpha_T", *COUPLING)  # by the drive to be like; else left to their defaults
-REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
+WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING)  # by the drive to be like; else left to their defaults
 WORDS = {
     "same": "as {like}",
     "d": "{like} x {s:.4g}, as d",
@@ -125,11 +68,6 @@ class Size:
     given: bool
     why: str
     stiffer: float = 1.0
-
-
-def F_p(d: float, m: float, accuracy: int) -> float:
-    """Total cumulative pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
-    return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((accuracy - 5) / 2))
 
 
 def rated_of(drive: Drive) -> float:
@@ -237,10 +175,8 @@ def _choices(like: Drive) -> list[str]:
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> Entry:
     """A field by its law, s times as large, of a module m [mm], stiffer than others of its size."""
-    value = like.value(path)
-    factor = {"same": 1.0, "d": s, "1/d": 1 / s, "sqrt d": s**0.5, "m": m / like.gears.m}[law.by]
-    d = s * like.gears.m * like.gears.z_g / REFERENCE
-    reach = {"same": 1.0, "d": d, "1/d": 1 / d, "sqrt d": d**0.5, "m": m / REFERENCE_MODULE}[law.by]
+    value, ratio = like.value(path), m / like.gears.m
+    factor = growth(law.by, s, ratio)
     stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     if isinstance(value, float):
@@ -250,11 +186,8 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     if elastic != 1 and factor:
         words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
     bounds = None
-    if law.bounds and value is not None:
-        low, high = (bound * (value if law.of_value else reach) for bound in law.bounds)
-        if path == "gears.j_n":
-            high = max(high, LEAST_PLAY)
-        bounds = _around(like, path, value, rounded(low), rounded(high))
+    if isinstance(value, float) and (found := law.range_at(s * like.gears.m * like.gears.z_g, m, value)):
+        bounds = _around(like, path, value, *map(rounded, found))
     return Entry(value, "assumed", f"{words}; {law.why}" if law.why else words, bounds)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import multiprocessing
 import os
 import pickle
@@ -140,6 +141,7 @@ class Processes(Executor):
 def _work(here: Connection, there: Connection, parent: int) -> None:
     """Do tasks from a pipe, one after the other, to its end; here, the parent's end, which a fork has inherited."""
     begin_worker(parent)
+    gc.freeze()  # modules that the parent imported stay shared with it, and are gone through no more
     here.close()
     while True:
         try:

@@ -9,24 +9,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from platformdirs import user_cache_path
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
+from hdassist.run.cache import cached, keep
 from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
 
+KIND = "compiled"
 _proven: set[tuple[bool, ...]] = set()  # which freedoms were free in what was proven, in this process
-
-
-def cache_folder() -> Path:
-    """Folder of the user's cache, which may be emptied at any time."""
-    return user_cache_path("hdassist")
 
 
 def require_compiled_as_stated(formulation: Formulation, folder: Path | None = None) -> None:
@@ -39,20 +34,16 @@ def require_compiled_as_stated(formulation: Formulation, folder: Path | None = N
     if supported in _proven:
         return
     key = _key(formulation)
-    kept = (folder or cache_folder()) / f"compiled-{key[:16]}"
-    with suppress(OSError):
-        if kept.read_bytes() == key.encode():
-            _proven.add(supported)
-            return
+    if cached(KIND, key, folder) is not None:
+        _proven.add(supported)
+        return
     if wrong := list(differences(formulation)):
         raise UntrustedError(
             f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
             "install the versions that hdassist was tested with (hdassist doctor)",
         )
     _proven.add(supported)
-    with suppress(OSError):
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_bytes(key.encode())
+    keep(KIND, key, b"", folder)
 
 
 def differences(formulation: Formulation) -> Iterator[str]:

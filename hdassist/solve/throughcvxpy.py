@@ -5,17 +5,23 @@ Pages ask it for names alone: cvxpy, which takes a second, is imported where the
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from hashlib import sha256
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field, TypeAdapter
 
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
+from hdassist.run.cache import cached, keep, keeps_answers, program
+from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import proven
@@ -33,6 +39,8 @@ QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "O
 # arcsec of the engine over all presets; where it gives no answer, or another (stiff contacts under little torque: 0.013
 # arcsec), CLARABEL decides.
 SECOND_SOLVER = "CLARABEL"
+SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # with cvxpy, by their packages
+KIND = "again"
 
 LONGEST = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
 
@@ -121,12 +129,15 @@ class ThroughCvxpy:
 
 
 @dataclass(frozen=True)
-class CrossCheck:
+class CrossCheck(ClosedRecord):
     """States solved again through cvxpy by another solver, and the greatest difference of the error."""
 
     solver: str
-    states: int
-    max_difference_arcsec: float
+    states: Count
+    max_difference_arcsec: Annotated[float, Field(strict=True, ge=0, le=CROSS_TOLERANCE)]
+
+
+_CROSS_CHECK = TypeAdapter(CrossCheck)
 
 
 def solve_again(
@@ -141,8 +152,34 @@ def solve_again(
 
     Arguments: torques M_g [N*m] and rotation_arcsec, what the engine found [arcsec], shape (states,); delta_p, gaps
     without force [mm], shape (states, M); solver, its name, behind which SECOND_SOLVER stands; place, words for where
-    state k is, for errors. Raises UntrustedError where two rotations differ by more than CROSS_TOLERANCE.
+    state k is, for errors. By the solvers that come with cvxpy the outcome is kept in the user's cache, for the same
+    states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
+    CROSS_TOLERANCE.
     """
+    if not keeps_answers() or require_solver(solver) not in SHIPPED:
+        return _solved_again(formulation, torques, delta_p, rotation_arcsec, solver, place)
+    units, words = formulation.units, f"{solver} {program('cvxpy', *SHIPPED.values())}"
+    arrays = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load, delta_p, torques
+    depends = [*arrays, np.array([units.gap, units.force]), rotation_arcsec]
+    stated = b"".join(f"{array.shape}".encode() + array.tobytes() for array in depends)
+    key = sha256(words.encode() + stated).hexdigest()
+    with suppress(ValueError, RecursionError):
+        kept = _CROSS_CHECK.validate_python(json.loads(cached(KIND, key) or b""))
+        if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*SHIPPED}:
+            return kept
+    found = _solved_again(formulation, torques, delta_p, rotation_arcsec, solver, place)
+    keep(KIND, key, json.dumps(asdict(found), allow_nan=False).encode())
+    return found
+
+
+def _solved_again(
+    formulation: Formulation,
+    torques: Array,
+    delta_p: Array,
+    rotation_arcsec: Array,
+    solver: str,
+    place: Callable[[int], str],
+) -> CrossCheck:
     worst, used = 0.0, {require_solver(solver): None}
     for k, M_g in enumerate(torques.tolist()):
         try:

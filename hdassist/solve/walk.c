@@ -38,6 +38,8 @@
 #define SWEEP 16         /* states between two looks for such candidates */
 #define CHANGES 2        /* mark of a candidate that is to change sides */
 #define PATIENCE 10      /* steps in which no fewer candidates change sides, after which one at a time does (Murty) */
+#define FEW 64           /* candidates that the tableau has room for at first */
+#define TOGETHER 2       /* pivots that are carried out together */
 #define BATCH 64         /* states that are certified together */
 
 #if defined(__AVX512F__)
@@ -103,7 +105,9 @@ typedef struct {
     uint8_t *changed;    /* (n) whether value and other have traded places */
     long *last;          /* (n) state in which it did so last */
     double *tableau;     /* (n, padded) */
-    double *row;         /* scratch of a pivot */
+    int found;           /* pivots that are not carried out yet */
+    int at[TOGETHER];    /* their rows in the tableau */
+    double *rows[TOGETHER], *columns[TOGETHER]; /* (padded) of theirs; rows are scratch besides */
     double *value;       /* (n) values in the tableau */
     double *correction;  /* (n) of a refinement */
     double *start;       /* (R) coordinates at the reference */
@@ -120,6 +124,19 @@ typedef struct {
 static inline void add_multiple(int n, double a, const double *restrict x, double *restrict y) {
     SIMD(omp simd)
     for (int i = 0; i < n; i++) y[i] += a * x[i];
+}
+
+/* Add multiples x of columns, shape (..., n), to y; index: which columns, NULL for the first ones. */
+static void add_columns(int n, int count, const double *x, const double *columns, const int32_t *index, double *restrict y) {
+    int k = 0;
+    for (; k + 4 <= count; k += 4) {
+        const double *c[4];
+        for (int i = 0; i < 4; i++) c[i] = columns + (size_t)(index ? index[k + i] : k + i) * n;
+        SIMD(omp simd)
+        for (int i = 0; i < n; i++)
+            y[i] += (x[k] * c[0][i] + x[k + 1] * c[1][i]) + (x[k + 2] * c[2][i] + x[k + 3] * c[3][i]);
+    }
+    for (; k < count; k++) add_multiple(n, x[k], columns + (size_t)(index ? index[k] : k) * n, y);
 }
 
 /* Sum of products, and of their sizes where asked for. Lanes are added in one order wherever the arrays begin in memory: a
@@ -155,10 +172,19 @@ static inline double value_at(const walk *w, const double *coordinates, int cand
     return s->gain[candidate] * coordinates[s->place[candidate]] + s->constant[candidate];
 }
 
+/* Room for more candidates: rows move apart. Short rows stay in the cache, in an odd number of its lines spread over it. */
+static void widen(walk *w, int padded) {
+    padded = (padded / 8 | 1) * 8;
+    for (int i = w->n - 1; i > 0; i--)
+        memmove(w->tableau + i * (size_t)padded, w->tableau + i * (size_t)w->padded, sizeof(double) * w->n);
+    w->padded = padded;
+}
+
 /* Take a candidate into the tableau as it stands. Between candidates on the same side the tableau is symmetric, else
  * antisymmetric. */
 static void take_in(walk *w, int candidate) {
     const int n = w->n;
+    if (n == w->padded) widen(w, n + n / 2);
     const size_t padded = w->padded;
     double *new_row = w->tableau + n * padded;
     for (int j = 0; j < n; j++) new_row[j] = w->changed[j] ? 0.0 : entry(w, candidate, w->candidate[j]);
@@ -191,31 +217,72 @@ static void leave_out(walk *w, int k) {
     w->last[k] = w->last[m];
 }
 
-/* Value and other of the candidate in row r trade places; values follow. 0 where the pivot is too small. */
-static int pivot(walk *w, int r, double *values) {
+/* Value and other of the candidate in row r are to trade places; values follow. 0 where the pivot is too small. It is carried
+ * out later, with those before it: a tableau larger than the nearest cache is gone over once for all of them. */
+static int find_pivot(walk *w, int r, double *values) {
     const int n = w->n;
-    const size_t padded = w->padded;
-    double *pivot_row = w->tableau + r * padded, *row = w->row;
-    if (!(pivot_row[r] > SMALLEST)) return 0;
-    const double inverse = 1 / pivot_row[r];
-    for (int j = 0; j < n; j++) row[j] = -pivot_row[j] * inverse;
-    row[r] = inverse;
-    const double other = values ? -values[r] * inverse : 0.0;
-    for (int i = 0; i < n; i++) {
-        if (i == r) continue;
-        double *target = w->tableau + i * padded;
-        const double a = target[r];
-        target[r] = 0;
-        add_multiple(n, a, row, target);
-        if (values) values[i] += a * other;
+    double *row = w->rows[w->found], *column = w->columns[w->found];
+    memcpy(row, w->tableau + r * (size_t)w->padded, sizeof(double) * n);
+    for (int i = 0; i < n; i++) column[i] = w->tableau[i * (size_t)w->padded + r];
+    for (int q = 0; q < w->found; q++) { /* as those before it will leave them */
+        const double in_row = w->rows[q][r];
+        row[w->at[q]] = 0;
+        add_multiple(n, w->columns[q][r], w->rows[q], row);
+        add_multiple(n, in_row, w->columns[q], column);
+        column[w->at[q]] = in_row;
     }
-    memcpy(pivot_row, row, sizeof(double) * n);
-    if (values) values[r] = other;
+    if (!(row[r] > SMALLEST)) return 0;
+    const double inverse = 1 / row[r];
+    for (int j = 0; j < n; j++) row[j] *= -inverse;
+    row[r] = inverse;
+    column[r] = 0;
+    if (values) {
+        const double other = -values[r] * inverse;
+        add_multiple(n, other, column, values);
+        values[r] = other;
+    }
     w->changed[r] ^= 1;
     w->last[r] = w->states;
     w->pivots++;
     w->since_made++;
+    w->at[w->found++] = r;
     return 1;
+}
+
+/* Carry out the pivots that were found. */
+static void carry_out(walk *w) {
+    const int n = w->n, found = w->found, wide = (n + WIDTH - 1) / WIDTH * WIDTH;
+    const size_t padded = w->padded;
+    if (!found) return;
+    for (int q = 0; q < found; q++) {
+        for (int later = q + 1; later < found; later++) w->rows[q][w->at[later]] = 0;
+        for (int j = n; j < wide; j++) w->rows[q][j] = 0;
+    }
+    for (int i = 0; i < n; i++) {
+        double *target = w->tableau + i * padded;
+        for (int q = 0; q < found; q++) target[w->at[q]] = 0;
+        if (found == TOGETHER) {
+            const double a = w->columns[0][i], b = w->columns[1][i];
+            const double *restrict A = w->rows[0], *restrict B = w->rows[1];
+            SIMD(omp simd)
+            for (int j = 0; j < wide; j++) target[j] += a * A[j] + b * B[j];
+        } else {
+            add_multiple(wide, w->columns[0][i], w->rows[0], target);
+        }
+    }
+    for (int q = 0; q < found; q++) {
+        for (int later = q + 1; later < found; later++)
+            add_multiple(n, w->columns[later][w->at[q]], w->rows[later], w->rows[q]);
+        memcpy(w->tableau + w->at[q] * padded, w->rows[q], sizeof(double) * n);
+    }
+    w->found = 0;
+}
+
+/* Whether the pivot in row r has to wait until those that were found are carried out. */
+static int has_to_wait(const walk *w, int r) {
+    for (int q = 0; q < w->found; q++)
+        if (w->at[q] == r) return 1;
+    return w->found == TOGETHER;
 }
 
 /* Make the tableau anew from the reference, with the same candidates changed as far as pivots allow. */
@@ -236,7 +303,8 @@ static void make_anew(walk *w) {
             const double d = w->tableau[k * (size_t)w->padded + k];
             if (w->changed[k] != wanted[k] && d > greatest) greatest = d, r = k;
         }
-        if (r < 0 || !pivot(w, r, NULL)) break;
+        if (r < 0 || !find_pivot(w, r, NULL)) break;
+        carry_out(w);
     }
     memcpy(w->last, last, sizeof(long) * n);
     w->since_made = 0;
@@ -244,15 +312,15 @@ static void make_anew(walk *w) {
 
 static void back_to_reference(walk *w) {
     for (int k = 0; k < w->n; k++) w->position[w->candidate[k]] = -1;
-    w->n = 0;
+    w->n = w->found = 0;
     w->since_made = 0;
+    widen(w, FEW);
 }
-
 
 /* Values in the tableau at its contact set, from those at the reference. */
 static void enter(walk *w) {
     const int n = w->n;
-    double *value = w->value, *moved = w->row;
+    double *value = w->value, *moved = w->rows[0];
     int any = 0;
     for (int k = 0; k < n; k++) {
         const double at_reference = value_at(w, w->start, w->candidate[k]);
@@ -282,11 +350,15 @@ static void add_others(walk *w, const double *others) {
     const contact_system *s = w->system;
     for (int k = 0; k < w->n; k++)
         if (w->changed[k]) w->input[s->place[w->candidate[k]]] += others[k] * s->weight[w->candidate[k]];
+    double *amount = w->rows[1];
+    int count = 0;
     for (int k = 0; k < w->n; k++) {
-        double *put_in = w->input + s->place[w->candidate[k]];
-        if (*put_in != 0) add_multiple(s->m + s->free, *put_in, column(w, w->candidate[k]), w->all);
-        *put_in = 0;
+        const int place = s->place[w->candidate[k]];
+        if (w->input[place] == 0) continue;
+        w->loaded[count] = place, amount[count++] = w->input[place];
+        w->input[place] = 0;
     }
+    add_columns(s->m + s->free, count, amount, s->by_places, w->loaded, w->all);
 }
 
 /* Value of a candidate in the tableau by the coordinates: 0 of one that changed sides, in exact arithmetic. */
@@ -321,16 +393,18 @@ static int settle(walk *w) {
                 w->lost++;
                 return 0;
             }
-            if (!pivot(w, r, w->value)) return 0;
+            if (has_to_wait(w, r)) carry_out(w);
+            if (!find_pivot(w, r, w->value)) return 0;
         }
+        carry_out(w);
         memcpy(w->all, w->start, sizeof(double) * R);
         add_others(w, w->value);
         double wrong = off(w);
         if (wrong > REFINED) { /* one step of refinement: what should be zero is entered as one more start */
             double *more = w->correction;
-            for (int k = 0; k < w->n; k++) w->row[k] = w->changed[k] ? value_of(w, k) : 0.0;
+            for (int k = 0; k < w->n; k++) w->rows[0][k] = w->changed[k] ? value_of(w, k) : 0.0;
             for (int k = 0; k < w->n; k++) {
-                more[k] = w->changed[k] ? -product(w->n, w->tableau + k * (size_t)w->padded, w->row, NULL) : 0.0;
+                more[k] = w->changed[k] ? -product(w->n, w->tableau + k * (size_t)w->padded, w->rows[0], NULL) : 0.0;
                 w->value[k] += more[k];
             }
             add_others(w, more);
@@ -467,7 +541,8 @@ static void *room(size_t count, size_t size) {
 
 void walk_free(walk *w) {
     if (!w) return;
-    void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->row, w->value, w->correction, w->start,
+    void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->value, w->correction, w->start,
+                     w->rows[0], w->columns[0],
                      w->all, w->input, w->values, w->panels, w->force, w->at_place, w->moved, w->gap, w->free, w->blocks,
                      w->loaded};
     for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free_aligned(rooms[k]);
@@ -480,11 +555,14 @@ walk *walk_new(const contact_system *s) {
     if (!w) return NULL;
     const size_t M = s->M, m = s->m, R = m + s->free, panels = (m + WIDTH - 1) / WIDTH;
     w->system = s;
-    w->padded = (s->M + 7) / 8 * 8;
+    const size_t widest = M + M / 2 + 2 * FEW;
     w->candidate = room(M, sizeof(int)), w->position = room(M, sizeof(int)), w->loaded = room(M, sizeof(int));
     w->changed = room(2 * M, 1), w->last = room(2 * M, sizeof(long));
-    w->tableau = bare_room(M * w->padded, sizeof(double)); /* of which little is ever in use */
-    w->row = room(M, sizeof(double)), w->value = room(M, sizeof(double)), w->correction = room(M, sizeof(double));
+    w->tableau = bare_room(M * widest, sizeof(double)); /* of which little is ever in use */
+    w->rows[0] = room(TOGETHER * widest, sizeof(double)), w->columns[0] = room(TOGETHER * widest, sizeof(double));
+    for (int q = 1; q < TOGETHER && w->rows[0] && w->columns[0]; q++)
+        w->rows[q] = w->rows[0] + q * widest, w->columns[q] = w->columns[0] + q * widest;
+    w->value = room(M, sizeof(double)), w->correction = room(M, sizeof(double));
     w->start = room(R, sizeof(double)), w->all = room(R, sizeof(double));
     w->input = room(m, sizeof(double)), w->values = room(M, sizeof(double));
     w->panels = room(panels * m * WIDTH, sizeof(double));
@@ -492,12 +570,13 @@ walk *walk_new(const contact_system *s) {
     w->moved = room(BATCH * m, sizeof(double)), w->gap = room(BATCH * m, sizeof(double));
     w->free = room(BATCH * (size_t)s->free, sizeof(double));
     w->blocks = room((BATCH + ABREAST) * (m + FREEDOMS), sizeof(double));
-    if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->row && w->value && w->correction &&
+    if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->rows[0] && w->columns[0] && w->value && w->correction &&
           w->start && w->all && w->input && w->values && w->panels && w->force && w->at_place && w->moved && w->gap && w->free &&
           w->blocks)) {
         walk_free(w);
         return NULL;
     }
+    widen(w, FEW);
     for (size_t i = 0; i < M; i++) w->position[i] = -1;
     for (size_t k = 0; k < m; k++)
         for (size_t i = 0; i < m; i++) w->panels[(i / WIDTH * m + k) * WIDTH + i % WIDTH] = s->compliance[k * m + i];
@@ -525,11 +604,8 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
         memcpy(w->start, s->law, sizeof(double) * R);
         memset(moved, 0, sizeof(double) * m);
         memset(at_place, 0, sizeof(double) * m);
-        for (int q = 0; q < s->p; q++) {
-            const double x = scalars[(size_t)j * s->p + q];
-            add_multiple(R, x, s->law + (size_t)(1 + q) * R, w->start);
-            add_multiple(m, x, s->map + (size_t)q * m, moved);
-        }
+        add_columns(R, s->p, scalars + (size_t)j * s->p, s->law + R, NULL, w->start);
+        add_columns(m, s->p, scalars + (size_t)j * s->p, s->map, NULL, moved);
         if (tooth_gaps) {
             add_multiple(R, 1.0, tooth_values + (size_t)j * R, w->start);
             add_multiple(m, 1.0, tooth_gaps + (size_t)j * m, moved);
@@ -547,7 +623,12 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
             for (int i = 0; i < M; i++) F[i] = w->values[i] > 0 ? w->values[i] * s->value_force[i] : 0.0;
             for (int k = 0; k < w->n; k++)
                 if (w->changed[k]) F[w->candidate[k]] = w->value[k] > 0 ? w->value[k] * s->other_force[w->candidate[k]] : 0.0;
-            for (int i = 0; i < M; i++) at_place[s->place[i]] += F[i];
+            for (int i = 0; i < M;) {
+                const int here = s->place[i];
+                double sum = 0;
+                for (; i < M && s->place[i] == here; i++) sum += F[i];
+                at_place[here] = sum;
+            }
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
             out->rotation[j] = free[s->freedom[s->rotation]];
             sum_up(s, at_place, j, out);

@@ -7,11 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import answer_of, to_json
+from hdassist.acceptance.answer import to_json
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.predictions import predict, quantities
-from hdassist.acceptance.request import Request
 from hdassist.design.check import check
 from hdassist.design.check_page import to_json as check_json
 from hdassist.error.cycle import kinematic_error
@@ -19,6 +17,7 @@ from hdassist.loading.load import load_preset
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
+from tests.acceptance.answers import accept
 from tests.process import TINY, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
@@ -32,7 +31,7 @@ def drive(*overrides: str):
 def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
     there = drive(*OPEN, "acceptance.F_ior={1: 2500, 4: 2050}", "acceptance.order_amplitude={2@4: 14}")
     told = check_json(check(there, draws=4), 0)
-    mine = to_json(answer_of(Request(TINY), accept(there, draws=4), "fail"))
+    mine = to_json(accept(there, draws=4))
     points = {p["M_g_Nm"]: p for p in told["operating_points"]}
     for found in (each for each in mine["checks"] if each["code"] == "F_IOR"):
         point, belief = points[found["M_g_Nm"]], found["belief"]
@@ -70,7 +69,7 @@ def test_other_values_are_those_of_each_sample(drawn):
     sampled = there.with_values(samples.prior.values(samples.shares)[1])
     own = quantities(sampled, limits)
     for limit in limits:
-        expected = limit.check.predicted(own, limit.M_g or 0.0, limit.order or 0.0)
+        expected = limit.check.predicted(own, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0)
         assert samples.figures[limit.label][1] == pytest.approx(expected, rel=1e-9)
     # the second way: the error of that drive over every state
     error = kinematic_error(sampled, 4.0, run=UNCHECKED).error_arcsec
@@ -88,7 +87,7 @@ def test_each_limit_is_decided_by_the_samples(drawn):
             value = {
                 "limits": f"{name}.4={bound!r}", "orders": f"{name}={{2@4: {bound!r}}}", "number": f"{name}={bound!r}"
             }[limit.check.kind]  # fmt: skip
-            (decision,) = accept(drive(*OPEN, value), predictions=found).decisions
+            (decision,) = accept(drive(*OPEN, value), predictions=found).checks
             verdicts.append(decision.verdict)
             assert decision.belief.p5 < decision.value < decision.belief.p95
         # 16 samples that all keep a limit are not 95 % sure
@@ -101,7 +100,7 @@ def test_each_limit_is_decided_by_the_samples(drawn):
 def test_deviations_leave_what_has_none_as_it_is():
     there = drive("phases.phi_hb=unknown", "acceptance.self_error.4=3000", "acceptance.K_1=1")
     result = accept(there)
-    assert (result.verdict, result.predictions.samples) == ("PASS", None)
+    assert (result.verdict, result.samples) == ("PASS", None)
 
 
 @pytest.mark.parametrize("case", ["wheels", "no draws"])
@@ -112,7 +111,7 @@ def test_without_samples_what_is_open_is_settled_by_nothing(case, tmp_path):
     ))  # fmt: skip
     wheels = WheelFiles(str(tmp_path / "b.csv"), mark_b=0.0).read(there) if case == "wheels" else None
     result = accept(there, wheels=wheels, draws=0 if case == "no draws" else 16)
-    (decision,) = result.decisions
+    (decision,) = result.checks
     assert (result.verdict, decision.reason) == ("INCONCLUSIVE", "what is not known exactly was not drawn")
     assert decision.belief is None
 

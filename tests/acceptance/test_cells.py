@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from hdassist.acceptance.answer import Answer, read_answers, to_lines
-from hdassist.acceptance.limit_parser import LimitText
-from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.lot_runner import answer_rows
-from hdassist.acceptance.replay import differences, prepare
+from hdassist.acceptance.limits import LimitText
+from hdassist.acceptance.lot import LotRow, read_lot
+from hdassist.acceptance.replay import Replay, differences
 from hdassist.acceptance.request import Request
+from hdassist.acceptance.work import answer_rows
 from hdassist.errors import Fault
 from tests.process import SMALL, run
 
@@ -78,9 +78,9 @@ def test_each_fault_is_said_of_its_cell(told: list[Answer]) -> None:
 def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Answer]) -> None:
     Path("a.jsonl").write_text(to_lines(told), encoding="utf-8")
     recorded = read_answers("a.jsonl")
-    prepared = [prepare(answer) for answer in recorded]
-    assert [before.left_out for _, before in prepared] == [a.serial in "jmn" for a in told]
-    rows = [row for row, _ in prepared if row is not None]
+    prepared = [Replay.prepare(answer) for answer in recorded]
+    assert [before.outcome == ("left out", 0) for before in prepared] == [a.serial in "jmn" for a in told]
+    rows = [LotRow(each.request, each.recorded.place) for each in prepared if each.request]
     with ThreadPoolExecutor(1) as executor:
         again = list(answer_rows(rows, executor, "fail", jobs=1))
     asked = [answer for answer in recorded if answer.request is not None]

@@ -11,13 +11,12 @@ from xml.parsers import expat
 import pytest
 from junitparser import JUnitXml
 
-from hdassist.acceptance.accept import Note
-from hdassist.acceptance.answer import Answer
+from hdassist.acceptance.answer import Answer, Note
 from hdassist.acceptance.junit import junit
 from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.lot_runner import answer_rows
-from hdassist.acceptance.lot_summary import summary
+from hdassist.acceptance.lot_page import summary
 from hdassist.acceptance.request import Request
+from hdassist.acceptance.work import answer_rows
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 ROWS = """\

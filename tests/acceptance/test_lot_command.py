@@ -16,16 +16,15 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from hdassist.acceptance import lot_runner as lotwork
+from hdassist.acceptance import work as lotwork
+from hdassist.acceptance.accept_command import accept_lot
 from hdassist.acceptance.answer import ANSWERS, read_answers
-from hdassist.acceptance.command import AcceptRun, FileOptions
-from hdassist.acceptance.limit_parser import LimitText
-from hdassist.acceptance.lot_command import accept_lot
+from hdassist.acceptance.command import AcceptOptions
+from hdassist.acceptance.limits import LimitText
 from hdassist.acceptance.replay import differences
 from hdassist.acceptance.request import Request
 from hdassist.errors import DataError
 from hdassist.run.kept import Owner, RecordKind, open_kept
-from hdassist.terminal.options import FigureOptions
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
 
@@ -130,16 +129,15 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
              "UNTRUSTED": "20±1;noise.csv"}  # fmt: skip
     lines = ["serial;F_ior@1;measured@4", *(f"{name};{cells[name]}" for name in rows)]
     (tmp_path / "lot.csv").write_text("\n".join(lines) + "\n")
-    real = lotwork.carry_out
+    real = lotwork.accept
 
     def broken(request, *rest, **options):
         return 1 / 0 if request.serial == "BUG" else real(request, *rest, **options)
 
-    monkeypatch.setattr(lotwork, "carry_out", broken)
+    monkeypatch.setattr(lotwork, "accept", broken)
     monkeypatch.setattr("hdassist.run.processes._way", lambda: "fork")  # workers have the patch
     base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
-    options = FigureOptions(quiet=True)
-    found = accept_lot(str(tmp_path / "lot.csv"), AcceptRun(base, FileOptions(), options, options.open(), jobs=2))
+    found = accept_lot(str(tmp_path / "lot.csv"), base, AcceptOptions(quiet=True, jobs=2))
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
     assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import ANSWERS
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import Owner, open_kept
+from tests.acceptance.answers import accept
 from tests.process import TINY, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
@@ -65,7 +65,7 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
     drive = load_preset(TINY, ["phases.phi_hb=unknown", "operation.M_g=4", "acceptance.F_ior=100000"])
     wheels = WheelFiles(str(folder / "b.csv"), mark_b=0.0).read(drive)
     result = accept(drive, wheels=wheels)
-    assert (result.verdict, [note.code for note in result.notes]) == ("INCONCLUSIVE", ["UNKNOWN"])
+    assert (result.verdict, [note.code for note in result.remarks]) == ("INCONCLUSIVE", ["UNKNOWN"])
     # what the teeth stand for needs not be known
     open_ = load_preset(TINY, ["tolerances.F_i2=unknown", "operation.M_g=4", "acceptance.F_ior=100000"])
     assert accept(open_, wheels=WheelFiles(str(folder / "b.csv"), mark_b=0.0).read(open_)).verdict == "PASS"

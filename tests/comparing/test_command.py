@@ -69,8 +69,9 @@ def test_people_see_both_curves_and_what_would_explain_them(rig):
     assert max(map(len, page.stdout.splitlines())) <= 80
     told = re.sub(r"\s+", " ", page.stdout)
     for words in (
-        "explained by one deviation, tolerances.e_hb", ". measured, o predicted, # both", "phi_g0 = 20 deg, given",
-        "the file's error is cam/ratio - output", "--set tolerances.e_hb=4", "proof",
+        "explained by one deviation, cam offset that stands still with the rigid wheel (tolerances.e_hb)",
+        ". measured, o predicted, # both", "phi_g0 20 deg, given",
+        "error: cam/ratio - output", "--set tolerances.e_hb=4", "proof",
     ):  # fmt: skip
         assert words in told
     assert len(page.stdout.splitlines()) <= 24 + 2 * HEIGHT + 6  # text, plot, its frame

@@ -11,10 +11,16 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
-from hdassist.comparing.changes import ErrorChange, drive_changes, paired_draws
-from hdassist.comparing.fields import field_differences, other_origins
-from hdassist.comparing.presets import compare_drives
-from hdassist.comparing.presets_command import is_preset
+from hdassist.comparing.command import is_preset
+from hdassist.comparing.drives import (
+    compare_drives,
+    differs,
+    drive_changes,
+    field_rows,
+    moving,
+    paired_draws,
+    sense,
+)
 from hdassist.comparing.presets_page import drives_answer
 from hdassist.model.unknown import unknowns
 from hdassist.run.run import UNCHECKED
@@ -53,7 +59,7 @@ def files(tmp_path_factory) -> Path:
 
 def test_what_differs_is_told_with_unit_and_origin():
     one, other = small(), small(*BETTER, "mounting.allowed=[0,3]", "catalogue.K_1=3e3", "uncertainty.phases.xi_b=10")
-    found = {field.path: field for field in field_differences([one, other])}
+    found = {row[0].path: row for row in field_rows([one, other]) if differs(row)}
     assert list(found) == [
         "gears.j_n",
         "tolerances.F_i2",
@@ -61,21 +67,20 @@ def test_what_differs_is_told_with_unit_and_origin():
         "catalogue.K_1",
         "uncertainty.phases.xi_b",
     ]
-    assert [(row.value, row.unit, row.kind) for row in found["gears.j_n"].rows] == [
+    assert [(field.value, field.unit, field.kind) for field in found["gears.j_n"]] == [
         (6, "um", "given"), (8, "um", "override"),
     ]  # fmt: skip
-    assert [path for path, field in found.items() if field.moves] == ["gears.j_n", "tolerances.F_i2"]
-    assert other_origins([one, small("cam.W_0=0.58")]) == ("cam.W_0",)
+    assert moving([one, other]) == ["gears.j_n", "tolerances.F_i2"]
 
 
 def test_the_numbers_are_those_of_the_drives_alone(better):
     here, there, F_i2, j_n = map(F_ior, (small(), small(*BETTER), small(BETTER[0]), small(BETTER[1])))
     [found] = better.changes
     assert better.sheets[1].check.points[0].error.F_ior_arcsec == there
-    assert found.whole.change_arcsec == pytest.approx(there - here, abs=1e-6)
-    assert [change.path for change in found.single] == ["tolerances.F_i2", "gears.j_n"]
-    assert [float(c.change_arcsec[0, 0]) for c in found.single] == pytest.approx([F_i2 - here, j_n - here], abs=1e-6)
-    assert (found.impossible, better.sense(1, 0)) == ((), -1)
+    assert found.together.change_arcsec == pytest.approx([there - here], abs=1e-6)
+    assert [change.field for change in found.single] == ["tolerances.F_i2", "gears.j_n"]
+    assert [c.change_arcsec[0] for c in found.single] == pytest.approx([F_i2 - here, j_n - here], abs=1e-6)
+    assert (found.not_alone, found.F_ior_is) == ((), ("less",))
     alone = stiffness(small(*BETTER), run=UNCHECKED)
     assert better.sheets[1].stiffness.positive == alone.positive
     holes = mounting_curve(small(), [M_G], [0.0, 90.0, 180.0, 270.0], run=UNCHECKED)
@@ -86,26 +91,23 @@ def test_the_verdict_comes_first(better):
     line = drives_answer(better, seed=0).summary_line()
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
     share = 100 * (1 - values[1] / values[0])
+    [hole] = {sheet.advice.chosen.hole for sheet in better.sheets}
+    mounted = [sheet.advice.chosen.F_ior_arcsec[0] for sheet in better.sheets]
     assert line == (
-        f"B against A: 4 N·m: F'_ior {values[0]:.2f} -> {values[1]:.2f} arcsec, {share:.0f} % less, most by "
-        f"tolerances.F_i2 alone; best hole {better.sheets[0].advice.chosen.hole}; 2 fields differ"
+        f"B against A: 4 N·m: F'_ior {values[0]:.2f} -> {values[1]:.2f} arcsec, mounted best {mounted[0]:.2f} -> "
+        f"{mounted[1]:.2f}, {share:.0f} % less, most by tolerances.F_i2 alone; best hole {hole}; 2 fields differ"
     )
 
 
-def test_a_direction_is_a_verdict_only_where_it_is_sure(better):
-    [found] = better.changes
-
-    def sense(*changed: float, open_: bool = False) -> int | None:
-        whole = ErrorChange("", np.array(changed)[:, None], np.full((len(changed), 1), 20.0))
-        sheets = better.sheets
-        if open_:
-            check = replace(sheets[1].check, unknown=unknowns(small("tolerances.e_hb=unknown")))
-            sheets = (sheets[0], replace(sheets[1], check=check))
-        return replace(better, sheets=sheets, changes=(replace(found, whole=whole),)).sense(1, 0)
-
-    assert [sense(0.001), sense(-3.0), sense(3.0)] == [0, -1, 1]
-    assert sense(*[-3.0] * 15, 1.0) is None
-    assert sense(-3.0, open_=True) is None  # there is no range over it
+def test_a_direction_is_a_verdict_only_where_it_is_sure():
+    assert [sense(np.array([change])) for change in (0.001, -3.0, 3.0)] == ["the same", "less", "more"]
+    assert sense(np.array([-3.0] * 15 + [1.0])) == "unknown"
+    rolling = [
+        small("bearing.ball_motion=rolling", "bearing.d_ball=3", "numerics.n_beta=4", *more)
+        for more in ([], ["tolerances.e_hb=unknown", "tolerances.F_i2=10"])
+    ]
+    found, _ = drive_changes(*rolling, [M_G])
+    assert found.F_ior_is == ("unknown",)  # there is no range over what is not known
 
 
 def test_what_is_not_known_lies_alike_in_both():
@@ -125,12 +127,11 @@ def test_what_is_not_known_lies_alike_in_both():
 def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
     one = small("tolerances.F_i2=0", "phases.xi_b=unknown")
     other = small("phases.xi_b=90", "gears.z_g=62", "gears.z_b=64", "cam.W_0=0.57")
-    fields = [field for field in field_differences([one, other]) if field.moves]
-    found = drive_changes(one, other, [M_G], fields)
+    found, _ = drive_changes(one, other, [M_G])
     # teeth go in pairs; and the size of a deviation alone leaves its direction open
-    assert set(found.impossible) >= {"gears.z_g", "gears.z_b", "tolerances.F_i2"}
-    assert {change.path for change in found.single} == {"phases.xi_b", "cam.W_0"}
-    assert [float(c.change_arcsec[0, 0]) for c in found.single if c.path == "phases.xi_b"] == [0]
+    assert set(found.not_alone) >= {"gears.z_g", "gears.z_b", "tolerances.F_i2"}
+    assert {change.field for change in found.single} == {"phases.xi_b", "cam.W_0"}
+    assert [c.change_arcsec[0] for c in found.single if c.field == "phases.xi_b"] == [0]
 
 
 def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
@@ -166,7 +167,7 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
         (["b.YML", "run.csv"], 2, "run.csv is taken for a trace, and b.YML for a preset"),
         (["b.YML", "--drift", "linear"], 2, "how a trace is read says nothing of presets"),
         (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N*m; "),
-        (["b.YML", "--torque", "0"], 2, "--torque must be a torque in N*m, and not 0"),
+        (["b.YML", "--torque", "0"], 2, "invalid --torque 0: expected a torque in N*m"),
         (["none.yaml"], 4, "no such file: none.yaml"),
         (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: out of range"),
     ],
@@ -179,9 +180,7 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
 
 
 def test_three_presets_are_held_against_the_first(better):
-    sheets = (*better.sheets, better.sheets[0])
-    fields = field_differences([sheet.drive for sheet in sheets])
-    three = replace(better, sheets=sheets, differences=fields, changes=better.changes * 2)
+    three = replace(better, sheets=(*better.sheets, better.sheets[0]), changes=better.changes * 2)
     answer = drives_answer(three, seed=0)
     first, second = answer.summary_line().splitlines()
     assert (first[:11], second[:11]) == ("B against A", "C against A")
@@ -200,6 +199,6 @@ def test_the_page_is_short_and_has_the_rest_on_request(better):
     plain = re.sub(r"\s+", " ", short)
     assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in plain
     assert "-o report.html more --details proof" in plain
-    for words in ("what differs", "origin of B", "certificate: "):
+    for words in ("fields that differ", "25 (override)", "certificate: "):
         assert words in long
         assert words not in short

@@ -11,16 +11,17 @@ from multiprocessing import resource_tracker
 from textual.pilot import Pilot
 
 from hdassist.errors import HdassistError
-from hdassist.explorer.answers import Answer, Failed
 from hdassist.explorer.app import Explorer
-from hdassist.explorer.compute import answers
-from hdassist.explorer.questions import Effort, Question
+from hdassist.explorer.compute import Answer, Effort
+from hdassist.explorer.failed import Failed
+from hdassist.explorer.service import Question
 from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import USUAL, Session, opened
 from hdassist.terminal.options import TrialOptions
+from hdassist.trials.prior import TrialEffort
 from tests.process import TINY, no_processes
 
-QUICK = Effort(turns=4, draws=8, trial_draws=8, jobs=1)
+QUICK = Effort(grid=4, draws=8, trials=TrialEffort.of(8), jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states
 LONGEST = 60.0  # s
 
@@ -47,7 +48,7 @@ def _answers(pickled: bytes) -> list[Answer]:
     found: list[Answer] = []
     try:
         with no_processes():
-            found.extend(answers(pickle.loads(pickled), found.append))
+            pickle.loads(pickled)(found.append)
     except HdassistError as error:
         found.append(Failed(error.message, error.hint))
     return found

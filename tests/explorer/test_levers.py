@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from hdassist.explorer.levers import levers, step_of, stepped, text_of
+from hdassist.explorer.levers import levers, step_of, stepped
 from hdassist.explorer.state import opened
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import field_table
@@ -44,4 +44,4 @@ def test_a_step_is_natural_to_its_unit_or_about_a_per_cent(path: str, value: flo
 
 
 def test_steps_leave_no_dust_of_binary_fractions() -> None:
-    assert text_of(stepped(field_table()["cam.W_0"], 0.58, 1)) == "0.59"
+    assert stepped(tiny("cam.W_0=0.58").drive, "cam.W_0", 1) == "0.59"

@@ -5,13 +5,15 @@ import contextlib
 import os
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.answers import Advised, Answer, Curve, Facts, Failed, Sure, Underway
-from hdassist.explorer.questions import Effort, MountQuestion, ProofQuestion, Question, TrialsQuestion
-from hdassist.explorer.service import Service
+from hdassist.explorer.compute import Answer, Effort, SeatCurve, Sure, cam_turn, drive_answers
+from hdassist.explorer.failed import Failed
+from hdassist.explorer.service import Question, Service
+from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
 
 needs_proc = pytest.mark.skipif(not Path("/proc").exists(), reason="processes are counted in /proc")
@@ -28,31 +30,31 @@ async def told(service: Service, question: Question) -> list[Answer]:
     return [answer async for answer in service.ask(question)]
 
 
+def turn(*overrides: str) -> Question:
+    """What is computed soon."""
+    return partial(cam_turn, tiny(*overrides).drive, 0.0, 4.0)
+
+
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
-    answers = asyncio.run(told(service, MountQuestion(tiny().drive, QUICK)))
-    assert isinstance(answers[0], Facts) and isinstance(answers[-1], Advised)
-    curves = [answer for answer in answers if isinstance(answer, Curve)]
-    assert [curve.sure for curve in curves][:2] == [Sure.COARSE, Sure.REFINED] and len(curves[-1].places) == 6
-    for place in answers[-1].curve.places:
-        coarse, refined = (curve.at(place.rotation_deg) for curve in (curves[0], curves[-1]))
-        assert coarse is not None and refined is not None
-        assert coarse.values[0].F_ior_arcsec <= refined.values[0].F_ior_arcsec + 1e-6  # a few states of all
-        assert refined.values[0].F_ior_arcsec == pytest.approx(place.values[0].F_ior_arcsec, abs=0.01)
+    answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, QUICK)))
+    curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
+    assert [curve.sure[0] for curve in curves] == [Sure.COARSE, Sure.REFINED, Sure.PROVEN]
+    assert isinstance(answers[-1], Advice) and {len(curve.rotations_deg) for curve in curves} == {6}
+    coarse, searched, proven = (curve.F_ior_arcsec for curve in curves)
+    assert searched == pytest.approx(proven, abs=0.01) and coarse == pytest.approx(proven, rel=0.2)
 
 
-def test_how_far_the_weighing_of_trials_is_comes_before_the_answer(service: Service) -> None:
+def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Service) -> None:
     async def first(question: Question) -> Answer:
         async with contextlib.aclosing(service.ask(question)) as answers:
             return await anext(answers)
 
-    session = tiny()
-    answer = asyncio.run(first(TrialsQuestion(session.drive, ("h0:20",), session.rig, QUICK)))
-    assert isinstance(answer, Underway) and 0 < answer.share < 1
+    assert isinstance(asyncio.run(first(partial(drive_answers, tiny().drive, LONG))), SeatCurve)
 
 
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
-    drive = tiny("operation.M_g=[9000000.0]").drive
-    [failed] = asyncio.run(told(service, ProofQuestion(drive, 0.0, QUICK)))
+    question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, 0.0, 9e6)
+    [failed] = asyncio.run(told(service, question))
     assert isinstance(failed, Failed) and "linear model" in failed.message
 
 
@@ -62,7 +64,7 @@ def test_no_process_that_can_begin_is_said(monkeypatch: pytest.MonkeyPatch) -> N
 
     service = Service()
     monkeypatch.setattr(service, "_begin", refused)
-    [failed] = asyncio.run(told(service, ProofQuestion(tiny().drive, 0.0, QUICK)))
+    [failed] = asyncio.run(told(service, turn()))
     assert isinstance(failed, Failed) and "cannot begin a process" in failed.message
 
 
@@ -86,7 +88,7 @@ def vanished(before: set[int]) -> bool:
     return not processes() - before
 
 
-LONG = Effort(turns=4, draws=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
+LONG = Effort(grid=4, draws=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
 
 
 def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awaitable[None]]) -> set[int]:
@@ -95,7 +97,7 @@ def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awai
     seen: set[int] = set()
 
     async def run() -> None:
-        task = asyncio.create_task(told(service, MountQuestion(drive, LONG)))
+        task = asyncio.create_task(told(service, partial(drive_answers, drive, LONG)))
         before = processes()
         while len(seen) < 3:  # the one that answers, and two workers
             await asyncio.sleep(0.1)
@@ -108,7 +110,7 @@ def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awai
 
 @needs_proc
 def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> None:
-    asyncio.run(told(service, ProofQuestion(tiny().drive, 0.0, QUICK)))  # what it forks from has begun
+    asyncio.run(told(service, turn()))  # what it forks from has begun
     before = processes()
 
     async def cancelled(task: asyncio.Task[list[Answer]]) -> None:
@@ -122,7 +124,7 @@ def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> No
 @needs_proc
 def test_a_service_that_is_closed_leaves_no_process() -> None:
     service = Service()
-    asyncio.run(told(service, ProofQuestion(tiny().drive, 0.0, QUICK)))
+    asyncio.run(told(service, turn()))
     before = processes()
 
     async def closed(task: asyncio.Task[list[Answer]]) -> None:

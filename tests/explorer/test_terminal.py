@@ -113,7 +113,7 @@ def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
         seen = terminal.wait_for("c writes the card")
-        assert "SEAT, cam side" in seen and "F'_ior, arcsec" in seen and "hole 0, where it stands" in seen
+        assert "TRIALS" in seen and "F'_ior, arcsec" in seen and "hole 0, where it stands" in seen
         terminal.press("\x1b[C")
         assert "hole 1, turned +60°" in terminal.wait_for("turned")
         terminal.press("t")
@@ -145,7 +145,7 @@ def test_a_session_in_a_terminal() -> None:
 def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: signal.Signals, code: int) -> None:
     before = processes()
     with explorer() as terminal:
-        terminal.wait_for("SEAT")  # what computes has begun
+        terminal.wait_for("TRIALS")  # what computes has begun
         os.kill(terminal.process.pid, stop)
         assert terminal.end() == code
         end = time.monotonic() + 10
@@ -163,7 +163,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
     ignoring = ["sh", "-c", "trap '' HUP; exec \"$@\"", "sh", *COMMAND] if is_ignored else COMMAND
     terminal = Terminal("explore", TINY, *SETS, command=ignoring)
     try:
-        terminal.wait_for("SEAT")
+        terminal.wait_for("TRIALS")
         terminal.hang_up()
         assert terminal.process.wait(timeout=20) > 128
     finally:
@@ -174,7 +174,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
 @needs_proc
 def test_a_crash_gives_the_terminal_back_too() -> None:
     before = processes()
-    crash = "import hdassist.explorer.words as words; from hdassist.cli.main import main; words.stage = None; main()"
+    crash = "import hdassist.explorer.words as words; from hdassist.cli.main import main; words.head = None; main()"
     terminal = Terminal("explore", TINY, *SETS, command=[sys.executable, "-c", crash])
     try:
         assert terminal.end() == 1  # a bug

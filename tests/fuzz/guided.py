@@ -20,7 +20,7 @@ import numpy as np
 
 with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.acceptance.answer import read_answers
-    from hdassist.acceptance.limit_parser import LimitText
+    from hdassist.acceptance.limits import LimitText
     from hdassist.acceptance.lot import read_lot
     from hdassist.acceptance.request import Request
     from hdassist.calibration.evaluations import evaluations_kind

@@ -91,7 +91,7 @@ def _import_all() -> None:
     for args in (("check", "-h"), ("presets", "list")):
         run(*args)
     # unused here: they are only to be loaded
-    from hdassist.acceptance import junit, lot_command, replay_command  # noqa: F401
+    from hdassist.acceptance import accept_command  # noqa: F401
     from hdassist.calibration import calibrate, page  # noqa: F401
     from hdassist.comparing import page as compared  # noqa: F401
     from hdassist.design import check_page, self_error_page, stiffness_page, trace_page  # noqa: F401

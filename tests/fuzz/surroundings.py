@@ -59,7 +59,10 @@ SURROUNDINGS = (
     Surrounding("HOME not writable", 'HOME=/proc; exec "$@"'),
     Surrounding("HOME not there", 'HOME=/nowhere; exec "$@"'),
     Surrounding("TMPDIR not there", 'export TMPDIR=/nowhere; exec "$@"'),
-    Surrounding("no environment", 'exec env -i PYTHONPATH="$PYTHONPATH" HDASSIST_MARK="$HDASSIST_MARK" "$@"'),
+    Surrounding(
+        "no environment",
+        'exec env -i PYTHONPATH="$PYTHONPATH" HDASSIST_CACHE="$HDASSIST_CACHE" HDASSIST_MARK="$HDASSIST_MARK" "$@"',
+    ),
     Surrounding("LANG=C", 'LANG=C; exec "$@"'),
     Surrounding("LC_ALL=C", 'export LC_ALL=C; exec "$@"'),
     Surrounding("LC_ALL=C without UTF-8", 'export LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0; exec "$@"'),

@@ -8,8 +8,7 @@ import pytest
 from hdassist import Drive, load_preset
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.loading.write import with_changes
-from hdassist.loading.write_similar import similar_preset
+from hdassist.loading.write import similar_preset, with_changes
 from hdassist.model.assumed import assumptions
 from hdassist.model.contacts import CAM, contact_system
 from hdassist.preset.wishes import read_wish

@@ -7,7 +7,6 @@ import pytest
 
 from benchmarks import encoders
 from hdassist import load_preset, trace
-from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.decision import Value, decide
 from hdassist.acceptance.limits import Limit
 from hdassist.errors import DataError, UntrustedError, UsageError
@@ -49,7 +48,10 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
         in_turn = abs(found.revolution.value - turn_range(curve, RATIO))
         within += in_turn <= 2 * found.revolution_uncertainty_arcsec
         # a drive that stands just at its limit
-        passed += decide(Limit(F_IOR, true), Value(found.range.value, u, "measured"), "guard", 0).verdict == "PASS"
+        passed += (
+            decide(Limit("F_IOR", true), Value(found.range.value, 2 * u, "measured", "whole"), "guard", 0).verdict
+            == "PASS"
+        )
         raw_too_large += found.raw_range_arcsec > high
         widths.append(u / found.range.value)
     assert hits >= 19

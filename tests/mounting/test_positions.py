@@ -102,7 +102,7 @@ def test_searched_curves_are_those_of_every_state(every_state):
 
 def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     real = making._searched
-    monkeypatch.setattr(making, "_searched", lambda task: ([v - 0.5 for v in real(task)[0]], real(task)[1]))
+    monkeypatch.setattr(making, "_searched", lambda *task: ([v - 0.5 for v in real(*task)[0]], real(*task)[1]))
     some = slice(None, None, 3)
     curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], proposed_from=0, run=UNCHECKED)
     assert curve.every_state.all()
@@ -115,12 +115,12 @@ class Impatient(Executor):
     def __init__(self, patience):
         self.patience = patience
 
-    def map(self, function, tasks):
-        for task in tasks:
+    def map(self, function, *columns):
+        for task in zip(*columns, strict=True):
             if self.patience == 0:
                 raise KeyboardInterrupt
             self.patience -= 1
-            yield function(task)
+            yield function(*task)
 
 
 def test_an_interrupt_keeps_what_is_done_for_all_torques(every_state):

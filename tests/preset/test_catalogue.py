@@ -12,7 +12,7 @@ from benchmarks.catalogue import CLEARED, MM_A_SIZE, PAGE, ROOT, SIZES, files, p
 from hdassist import load_preset, stiffness
 from hdassist.calibration.targets import read_targets
 from hdassist.loading.load import load_text
-from hdassist.preset.similarity import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
+from hdassist.preset.knowledge import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY
 

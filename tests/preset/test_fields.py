@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error
-from hdassist.acceptance.accept import accept
 from hdassist.acceptance.decision import Value
 from hdassist.acceptance.limits import limits_of
 from hdassist.design.check import DesignCheck, OperatingPoint
@@ -25,6 +24,7 @@ from hdassist.preset.kinds import is_optional, kind_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict
+from tests.acceptance.answers import accept
 from tests.support import changed, solve_state, wind_up
 
 
@@ -338,7 +338,7 @@ def test_each_limit_decides(reference, path):
     kind, name = kind_of(field_table()[path]), path.split(".")[1]
     drive = with_acceptance(reference, **{name: {"limits": {"80": 20.0}, "orders": {"2": 20.0}}.get(kind, 20.0)})
     limit = limits_of(drive)[0]
-    values = (Value(number, 0.0, "stated") for number in (19.0, 21.0))
+    values = (Value(number, 0.0, "stated", "whole") for number in (19.0, 21.0))
     verdicts = [accept(drive, stated={limit: value}, measured_only=True).verdict for value in values]
     assert verdicts == (["FAIL", "PASS"] if name.startswith("K_") else ["PASS", "FAIL"])
 
@@ -346,7 +346,7 @@ def test_each_limit_decides(reference, path):
 @pytest.mark.moves("operation.M_g")
 def test_limits_hold_at_each_torque(reference):
     drive = with_acceptance(changed(reference, operation__M_g=(40.0, -70.0)), F_ior={"all": 30.0})
-    assert [limit.M_g for limit in limits_of(drive)] == [40, -70]
+    assert [limit.M_g_Nm for limit in limits_of(drive)] == [40, -70]
     assert wind_up(reference, 40) < wind_up(reference, 70)
 
 
@@ -354,7 +354,7 @@ def test_limits_hold_at_each_torque(reference):
 def test_rule_of_measured_values(reference):
     def verdict(rule: str) -> Verdict:
         drive = with_acceptance(reference, lost_motion=60.0, rule=rule)
-        return accept(drive, stated=dict.fromkeys(limits_of(drive), Value(59.0, 1.0, "stated"))).verdict
+        return accept(drive, stated=dict.fromkeys(limits_of(drive), Value(59.0, 2.0, "stated", "whole"))).verdict
 
     assert [verdict(rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
 

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from hdassist import kinematic_error, load_preset, stiffness
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
-from hdassist.loading.write_similar import similar_preset
+from hdassist.loading.write import similar_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures
+from hdassist.preset.knowledge import LAWS, F_p
 from hdassist.preset.schema import counted, resolved
-from hdassist.preset.similarity import LAWS, F_p, Wish, rated_of, similar
+from hdassist.preset.similarity import Wish, rated_of, similar
 from hdassist.run.run import UNCHECKED
 
 LIKE = load_preset("vzp160")
@@ -104,7 +105,7 @@ def test_each_guess_has_a_reason_and_those_that_are_measured_a_range() -> None:
 def test_every_field_of_parts_has_a_law() -> None:
     parts = ("gears.", "material.", "flexspline.", "bearing.", "cam.", "supports.", "contact.")
     chosen = {"gears.z_g", "gears.z_b", "gears.m", "gears.x_g", "gears.x_b"}
-    assert {path for path in field_table() if path.startswith(parts)} == chosen | set(LAWS)
+    assert {path for path in field_table() if path.startswith(parts)} == chosen | (set(LAWS) - {"operation.dT"})
 
 
 def test_what_nobody_knows_is_unknown_and_not_zero() -> None:

@@ -20,7 +20,7 @@ ABOUT = (
     f"Harmonics that a preset leaves open go up to {100 * EVEN:g} % (order 2) and {100 * ODD:g} % (3 and 4) of "
     "half of F'_i. They decide the level of every catalogue preset, and no source prints them. Every drive sold "
     "keeps its catalogue's accuracy (p. 49, read as text; it names no load): with these bounds size 20 just does, "
-    "with twice as much it does not. With half as much the record above would be one drive in fifty. So they "
+    "with twice as much it does not. With half as much the record above would be one drive in a hundred. So they "
     "stay. F'_ior is that at a tenth of the rated torque, the design that of the preset.\n\n"
     "The accuracy is one angle for the sizes 20 to 65, and so is half of it, sold on request; the presets fall as "
     "the diameter rises. That is not the model, which gives a drive twice as large in all lengths the same angle. "

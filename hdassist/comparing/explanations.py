@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from hdassist.comparing.fit import VectorFit
 from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders
-from hdassist.comparing.vectors import VECTORS, direction_of, with_vectors
+from hdassist.comparing.vectors import VECTOR_UNITS, VECTORS, size_and_direction, with_vectors
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
@@ -26,11 +26,15 @@ ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
 
 @dataclass(frozen=True)
 class VectorChange:
-    """New value of one deviation vector with standard uncertainties; direction None where it is not identifiable."""
+    """New size and direction of a deviation vector, by their paths, with standard uncertainties.
 
-    vector: int
+    The direction is None where it is not identifiable.
+    """
+
+    size: str
     size_um: float
     size_uncertainty_um: float
+    direction: str
     direction_deg: float | None
     direction_uncertainty_deg: float | None
 
@@ -39,37 +43,32 @@ class VectorChange:
 class Explanation:
     """The drive with some deviations fitted to the record.
 
-    vectors: places in VECTORS of those that were free; changes: of those whose size is identifiable; indistinguishable:
-    names of those that cannot be told apart, a tuple a combination; chi_square, freedom; share: of the difference's
-    chi-square above that of noise, explained; clear: a better fit than chance makes; sufficient: the residual is within
-    noise; overrides: paths of the preset and their new values, empty where one of them is not identifiable;
-    F_ior_arcsec, of the full cycle then, solved; None without overrides; residual_rms_arcsec: within the orders, from
-    solved states of the record; None where those were not solved; residual_orders: the greatest of that.
+    deviations: paths of the sizes that were free; changes: of those whose size is identifiable; not_told_apart: names
+    of those that cannot be, a tuple a combination; explained_share: of the difference's chi-square above that of noise;
+    clear: a better fit than chance makes; sufficient: the residual is within noise; overrides: new values as --set
+    takes them, empty where one of them is not identifiable; F_ior_arcsec, of the full cycle then, solved; None without
+    overrides; difference_left_arcsec: rms within the orders, from solved states of the record; None where those were
+    not solved; orders_left: the greatest of that.
     """
 
-    vectors: tuple[int, ...]
+    deviations: tuple[str, ...]
     changes: tuple[VectorChange, ...]
-    indistinguishable: tuple[tuple[str, ...], ...]
+    not_told_apart: tuple[tuple[str, ...], ...]
     chi_square: float
-    freedom: int
-    share: float
+    degrees_of_freedom: int
+    explained_share: float
     clear: bool
     sufficient: bool
-    overrides: tuple[tuple[str, float], ...]
+    overrides: tuple[str, ...]
     alignment: Alignment
     F_ior_arcsec: float | None = None
-    residual_rms_arcsec: float | None = None
-    residual_orders: tuple[OrderPair, ...] = ()
-
-    @property
-    def reduced_chi_square(self) -> float:
-        """Chi-square per degree of freedom."""
-        return self.chi_square / self.freedom
+    difference_left_arcsec: float | None = None
+    orders_left: tuple[OrderPair, ...] = ()
 
     @property
     def excess(self) -> float:
         """Chi-square per degree of freedom, 1 at least: variances are widened by it."""
-        return max(1.0, self.reduced_chi_square)
+        return max(1.0, self.chi_square / self.degrees_of_freedom)
 
 
 @dataclass(frozen=True)
@@ -82,24 +81,23 @@ class Conclusion:
 
 def explanation(fit: VectorFit, base: VectorFit, record: RecordedOrders, drive: Drive) -> Explanation:
     """A fit in terms of the preset; states are not solved beyond the fit itself."""
-    unknowns, own = len(fit.free), len(base.free)
-    freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(own)
+    unknowns, more = len(fit.free), len(fit.free) - len(base.free)
+    freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(len(base.free))
     excess = max(1.0, fit.chi_square / freedom)
-    found = [_change(fit, i, excess * fit.covariance, drive) for i in range(len(fit.fitted))]
-    changes = tuple(change for change in found if change is not None)
-    names, more = _indistinguishable(fit), unknowns - own
+    changes = [change for i in range(len(fit.fitted)) if (change := _change(fit, i, excess * fit.covariance, drive))]
+    names, vectors = _not_told_apart(fit), [VECTORS[k] for k in fit.fitted]
     by_chance = max(CLEAR_GAIN, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more)))
     return Explanation(
-        vectors=fit.fitted,
-        changes=changes,
-        indistinguishable=names,
+        deviations=tuple(vector.size for vector in vectors),
+        changes=tuple(changes),
+        not_told_apart=names,
         chi_square=fit.chi_square,
-        freedom=freedom,
-        share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else 0.0,
+        degrees_of_freedom=freedom,
+        explained_share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else 0.0,
         clear=(base.chi_square - fit.chi_square) / excess > by_chance,
         sufficient=record.within_noise(fit.chi_square, unknowns),
-        overrides=_overrides(fit, changes, drive) if len(changes) == len(fit.fitted) and not names else (),
-        alignment=fit.alignment,
+        overrides=_overrides(fit, changes, drive) if len(changes) == len(vectors) and not names else (),
+        alignment=replace(record.alignment, start_deg=float(fit.unknowns[-2]), zero_deg=float(fit.unknowns[-1])),
     )
 
 
@@ -114,50 +112,44 @@ def _polar(fit: VectorFit, i: int) -> Array:
 
 def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorChange | None:
     """New value of the fitted vector i; None where its size is not identifiable."""
-    k = fit.fitted[i]
-    vector, axes = VECTORS[k], _polar(fit, i)
-    blind = [float(((axis @ fit.unidentifiable) ** 2).sum()) for axis in axes]
-    if blind[0] > BLIND_SHARE:
+    k, axes = fit.fitted[i], _polar(fit, i)
+    vector, (size, direction) = VECTORS[k], size_and_direction(drive, fit.vectors, k)
+    blind = ((axes @ fit.unidentifiable) ** 2).sum(axis=1) > BLIND_SHARE
+    if blind[0]:
         return None
-    size = float(abs(fit.vectors[k]))
-    along, across = (float(np.sqrt(axis @ covariance @ axis)) for axis in axes)
+    along, across = (float(np.sqrt(axis @ covariance @ axis)) * float(VECTOR_UNITS[k]) for axis in axes)
     turn = float(np.degrees(across / size)) if size else np.inf
-    sizes = size * vector.unit, along * vector.unit
-    if blind[1] > BLIND_SHARE or turn > VAGUE_DIRECTION:
-        return VectorChange(k, *sizes, None, None)
-    direction = direction_of(fit.vectors[k], drive.number(vector.direction), vector.order)
-    return VectorChange(k, *sizes, direction, turn / vector.order)
+    angles = (None, None) if blind[1] or turn > VAGUE_DIRECTION else (direction, turn / vector.order)
+    return VectorChange(vector.size, size, along, vector.direction, *angles)
 
 
-def _indistinguishable(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
+def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) -> tuple[str, ...]:
+    """New values, rounded to a tenth of the uncertainty or less; empty where the preset does not allow one of them."""
+    changed, texts = with_vectors(drive, fit.vectors, fit.fitted), []
+    for new in changes:
+        spreads = {new.size: new.size_uncertainty_um, new.direction: new.direction_uncertainty_deg}
+        for path, uncertainty in spreads.items():
+            decimals = 1 - int(np.floor(np.log10(max(uncertainty or 1.0, 1e-9))))
+            value = round(changed.number(path), min(max(decimals, 0), DECIMALS)) + 0.0
+            if not drive.allows(path, value):
+                return ()
+            texts.append(f"{path}={value:.10g}")
+    return tuple(texts)
+
+
+def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
     """Names of vectors that the record cannot tell apart, a tuple for each combination of sizes."""
     names = []
     for combination in fit.unidentifiable.T:
-        parts = {VECTORS[k].name: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
+        parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
         if max((float(along**2) for along, _ in parts.values()), default=0.0) <= BLIND_SHARE:
             continue  # directions alone, against where the record begins
         names.append(tuple(name for name, part in parts.items() if float(np.hypot(*part)) > NAMED_SHARE))
     return tuple(dict.fromkeys(names))
 
 
-def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) -> tuple[tuple[str, float], ...]:
-    """New values, rounded to a tenth of the uncertainty or less; empty where the preset does not allow one of them."""
-    changed = with_vectors(drive, fit.vectors, fit.fitted)
-    values = []
-    for change in changes:
-        vector = VECTORS[change.vector]
-        pairs = ((vector.size, change.size_uncertainty_um), (vector.direction, change.direction_uncertainty_deg))
-        for path, uncertainty in pairs:
-            decimals = 1 - int(np.floor(np.log10(max(uncertainty or 1.0, 1e-9))))
-            value = round(float(changed.value(path)), min(max(decimals, 0), DECIMALS)) + 0.0
-            if not drive.allows(path, value):
-                return ()
-            values.append((path, value))
-    return tuple(values)
-
-
 def conclude(
-    base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool = False
+    base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool
 ) -> Conclusion:
     """The simplest explanation whose residual is within noise."""
     best = min(singles, key=lambda single: single.chi_square, default=base)

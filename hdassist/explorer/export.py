@@ -1,81 +1,73 @@
-"""What the explorer writes: cards, presets, JSON and pictures; never over a file without asking."""
+"""Files that the explorer writes: cards, presets, JSON and pictures; never over a file without asking."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import date
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.explorer.answers import Advised, Failed, Rendered
+from hdassist.errors import HdassistError, UsageError
 from hdassist.explorer.asking import Asking
-from hdassist.explorer.questions import RenderQuestion
+from hdassist.explorer.compute import SEED
 from hdassist.explorer.screens import Confirm
+from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
+from hdassist.mounting import card_render
+from hdassist.mounting import page as mount_page
+from hdassist.mounting.advice import Advice
+from hdassist.mounting.card import card_of
 from hdassist.mounting.card_command import KINDS, SERIAL
+from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import put_text, require_writable
+from hdassist.terminal.texts import texts
+from hdassist.trials import page as trials_page
+from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
-
-def name_of(session_name: str) -> str:
-    """A preset's name as the beginning of a file's."""
-    return Path(session_name).stem or "drive"
+RENDERED = {".html": card_render.html, ".md": card_render.markdown, ".txt": card_render.plain_text}
 
 
-class Writing(Asking):
+class Exporting(Asking):
     """Actions that write a file."""
+
+    @property
+    def advice(self) -> Advice | TrialAdvice | None:
+        """The advice that is shown."""
+        return (self.of_trials or self.known).advice
+
+    def named(self, end: str) -> str:
+        """A file's name that begins as the preset's."""
+        return f"{Path(self.session.source.name).stem or 'drive'}{end}"
 
     def action_card(self) -> None:
         """Write the assembly card of the advice, if there is one to write."""
-        advised = self._settled_advice()
-        if advised is None:
+        advice = self.advice
+        if advice is None or why_no_card(advice):
+            self.notify(f"no card: {why_no_card(advice)}", severity="warning")
             return
-        fields = [("file", f"{name_of(self.session.source.name)}-card.html"), ("serial number", "")]
-        hint = f"{', '.join(KINDS)}; from {'these trials' if advised.command == 'trials' else 'the prediction'}"
-
-        def take(values: tuple[str, ...]) -> None:
-            path, serial = values
-            self._write_rendered(path, RenderQuestion(advised.sealed, Path(path).suffix.lower(), serial))
-
-        self.fill_in("assembly card", fields, hint, take, _require_card)
-
-    def _settled_advice(self) -> Advised | None:
-        """The advice that a card may be made of; None, with the reason said, where there is none."""
-        here = self.of_trials or self.known
-        if here.advised is None:
-            self.notify("no card yet: nothing is ordered before it is proven", severity="warning")
-            return None
-        if not here.advised.settled:
-            self.notify(visible(f"no card: {here.advised.why_not}"), severity="warning", markup=False)
-            return None
-        return here.advised
+        hint = f"{', '.join(KINDS)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
+        fields = [("file", self.named("-card.html")), ("serial number", "")]
+        self.fill_in(
+            "assembly card", fields, hint, lambda v: self.write(v[0], partial(card, advice, *v)), _require_card
+        )
 
     def action_json(self) -> None:
         """Write the JSON of the command that gives the same answer."""
-        here = self.of_trials or self.known
-        if (advised := here.advised) is None:
+        if (advice := self.advice) is None:
             self.notify("no JSON yet: the answer is being computed", severity="warning")
             return
-        default = f"{name_of(self.session.source.name)}-{advised.command}.json"
+        of_mount = isinstance(advice, Advice)
 
-        def take(values: tuple[str, ...]) -> None:
-            self._write_rendered(values[0], RenderQuestion(advised.sealed, "json"))
+        def text() -> str:
+            found = mount_page.to_json(advice, SEED) if isinstance(advice, Advice) else trials_page.to_json(advice)
+            return json_text(found)
 
-        self.fill_in("JSON", [("file", default)], f"as {self.session.command()} --json", take)
-
-    def _write_rendered(self, path: str, question: RenderQuestion) -> None:
-        """Have a text made, and write it."""
-
-        async def made() -> None:
-            async for answer in self.service.ask(question):
-                if isinstance(answer, Rendered):
-                    self.write(path, partial(str, answer.text))
-                elif isinstance(answer, Failed):
-                    self.complain(DataError(answer.message, answer.hint))
-
-        self.run_worker(made(), group="render")
+        fields = [("file", self.named("-mount.json" if of_mount else "-trials.json"))]
+        self.fill_in("JSON", fields, f"as {self.session.command()} --json", lambda values: self.write(values[0], text))
 
     def action_save(self) -> None:
         """Write the preset with the changes, its comments and order as they are."""
@@ -83,15 +75,14 @@ class Writing(Asking):
         if not (session.changes or source.overrides):
             self.notify("nothing is changed: there is nothing to save")
             return
-        default = source.file if Path(source.file).suffix else f"{name_of(source.name)}-changed.yaml"
 
         def saved() -> None:
             self.settled = replace(self.settled, changes=session.changes)
 
-        def take(values: tuple[str, ...]) -> None:
-            self.write(values[0], partial(with_changes, source.text, source.file, session.overrides), saved)
-
-        self.fill_in("save the preset", [("file", default)], "comments and order of the original are kept", take)
+        text = partial(with_changes, source.text, source.file, session.overrides)
+        fields = [("file", source.file if Path(source.file).suffix else self.named("-changed.yaml"))]
+        hint = "comments and order of the original are kept"
+        self.fill_in("save the preset", fields, hint, lambda values: self.write(values[0], text, saved))
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
@@ -100,8 +91,7 @@ class Writing(Asking):
             # once the form has gone
             self.set_timer(0.1, lambda: self.write(values[0], lambda: without_fonts(self.export_screenshot())))
 
-        default = f"{name_of(self.session.source.name)}.svg"
-        self.fill_in("picture", [("file", default)], "the screen as it is, as SVG", take)
+        self.fill_in("picture", [("file", self.named(".svg"))], "the screen as it is, as SVG", take)
 
     def action_copy(self) -> None:
         """Put the command line on the clipboard."""
@@ -109,12 +99,12 @@ class Writing(Asking):
         self.notify("the command line is on the clipboard")
 
     def write(self, path: str, text: Callable[[], str], done: Callable[[], None] = lambda: None) -> None:
-        """Write a text to a file, one that is there only after asking, and then do what is to be done after it."""
+        """Write a text to a file, an existing one only after asking; then done is called."""
         try:
             if path == "-":
                 raise UsageError("the screen has standard output", "name a file")
             require_writable(path, force=True)
-            there = text()
+            made = text()
         except HdassistError as error:
             self.complain(error)
             return
@@ -123,7 +113,7 @@ class Writing(Asking):
             if not sure:
                 return
             try:
-                put_text(path, there)
+                put_text(path, made)
             except HdassistError as error:
                 self.complain(error)
                 return
@@ -134,6 +124,14 @@ class Writing(Asking):
             self.push_screen(Confirm(f"{path} exists. Replace it?"), put)
         else:
             put(True)
+
+
+def card(advice: Advice | TrialAdvice, path: str, serial: str) -> str:
+    """The assembly card of an advice, in the form that a file's name asks for."""
+    say = texts()
+    page: Any = mount_page if isinstance(advice, Advice) else trials_page
+    made = card_of(page.card_facts(advice, say), say, serial=serial, made=date.today())
+    return RENDERED[Path(path).suffix.lower()](made)
 
 
 def _require_card(values: tuple[str, ...]) -> None:

@@ -1,0 +1,99 @@
+"""Drives worked on by several processes: answers come in their order."""
+
+from __future__ import annotations
+
+import traceback
+from collections import Counter, deque
+from collections.abc import Hashable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+
+from hdassist.acceptance.accept import accept
+from hdassist.acceptance.answer import Answer, ErrorRecord, failure_of
+from hdassist.acceptance.lot import LotRow
+from hdassist.acceptance.predictions import Predictions
+from hdassist.acceptance.request import FailOn, Request
+from hdassist.errors import DataError, HdassistError, UsageError
+
+
+def answer_rows(
+    rows: Sequence[LotRow], executor: Executor, fail_on: FailOn, *, jobs: int, debug: bool = False
+) -> Iterator[Answer]:
+    """An answer for each row, in their order; what is wrong with a row is its answer.
+
+    Each different drive is predicted once, then its rows are answered: an answer says the same as if its drive were
+    alone. jobs: processes of the executor, and so rows that are looked ahead; an interrupt loses what is done out of
+    order.
+    """
+    left = Counter(_drive_key(row.request) for row in rows)
+    predicted: dict[Hashable, Future[Predictions | None]] = {}  # of drives that have rows to come
+    asked: deque[LotRow] = deque()
+    answered: deque[Future[Answer]] = deque()
+    coming = iter(rows)
+    while True:
+        while len(asked) < jobs and (row := next(coming, None)):
+            if not row.fault and not row.request.measured_only and (key := _drive_key(row.request)) not in predicted:
+                predicted[key] = executor.submit(_predict, row.request)
+            asked.append(row)
+        if not asked:
+            break
+        row = asked.popleft()
+        key = _drive_key(row.request)
+        found = predicted.get(key)
+        while answered and (len(answered) > jobs or (found and not found.done())):  # before a wait that may be long
+            yield answered.popleft().result()
+        if row.fault:  # known to be wrong: nothing is asked
+            answered.append(Future())
+            answered[-1].set_result(failure(row, row.fault))
+        else:
+            answered.append(executor.submit(_answer, row, fail_on, found.result() if found else None, debug))
+        left[key] -= 1
+        if not left[key]:
+            predicted.pop(key, None)
+    while answered:
+        yield answered.popleft().result()
+
+
+def _drive_key(request: Request) -> Hashable:
+    """What predictions depend on: all but the serial, the files and the values measured."""
+    names = tuple(value.name for value in request.values)
+    return replace(request, serial="", measured=(), values=()), tuple(each.torque for each in request.measured), names
+
+
+def _predict(request: Request) -> Predictions | None:
+    """Predictions of a drive; None where there are none, which the rows themselves then say."""
+    try:
+        drive = request.load()
+        return request.predict(drive, request.read_wheels(drive))
+    except Exception:  # a bug too: each row meets it again when it is answered, and says it with its place
+        return None
+
+
+def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug: bool) -> Answer:
+    try:
+        drive = row.request.load()
+        inputs = row.request.read(drive)
+        predictions = predictions or row.request.predict(drive, inputs.wheels)
+        return accept(row.request, inputs, predictions, fail_on=fail_on, place=row.place)
+    except HdassistError as error:
+        return failure(row, error)
+    except (MemoryError, OSError):  # what the system refuses is no row's
+        raise
+    except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
+        if debug:
+            raise
+        where = traceback.extract_tb(bug.__traceback__)[-1]
+        words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
+        return failure(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
+
+
+def failure(row: LotRow, error: HdassistError) -> Answer:
+    """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
+    kind = DataError if isinstance(error, UsageError) else error
+    return replace(
+        failure_of(row.request, error),
+        error=ErrorRecord(row.message(error), error.hint, kind.fault),
+        exit_code=kind.exit_code,
+        request=None if row.fault else row.request,
+        place=row.place,
+    )

@@ -1,0 +1,115 @@
+"""Draws kept in the user's cache, so that the next command on the same drive goes on from them.
+
+They are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence, seed,
+the source of what computes them and the machine's instructions, on which the last digits depend. What is read is
+checked as work from anywhere is; whatever does not hold is drawn anew.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import astuple, dataclass
+from functools import cached_property
+from hashlib import sha256
+from typing import Annotated
+
+from pydantic import Field, TypeAdapter
+
+from hdassist.belief.evidence import ACCURACY, STIFFNESS_FIGURES, Evidence
+from hdassist.belief.prior import DrivePrior
+from hdassist.run.cache import cached, keep, keeps_answers, program
+from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.certificate import Residual
+from hdassist.solve.walk import library
+
+KIND = "samples"
+Share = Annotated[float, Field(strict=True, ge=0, le=1)]
+# of a preset, what no draw depends on: words, limits; the prior stands in the key by itself
+BESIDE = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
+
+
+@dataclass(frozen=True)
+class Draw(ClosedRecord):
+    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
+
+    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
+    proof: states, residuals, fallbacks.
+    """
+
+    refused: str = ""
+    figures: Mapping[str, Number] | None = None
+    F_ior_arcsec: tuple[Magnitude, ...] | None = None
+    turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
+    weight: Magnitude = 0.0
+    shares: tuple[Share, ...] = ()
+    proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
+
+    @property
+    def certificate(self) -> Certificate:
+        """Proof of the states behind it."""
+        return Certificate(*self.proof)
+
+    def holds(self, fields: int, torques: int, turns: int, evidence: Sequence[Evidence]) -> bool:
+        """Whether it can be a draw of so many fields at so many torques and turns, weeded by evidence."""
+        figures = frozenset(self.figures or ())
+        needed = frozenset(STIFFNESS_FIGURES if any(each.figure != ACCURACY for each in evidence) else ())
+        if self.F_ior_arcsec is None:
+            is_weeded = not self.refused and figures == needed != frozenset()
+            is_refused = bool(self.refused) and self.figures is None
+            return (is_weeded or is_refused) and not (self.turned_arcsec or self.weight or self.shares)
+        turned = self.turned_arcsec or ()
+        shape = len(self.shares), len(self.F_ior_arcsec), len(turned), {len(each) for each in turned} - {turns}
+        is_proven = self.proof[0] > 0
+        return is_proven and not self.refused and shape == (fields, torques, torques, set()) and figures >= needed
+
+
+_DRAWS = TypeAdapter(list[Draw])
+
+
+@dataclass(frozen=True)
+class KeptDraws:
+    """Where the draws of samples are kept, by all that they depend on.
+
+    torques [N*m]; rotations_deg; evidence; further: what figures beside F'_ior they have, in words; seed.
+    """
+
+    prior: DrivePrior
+    torques: tuple[float, ...]
+    rotations_deg: tuple[float, ...]
+    evidence: tuple[Evidence, ...]
+    further: str
+    seed: int
+
+    def read(self) -> list[Draw]:
+        """The draws that are kept, from the first on; none where not all of them hold."""
+        data = cached(KIND, self._key) if keeps_answers() else None
+        with suppress(ValueError, RecursionError):
+            draws = _DRAWS.validate_python(json.loads(data or b"[]"))
+            sizes = len(self.prior.fields), len(self.torques), len(self.rotations_deg), self.evidence
+            figures = {frozenset(each.figures or ()) for each in draws if each.F_ior_arcsec is not None}
+            if len(figures) <= 1 and all(each.holds(*sizes) for each in draws):
+                return draws
+        return []
+
+    def keep(self, draws: Sequence[Draw]) -> None:
+        """Keep draws, from the first on."""
+        if keeps_answers():
+            with suppress(ValueError):  # a number that is none
+                keep(KIND, self._key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
+
+    @cached_property
+    def _key(self) -> str:
+        depends = {
+            "drive": self.prior.drive.model_dump(mode="json", exclude=BESIDE),
+            "fields": [[each.path, each.distribution, each.low, each.high] for each in self.prior.fields],
+            "torques": self.torques,
+            "rotations": self.rotations_deg,
+            "evidence": [astuple(each) for each in self.evidence],
+            "further": self.further,
+            "seed": self.seed,
+            "program": [*program("daqp", "pydantic"), library()[1]],
+        }
+        return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()

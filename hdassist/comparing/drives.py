@@ -1,0 +1,246 @@
+"""Drives beside the first of them: fields that differ, and what each of these does to F'_ior."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from hdassist.comparing.sheet import DriveSheet, at_torques, sheet_of, sheet_states
+from hdassist.design.check import DRAWS
+from hdassist.error.error_map import SEARCHED, extremes_of, searchable
+from hdassist.errors import HdassistError, UsageError
+from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
+from hdassist.model.unknown import listed, unknowns
+from hdassist.preset.fields import Drive
+from hdassist.preset.kinds import UNKNOWN
+from hdassist.preset.schema import ResolvedField, resolved
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.window import in_wide_enough_window
+
+DRAWN_PAIRS = 16  # pairs of drives drawn from what is not known
+SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
+REPORTED_FIELDS = 3
+SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
+SURE_SHARE = 0.95  # of the pairs that agree: the least for a verdict
+# have no bearing on F'_ior at a torque: loads, figures of catalogues, limits, the seat's holes, resolution of other
+# answers, uncertainties
+UNRELATED = (
+    "operation.", "catalogue.", "acceptance.", "mounting.holes", "mounting.first_hole", "mounting.allowed",
+    "numerics.n_phase", "uncertainty.",
+)  # fmt: skip
+
+FieldRow = tuple[ResolvedField, ...]  # a field of each drive
+
+
+@dataclass(frozen=True)
+class ErrorChange:
+    """Change of F'_ior of a drive [arcsec] where one field is changed, by path, or all together (no path), by torque.
+
+    change_arcsec: median over the drawn pairs, with the least and the greatest; share: of the median of F'_ior before.
+    """
+
+    field: str
+    change_arcsec: tuple[float, ...]
+    least_arcsec: tuple[float, ...]
+    greatest_arcsec: tuple[float, ...]
+    share: tuple[float, ...]
+
+    @classmethod
+    def of(cls, field: str, before: Array, after: Array) -> ErrorChange:
+        """The change from F'_ior before to F'_ior after [arcsec], shape (pairs, torques) each."""
+        change = after - before
+        median = np.median(change, axis=0)
+        columns = median, change.min(axis=0), change.max(axis=0), np.abs(median) / np.median(before, axis=0)
+        return cls(field, *(tuple(column.tolist()) for column in columns))
+
+
+@dataclass(frozen=True)
+class DriveChanges:
+    """Changes of F'_ior from a first drive to a second one.
+
+    pairs: that were drawn; F_ior_is: less, more or the same at each torque, unknown where what is not known could
+    reverse it; single: fields changed alone, the greatest first; not_alone: paths of those that, alone, make no drive
+    that can be computed, or leave more unknown.
+    """
+
+    pairs: int
+    F_ior_is: tuple[str, ...]
+    together: ErrorChange
+    single: tuple[ErrorChange, ...]
+    not_alone: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class DrivesComparison:
+    """Drives beside the first of them.
+
+    sheets; torques [N*m]; fields, every one of each drive; changes from the first drive to each of the others;
+    certificate of all states.
+    """
+
+    sheets: tuple[DriveSheet, ...]
+    torques: tuple[float, ...]
+    fields: tuple[FieldRow, ...]
+    changes: tuple[DriveChanges, ...]
+    certificate: Certificate
+
+
+def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
+    """Torques [N*m] that all drives have, in the order of the first. Raises UsageError where there are none."""
+    first, *others = (drive.operation.M_g for drive in drives)
+    found = tuple(M_g for M_g in first if all(M_g in other for other in others))
+    if not found:
+        lists = "; ".join(f"{d.name}: {', '.join(f'{M_g:g}' for M_g in d.operation.M_g)} N*m" for d in drives)
+        raise UsageError(f"no torque that all presets have ({lists})", "--torque says at which to compare them")
+    return found
+
+
+def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
+    """Every field of some drives, in the order of the declarations; uncertainties of fields behind them."""
+    rows = list(zip(*map(resolved, drives), strict=True))
+    units = {row[0].path: row[0].unit for row in rows}
+    paths = dict.fromkeys(path for drive in drives for path in drive.uncertainty)
+    return (*rows, *(tuple(_uncertainty(drive, path, units[path]) for drive in drives) for path in paths))
+
+
+def _uncertainty(drive: Drive, path: str, unit: str) -> ResolvedField:
+    value = drive.uncertainty.get(path)
+    kind = "default" if value is None else "given"
+    return ResolvedField(f"uncertainty.{path}", value, unit, kind, "", "expanded uncertainty (k = 2)", None)
+
+
+def differs(row: FieldRow) -> bool:
+    """Whether drives have different values of a field."""
+    return any(cell.value != row[0].value for cell in row)
+
+
+def moving(drives: Sequence[Drive]) -> list[str]:
+    """Paths of the fields in which drives differ and that may move F'_ior at a torque."""
+    return [row[0].path for row in field_rows(drives) if differs(row) and not row[0].path.startswith(UNRELATED)]
+
+
+def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = DRAWS) -> int:
+    """Number of states that a comparison solves, about, for a progress bar."""
+    pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
+    searches = sum(2 * pairs + min(pairs, SCREENED_PAIRS) * len(moving((drives[0], each))) for each in drives[1:])
+    sheets = sum(sheet_states(at_torques(drive, torques), draws) for drive in drives)
+    return sheets + SEARCHED * len(torques) * searches
+
+
+def compare_drives(
+    drives: Sequence[Drive],
+    torques: Sequence[float],
+    *,
+    draws: int = DRAWS,
+    run: Run = Run(),
+) -> DrivesComparison:
+    """Compare drives with the first of them, at torques [N*m].
+
+    Arguments: two drives or more; torques; draws, of each from what is not known.
+    Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
+    """
+    sheets = tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives)
+    pairs = min(draws, DRAWN_PAIRS)
+    found = [drive_changes(drives[0], each, torques, pairs=pairs, run=run) for each in drives[1:]]
+    proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in found]
+    changes = tuple(each for each, _ in found)
+    return DrivesComparison(sheets, tuple(torques), field_rows(drives), changes, reduce(add, proofs))
+
+
+def drive_changes(
+    first: Drive,
+    second: Drive,
+    torques: Sequence[float],
+    *,
+    pairs: int = DRAWN_PAIRS,
+    run: Run = Run(),
+) -> tuple[DriveChanges, Certificate]:
+    """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of single ones alone.
+
+    With rolling balls there are no draws: what is not known is 0. Argument: pairs that are drawn. Raises UntrustedError
+    where one of both drives has no answer that can be trusted.
+    """
+    drawn = searchable(first) and searchable(second)
+    before, after = paired_draws((first, second), pairs if drawn else 0, run.seed)
+    proof, paths = EMPTY, moving((first, second))
+
+    def F_ior(drives: Sequence[Drive], *, required: bool = False) -> Array:
+        """F'_ior [arcsec], shape (drives, torques); NaN where one has no answer, unless it is required."""
+        nonlocal proof
+        tasks, values = [(drive, M_g, required) for drive in drives for M_g in torques], []
+        for value, certificate in run.map(_searched, tasks):
+            values.append(value)
+            proof += certificate
+            run.solved(certificate.states)
+        return np.reshape(values, (len(drives), len(torques)))
+
+    errors, others = F_ior(before, required=True), F_ior(after, required=True)  # (pairs, torques)
+
+    def alone(path: str, count: int) -> ErrorChange | None:
+        moved = [one.with_values({path: other.value(path)}) for one, other in zip(before, after, strict=True)][:count]
+        if not all(map(_is_drive, moved, before)):
+            return None
+        found = F_ior(moved)
+        return None if np.isnan(found).any() else ErrorChange.of(path, errors[:count], found)
+
+    single = {path: alone(path, SCREENED_PAIRS) for path in paths}
+    chosen = _largest_first(single.values())[:REPORTED_FIELDS]
+    if len(before) > SCREENED_PAIRS:
+        single |= {change.field: alone(change.field, len(before)) for change in chosen}
+    ranged = drawn or not (unknowns(first) or unknowns(second))
+    changes = DriveChanges(
+        len(before),
+        tuple(sense(change) if ranged else UNKNOWN for change in (others - errors).T),
+        ErrorChange.of("", errors, others),
+        tuple(_largest_first(single[change.field] for change in chosen)),
+        tuple(path for path in paths if not single[path]),
+    )
+    return changes, proof
+
+
+def sense(change: Array) -> str:
+    """Whether F'_ior gets less, more or stays the same, by changes [arcsec], shape (pairs,); unknown if they differ."""
+    if np.all(np.abs(change) < SAME_ERROR):
+        return "the same"
+    less, more = np.mean(change < 0), np.mean(change > 0)
+    return "less" if less >= SURE_SHARE else "more" if more >= SURE_SHARE else UNKNOWN
+
+
+def _largest_first(changes: Iterable[ErrorChange | None]) -> list[ErrorChange]:
+    return sorted((each for each in changes if each), key=lambda change: -max(change.share))
+
+
+def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[list[Drive]]:
+    """Draws from what is not known of each of some drives, a field at the same share of its range in all.
+
+    Where all is known, or for a count of 0, each drive as it is.
+    """
+    open_ = [{unknown.path: unknown for unknown in unknowns(drive)} for drive in drives]
+    paths = list(dict.fromkeys(path for own in open_ for path in own))
+    if not paths or not count:
+        return [[drive] for drive in drives]
+    shares = dict(zip(paths, np.random.default_rng(seed).random((count, len(paths))).T, strict=True))
+    columns = [{path: u.low + (u.high - u.low) * shares[path] for path, u in own.items()} for own in open_]
+    return [listed(drive, own, count) for drive, own in zip(drives, columns, strict=True)]
+
+
+def _is_drive(moved: Drive, before: Drive) -> bool:
+    """Whether the fields of a drive go together, and it leaves no more unknown than before: a direction, say."""
+    return first_conflict(moved) is None and len(unknowns(moved)) <= len(unknowns(before))
+
+
+def _searched(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
+    drive, M_g, required = task
+    try:
+        (extremes,) = in_wide_enough_window(drive, lambda there: extremes_of(there, [M_g]))
+    except HdassistError:
+        if required:
+            raise
+        return np.nan, EMPTY
+    return extremes.first, extremes.certificate

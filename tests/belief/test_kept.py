@@ -1,0 +1,268 @@
+"""Samples kept in the user's cache: the same answer with and without them, and nothing believed that does not hold."""
+
+import json
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.belief import kept, samples
+from hdassist.belief.evidence import Evidence, stiffness_figures
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.errors import UntrustedError
+from hdassist.run import cache
+from hdassist.run.run import Run
+from tests import process
+from tests.process import TINY, run
+
+OPEN = "phases.phi_hb=unknown"
+FEW = SamplingEffort(effective=8, most_effective=16, most_draws=64, batch=8)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A cache of its own, in which samples are kept, for this process and for commands."""
+    monkeypatch.setenv(cache.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.delenv(cache.NO_CACHE)
+    monkeypatch.setitem(process.CLEAN, cache.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.delitem(process.CLEAN, cache.NO_CACHE)
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """Draws that were solved, by their values."""
+    solved = []
+    conflict = samples.first_conflict
+    monkeypatch.setattr(samples, "first_conflict", lambda drive: solved.append(drive) or conflict(drive))
+    return solved
+
+
+def drawn(*overrides, effort=FEW, torques=(4.0,), **options):
+    prior = prior_of(load_preset(TINY, ["operation.M_g=4", OPEN, *overrides]))
+    return draw_samples(prior, torques, effort=effort, **options)
+
+
+def kept_file(folder):
+    (path,) = folder.glob("samples-*")
+    return path
+
+
+def same(first, other):
+    arrays = ("shares", "F_ior_arcsec", "weights", "turned_arcsec", "numbers")
+    assert all(np.array_equal(getattr(first, name), getattr(other, name)) for name in arrays)
+    assert first.figures.keys() == other.figures.keys()
+    assert all(np.array_equal(values, other.figures[name]) for name, values in first.figures.items())
+    assert (first.draws, first.refused, first.certificate) == (other.draws, other.refused, other.certificate)
+
+
+def test_a_command_answers_the_same_with_kept_samples_as_without(folder, solved, tmp_path):
+    asked = ("check", TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8", "--json")
+    first = run(*asked)
+    count = len(solved)
+    assert run(*asked).stdout == first.stdout
+    assert len(solved) == count > 0
+    kept_file(folder).unlink()
+    assert run(*asked).stdout == first.stdout
+    assert len(solved) == 2 * count
+
+
+def test_samples_are_those_that_were_drawn_with_turns_evidence_and_refusals(folder, solved):
+    wide = "source.cam.W_0={kind: assumed, range: [1.6, 2.1], ref: judged}"
+    K_1 = stiffness_figures(load_preset(TINY, ["operation.M_g=4"]))[0]["K_1"]
+    options = {
+        "evidence": (Evidence("catalogue.K_1", "K_1", K_1, 0.02),),
+        "rotations_deg": (0.0, 90.0),
+        "effort": SamplingEffort(4, 8, 64, 16),
+        "further": lambda drive: stiffness_figures(drive),
+        "further_name": "again",
+    }
+    first = drawn(wide, **options)
+    assert first.refused
+    assert len(first.weights) + sum(first.refused.values()) < first.draws  # and some are weeded
+    count = len(solved)
+    same(drawn(wide, **options), first)
+    assert len(solved) == count
+
+
+def test_more_draws_go_on_from_those_that_are_kept_and_fewer_leave_them(folder, solved):
+    few = drawn()
+    more = drawn(effort=replace(FEW, effective=16))
+    assert len(solved) == more.draws == 2 * few.draws
+    same(drawn(), few)
+    same(drawn(effort=replace(FEW, effective=16)), more)
+    assert len(solved) == more.draws
+
+
+def test_other_questions_have_other_samples(folder, solved, monkeypatch):
+    drawn()
+    asked = [
+        {"torques": (5.0,)}, {"run": Run(seed=1)}, {"rotations_deg": (0.0, 90.0)}, {"overrides": ("gears.j_n=17",)},
+        {"overrides": ("tolerances.e_hb=20±2",)},
+        {"evidence": (Evidence("catalogue.accuracy", "accuracy", 50.0, 0.25, one_sided=True),)},
+        {"further": stiffness_figures, "further_name": "stiffness"},
+    ]  # fmt: skip
+    for number, options in enumerate(asked, 2):
+        drawn(*options.pop("overrides", ()), **options)
+        assert len(list(folder.glob("samples-*"))) == number
+    monkeypatch.setattr(kept, "program", lambda *_: ["another"])
+    drawn()
+    assert len(list(folder.glob("samples-*"))) == number + 1
+    count = len(solved)
+    drawn("acceptance.F_ior=12", "name=other")  # no draw depends on these
+    assert len(solved) == count
+
+
+def test_figures_without_a_name_are_not_kept(folder, solved):
+    for _ in range(2):
+        drawn(further=stiffness_figures)
+    assert len(solved) == 16
+    assert not list(folder.glob("samples-*"))
+
+
+def forged(path, change):
+    """A kept file with its draws changed, and a checksum that holds."""
+    first, _, data = path.read_bytes().partition(b"\n")
+    draws = json.loads(data)
+    draws = change(draws) or draws
+    data = json.dumps(draws).encode()
+    path.write_bytes(first.split()[0] + b" " + sha256(data).hexdigest().encode() + b"\n" + data)
+
+
+FORGERIES = {
+    "not a number": lambda draws: draws[3].update(F_ior_arcsec=[float("nan")]),
+    "infinite": lambda draws: draws[3].update(weight=float("inf")),
+    "negative": lambda draws: draws[3].update(F_ior_arcsec=[-1.0]),
+    "a text": lambda draws: draws[3].update(F_ior_arcsec=["12"]),
+    "unproven": lambda draws: draws[3]["proof"].__setitem__(2, 1e-3),
+    "no states": lambda draws: draws[3]["proof"].__setitem__(0, 0),
+    "too many torques": lambda draws: draws[3].update(F_ior_arcsec=[1.0, 2.0], turned_arcsec=[[], []]),
+    "turns that were not asked for": lambda draws: draws[3].update(turned_arcsec=[[1.0]]),
+    "a share above 1": lambda draws: draws[3].update(shares=[1.5]),
+    "no shares": lambda draws: draws[3].update(shares=[]),
+    "another figure": lambda draws: draws[3]["figures"].update(K_9=1.0),
+    "a field more": lambda draws: draws[3].update(more=1),
+    "refused and solved": lambda draws: draws[3].update(refused="no drive"),
+    "weeded without evidence": lambda draws: draws[3].update(F_ior_arcsec=None, turned_arcsec=None, weight=0.0),
+    "no list": lambda draws: {"draws": draws},
+    "null": lambda draws: draws.__setitem__(3, None),
+}
+
+
+@pytest.mark.parametrize("change", FORGERIES.values(), ids=FORGERIES)
+def test_a_forged_draw_is_not_believed(folder, solved, change):
+    first = drawn()
+    forged(kept_file(folder), change)
+    same(drawn(), first)
+    assert len(solved) == 2 * first.draws
+    same(drawn(), first)  # and kept again
+    assert len(solved) == 2 * first.draws
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data[:-10], lambda data: b"", lambda data: data.replace(b"0.", b"1.", 1), lambda data: b"\0" * 99,
+        lambda data: b"0" * 64 + data[64:], lambda data: b"[" * 100_000,
+        lambda data: b"%s %s\n" % (data[:64], sha256(b"[" * 10**6).hexdigest().encode()) + b"[" * 10**6,
+    ],
+)  # fmt: skip
+def test_a_damaged_file_is_not_believed(folder, solved, damage):
+    first = drawn()
+    path = kept_file(folder)
+    path.write_bytes(damage(path.read_bytes()))
+    same(drawn(), first)
+    assert len(solved) == 2 * first.draws
+
+
+def test_draws_of_another_question_under_its_name_are_not_believed(folder, solved):
+    path_of = {}
+    first = drawn()
+    path_of["first"] = kept_file(folder)
+    other = path_of["first"].read_bytes()
+    path_of["first"].unlink()
+    drawn(run=Run(seed=1))
+    kept_file(folder).write_bytes(other)
+    count = len(solved)
+    assert not np.array_equal(drawn(run=Run(seed=1)).shares, first.shares)
+    assert len(solved) == count + 8
+
+
+@pytest.mark.parametrize("what", ["a file", "a folder", "a pipe"])
+def test_a_cache_that_cannot_be_used_is_done_without(folder, solved, what):
+    first = drawn()
+    path = kept_file(folder)
+    path.unlink()
+    if what == "a file":
+        folder.rename(folder.with_name("moved"))
+        folder.write_text("not a folder")
+    elif what == "a folder":
+        path.mkdir()
+    else:
+        os.mkfifo(path)
+    same(drawn(), first)
+
+
+def test_samples_that_contradict_are_kept_too(folder, solved):
+    evidence = tuple(Evidence(f"catalogue.{name}", name, 1e-2, 0.01) for name in ("K_1", "K_2"))
+    for _ in range(2):
+        with pytest.raises(UntrustedError, match="contradicts"):
+            drawn(evidence=evidence)
+    assert len(solved) == 64
+
+
+def test_nothing_is_kept_where_it_is_not_wanted(folder, monkeypatch):
+    monkeypatch.setenv(cache.NO_CACHE, "1")
+    drawn()
+    assert not list(folder.glob("samples-*"))
+
+
+def test_the_cache_is_the_users_own_and_bounded_and_the_oldest_go(folder, monkeypatch):
+    monkeypatch.setattr(cache, "MOST", 1000)
+    keys = [sha256(bytes([k])).hexdigest() for k in range(4)]
+    for k, key in enumerate(keys[:3]):
+        cache.keep("answers", key, b"x" * 200)
+        os.utime(folder / f"answers-{key[:16]}", (k, k))
+    assert cache.cached("answers", keys[0]) == b"x" * 200  # used now: no longer the oldest
+    cache.keep("answers", keys[3], b"x" * 200)
+    assert [cache.cached("answers", key) is None for key in keys] == [False, True, True, False]
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert not [path for path in folder.iterdir() if path.suffix]  # nothing half written
+
+
+def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, monkeypatch):
+    drawn()
+    found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
+    assert found["cache"].startswith(f"{folder}, ")
+    assert "MB; remove the folder to empty it" in found["cache"]
+    monkeypatch.setitem(process.CLEAN, cache.NO_CACHE, "1")
+    assert "no answers are kept" in run("doctor").stdout
+    monkeypatch.setitem(process.CLEAN, cache.FOLDER, "/proc/nowhere")
+    assert "/proc/nowhere can't be used" in " ".join(run("doctor").stdout.split())
+
+
+def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path):
+    copy = tmp_path / "hdassist"
+    shutil.copytree(Path(cache.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
+    ask = [sys.executable, "-c", "from hdassist.run.cache import program; print(program()[0])"]
+
+    def source():
+        found = subprocess.run(
+            ask, cwd=tmp_path, env=process.CLEAN | {"PYTHONPATH": str(tmp_path)}, capture_output=True
+        )
+        return found.stdout
+
+    first = source()
+    assert list(copy.rglob("*.pyc"))
+    assert source() == first != b""
+    (copy / "solve" / "walk.c").write_text("/* another */")
+    assert source() != first
