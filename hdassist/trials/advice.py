@@ -211,14 +211,16 @@ def advise_from_trials(
     prior = weeded(prior, every)
     teach = partial(learnt, prior, rotations_deg=positions, torques=torques, criterion=criterion, weights=weights)
     predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
-    explained = True
     try:
         draws, losses = teach(every)
         require_effective(prior, every, draws, effort.effective)
+        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread says nothing of the hole
     except UntrustedError:
         if not outcome:
             raise
-        explained, (draws, losses) = False, teach(every := tuple(trials))
+        explained = False
+    if not explained:
+        draws, losses = teach(every := tuple(trials))
     without = () if outcome or len(every) < FEW else _without_each(every, losses.best, teach)
     best = next_trial(draws, losses, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
