@@ -38,7 +38,7 @@ from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.brief import proof
 from hdassist.terminal.influence_words import influence_words, measure_words
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.prior import SAMPLES
+from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 from hdassist.verdict import Verdict, verdict_by_probability
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
@@ -60,12 +60,12 @@ class Effort:
     """How much is computed.
 
     grid: positions of each wheel that an estimate rests on; draws: effective samples of what is not known exactly;
-    trial_samples: of trials; jobs: processes at work, 0 for one each core.
+    trials: that of trials; jobs: processes at work, 0 for one each core.
     """
 
     grid: int = 8
     draws: int = DRAWS
-    trial_samples: int = SAMPLES
+    trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
 
 
@@ -179,15 +179,14 @@ def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
     """The answer of `trials`. Raises HdassistError where there is none."""
     drive = session.drive
     with workers(effort.jobs) as executor:
-        analysis = partial(
-            advise_from_trials,
-            trials=[read_trial(text, drive.mounting.holes) for text in session.trials],
-            rig=rig_of(session),
+        advice = advise_from_trials(
+            drive,
+            [read_trial(text, drive.mounting.holes) for text in session.trials],
+            rig_of(session),
             needed=session.rig.sure,
-            samples=effort.trial_samples,
-            executor=executor,
+            effort=effort.trials,
+            run=Run(executor, seed=SEED),
         )
-        advice = in_wide_enough_window(drive, analysis)
     tell(_statistics_curve(advice.losses))
     tell(advice)
 
