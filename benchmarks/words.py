@@ -45,7 +45,7 @@ REASONS = {
     "of them is half; the cross-check 6 %, the self error 4 %, every state 3 %. By kinds of work: single states near a "
     "known contact set 21 %, states solved in C 17 %, systems set up 15 %, geometry rules 7 %. Next: fewer draws that "
     "are weeded, by a proposal nearer to the evidence than the prior.",
-    "mount": "measured before its samples were searched by their difference, which spares a third of their states, and "
+    "mount": "measured before its samples were searched by their difference, which spares a fifth of their states, and "
     "before `vzp160` was identified anew: its gain lies near the threshold since (92 %, 85 to 96, of 64 drawn), so "
     "that up to eight times as many are drawn. 64 drives drawn, each in twelve holes at both torques, are two thirds "
     "of its states, the curve of the drive as given a fifth (the same grid in each hole, every state in two), the maps "

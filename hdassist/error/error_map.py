@@ -34,7 +34,7 @@ Indices = NDArray[np.int64]
 
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
-DIFFERENCES = 12  # positions of each wheel at which drives that are alike are compared, at least
+DIFFERENCES = 15  # positions of each wheel at which drives that are alike are compared, at least
 HILL_BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
 HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others

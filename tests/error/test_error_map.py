@@ -79,7 +79,7 @@ def test_drives_that_are_alike_are_searched_by_their_difference(reference):
     found = error_map.many_extremes(Batch.of(other), grid=20, alike=alike)
     assert found.first == pytest.approx(error_map.extremes().first, abs=1e-6)
     assert abs(found.first - np.ptp(alike)) > 0.5, "they differ, or this shows nothing"
-    assert found.certificate.states < 450
+    assert found.certificate.states < error_map.many_extremes(Batch.of(other), grid=20).certificate.states
 
 
 @pytest.mark.slow
