@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
-from hdassist.belief.samples import FEW, HOPELESS, conflict_of, effective_number, going_on
+from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import DEVIATIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -178,7 +178,7 @@ class _System:
 
 def trial_states(drive: Drive, torques: int, effort: TrialEffort = TRIAL_EFFORT) -> int:
     """Number of states that the samples of trials solve, about, for a progress bar."""
-    return effort.systems * torques * (effort.mesh.states(drive) + 2 * FEW**2)
+    return effort.systems * torques * (effort.mesh.states(drive) + 2 * COARSE_POINTS**2)
 
 
 def trial_prior(
@@ -380,7 +380,7 @@ def _tables(
     some = {path: column[rows, (number + 5 * rows) % column.shape[1]] for path, column in columns.items()}
     maps = [ErrorMap(drive, M_g, formulation) for M_g in torques]
     # first, for it tells soon where the flank window is too narrow
-    exact = [error_map.many_extremes(Batch(drive, some), grid=FEW) for error_map in maps]
+    exact = [error_map.many_extremes(Batch(drive, some), grid=COARSE_POINTS) for error_map in maps]
     tables = [error_table(error_map, reach, effort.mesh) for error_map in maps]
     log_missed = [np.log(known.F_ior_arcsec / table.F_ior(some)) for known, table in zip(exact, tables, strict=True)]
     return (
