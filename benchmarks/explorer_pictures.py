@@ -31,7 +31,6 @@ class Scene:
 
 SCENES = (
     Scene("explorer-80x24", (80, 24), keys=("b",)),
-    Scene("explorer-100x30", (100, 30), keys=("b",), after="effects"),
     Scene("explorer-trials", (100, 30), "trials", trials=TRIALS, overrides=("operation.M_g=[80.0]",), keys=("b",)),
     Scene("explorer-changed", (140, 42), "effects", keys=("l", "minus"), after="effects", dark=False),
     Scene("explorer-unknown", (80, 24), preset="size-17-100"),

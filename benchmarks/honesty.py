@@ -72,15 +72,30 @@ def judged(number: int, draws: int, seed: int) -> Judged:
 
 def hidden(rng: np.random.Generator):
     """The preset that is known of a hidden drive, a torque M_g [N*m] and its true F'_ior [arcsec]."""
+    preset, there, teeth = hidden_drive(rng)
+    M_g = preset.operation.M_g[0]
+    return preset, M_g, true_F_ior(there, M_g, teeth)
+
+
+def true_F_ior(drive, M_g: float, teeth) -> float:
+    """F'_ior [arcsec] of a hidden drive at a torque M_g [N*m]."""
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.run.run import UNCHECKED
+    from hdassist.solve.window import in_wide_enough_window
+
+    found = in_wide_enough_window(drive, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
+    return found.F_ior_arcsec
+
+
+def hidden_drive(rng: np.random.Generator):
+    """The preset that is known of a hidden drive, the drive, and the deviations of its teeth."""
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
     from hdassist.belief.prior import prior_of
-    from hdassist.error.cycle import kinematic_error
     from hdassist.loading.load import load_text
     from hdassist.loading.write import similar_preset
     from hdassist.model.rules import first_conflict
     from hdassist.preset.wishes import read_wish
-    from hdassist.run.run import UNCHECKED
     from hdassist.solve.window import in_wide_enough_window
 
     like = load_preset("vzp160")
@@ -101,10 +116,7 @@ def hidden(rng: np.random.Generator):
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
     text = similar_preset("own", like, wish(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
-    M_g = preset.operation.M_g[0]
-    teeth = _teeth(there, rng)
-    true = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
-    return preset, M_g, true.F_ior_arcsec
+    return preset, there, _teeth(there, rng)
 
 
 def _values(prior, rng: np.random.Generator) -> dict[str, float]:

@@ -71,20 +71,17 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
 
     kept = options.json or options.has_lines
     code = give("accept", run_each("accept", presets, one, options, failed=failed, keep_failures=kept), options, out)
-    if out.csv is not None and not all(answer.error for answer in answers):
-        out.figures(page.csv(answers))
     if options.jsonl is not None:
         write_text(options.jsonl, to_lines(answers), options.force)
-    if options.junit is not None:
-        write_text(options.junit, junit("accept", answers, {"seed": base.seed}), options.force)
+    _write_tables(options, "accept", answers, {"seed": base.seed})
     return code
 
 
 def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     """Accept the drives of a lot; returns the exit code.
 
-    Arguments: path of a table or folder; base, what is asked of every drive; options.
-    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table, folder or file
+    Arguments: path of a table; base, what is asked of every drive; options.
+    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
     out, begun = options.open(), time.monotonic()
@@ -98,7 +95,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     width = max(len(row.request.serial) for row in lot.rows)
     done: list[Answer] = []
     lines: list[str] = []
-    owner = Owner(command="accept", inputs={"lot": lot.sha256} if lot.sha256 else {})
+    owner = Owner(command="accept", inputs={"lot": lot.sha256})
     with open_kept(options.lines_file, owner, ANSWERS, force=not options.resume, any_inputs=True) as kept:
         known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
         before, is_known = kept.done, sum(map(bool, known))
@@ -143,12 +140,16 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         if not options.quiet:
             lines += ["\n", out.page(lot_page.render(lot, done, out.style))]
         out.text("".join(lines))
-    if out.csv is not None:
-        out.figures(page.csv(done))
-    if options.junit is not None:
-        facts = {"lot_sha256": lot.sha256, "seed": base.seed}
-        write_text(options.junit, junit(lot.file, done, facts), options.force)
+    _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
     return worst_exit_code(answer.exit_code for answer in done)
+
+
+def _write_tables(options: AcceptOptions, name: str, answers: Sequence[Answer], facts: Json) -> None:
+    """Write answers as CSV and as JUnit, with a name of the whole and facts, where they are asked for."""
+    if options.csv is not None:
+        write_text(options.csv, page.csv(answers), options.force)
+    if options.junit is not None:
+        write_text(options.junit, junit(name, answers, facts), options.replaces_suite)
 
 
 def _require_sound(base: Request) -> None:

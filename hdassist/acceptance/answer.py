@@ -24,7 +24,7 @@ from hdassist.terminal.answers import certificate_object
 from hdassist.terminal.basis import unknown_objects
 from hdassist.terminal.influence_words import influence_objects, measure_objects, samples_object
 from hdassist.terminal.wheels_page import pitch_object
-from hdassist.textfile import read_bytes
+from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
 from hdassist.visible import printable
@@ -258,10 +258,14 @@ def read_answers(path: str) -> list[Answer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file = read_bytes(path, MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise DataError(f"{file}: larger than {MAX_BYTES / 1e6:g} MB", "a file of --json or --jsonl")
-    if (kept := read_kept(data, file, RecordKind(ANSWER))) is not None:
+    data, file = bytearray(), STDIN if path == "-" else path
+    with opened(path) as stream:
+        while part := stream.read(PART):
+            data += part
+            if b"\0" in part or len(data) > MAX_BYTES:  # a device may never end
+                words = f"{file}: a binary file, or larger than {MAX_BYTES / 1e6:g} MB"
+                raise DataError(words, "a file of --json or --jsonl")
+    if (kept := read_kept(bytes(data), file, RecordKind(ANSWER))) is not None:
         return kept
     text = data.decode("utf-8", "replace")
     try:

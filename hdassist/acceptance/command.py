@@ -44,6 +44,13 @@ class AcceptOptions(o.FigureOptions):
         """Whether there is a file that a drive without an answer stands in too."""
         return self.jsonl is not None or self.junit is not None
 
+    @property
+    def replaces_suite(self) -> bool:
+        """Whether the file of --junit may be replaced: a lot that goes on replaces that of its last run."""
+        from hdassist.acceptance.junit import is_suite_of_lot
+
+        return self.force or (self.resume and self.junit is not None and is_suite_of_lot(self.junit))
+
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         from hdassist.terminal.files import take_output
@@ -56,7 +63,7 @@ class AcceptOptions(o.FigureOptions):
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
         if self.junit is not None:
-            take_output(self.junit, self.force)
+            take_output(self.junit, self.replaces_suite)
         return out
 
 
@@ -66,7 +73,7 @@ def command(
         list[str],
         typer.Argument(
             metavar="[PRESET...|LOT]",
-            help="Preset names, paths, or - for stdin; or a lot: a table NAME.csv, a folder, or - with --preset.",
+            help="Preset names, paths, or - for stdin; or a lot: a table NAME.csv, or - with --preset.",
             show_default=False,
         ),
     ] = [],  # noqa: B006 (typer copies it)
@@ -120,10 +127,9 @@ def command(
     samples of hdassist check. A trace passes only where --budget states encoder, coupling, reseating and temperature,
     0 allowed. hdassist explain CODE tells what a check means. A lot has a row for
     each drive, with the columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g,
-    NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides); or it is a folder of presets
-    with traces and pitch files beside them (17-042.yaml, 17-042@80.csv, 17-042.pitch-b.csv). Exit codes: 0 PASS, 3 FAIL
-    or a replay that differs, 6 INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy answer; of several drives
-    the worst, in the order 1, 5, 4, 3, 6, 0.
+    NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a
+    replay that differs, 6 INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy answer; of several drives the
+    worst, in the order 1, 5, 4, 3, 6, 0.
     """
     from hdassist.acceptance.accept_command import accept_lot, accept_presets, replay_answers
     from hdassist.acceptance.lot import is_lot
@@ -131,7 +137,7 @@ def command(
 
     lots = [name for name in presets if is_lot(name) or (name == "-" and preset)]
     if not presets and replay is None:
-        raise UsageError("nothing to accept", "name a preset, a lot.csv or a folder; hdassist accept -h")
+        raise UsageError("nothing to accept", "name a preset or a lot.csv; hdassist accept -h")
     if len(presets) > 1 and lots:
         raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
     given = {"--set": drives.overrides, "--limit": limit, "--measured": measured, "--value": value}

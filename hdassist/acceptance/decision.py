@@ -53,7 +53,7 @@ class Value(ClosedRecord):
         if belief := predictions.belief(limit):
             return cls(belief.p50, None, "predicted", "whole", belief=belief)
         extent: Extent = "not known" if predictions.is_open(limit) else "whole"
-        return cls(predictions.number(limit), None, "predicted", extent)
+        return cls(predictions.quantities.value(limit), None, "predicted", extent)
 
     @classmethod
     def stated(cls, given: LimitText, limit: Limit) -> Value:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -19,6 +20,7 @@ from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.page import how_to_decide, sentence
 from hdassist.visible import visible
 
+STARTS = 100_000  # bytes in which the first suite of a lot says so
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
@@ -36,6 +38,16 @@ def junit(name: str, answers: Sequence[Answer], facts: Mapping[str, Any]) -> str
         element.attrib.update(counted)
     indent(root)
     return HEAD + tostring(root, encoding="unicode") + "\n"
+
+
+def is_suite_of_lot(path: str) -> bool:
+    """Whether a file holds suites that `junit` made of a lot."""
+    try:
+        with Path(path).open("rb") as stream:
+            start = stream.read(STARTS).decode("utf-8", "replace")
+    except (OSError, ValueError):
+        return False
+    return start.startswith(f"{HEAD}<testsuites ") and '<property name="lot_sha256" ' in start
 
 
 def _suite(root: Element, answer: Answer, facts: Mapping[str, Any]) -> None:

@@ -1,6 +1,6 @@
-"""Lots: many drives to accept, from the rows of a table or from the files of a folder.
+"""Lots: many drives to accept, from the rows of a table.
 
-Columns of a table: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
+Columns: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
 mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
 NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A cell says what
 an option would say, and what is wrong with it is said of the cell.
@@ -16,28 +16,26 @@ from typing import Any
 
 from hdassist.acceptance.limits import LimitText
 from hdassist.acceptance.request import TEXTS, Request, TraceFile
-from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
+from hdassist.errors import Finding, HdassistError, PresetError, UsageError
 from hdassist.preset.fields import REMOVED, field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near, path_text, shown
 from hdassist.readers.table import TextTable, few, read_texts
-from hdassist.textfile import STDIN, is_folder
+from hdassist.textfile import STDIN
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
-PLAIN = ("serial", "preset")
-WHEELS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
-FILES = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
+PLAIN_COLUMNS = ("serial", "preset")
+WHEEL_COLUMNS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
+FILE_COLUMNS = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
-_PITCH = re.compile(r"(?P<stem>.+)\.pitch-(?P<wheel>[bg])\.(?:csv|tsv|txt)(?:\.gz)?")
-_TRACE = re.compile(r"(?P<stem>.+?)(?:@(?P<torque>[-+0-9.eE]+))?\.(?:csv|tsv|txt)(?:\.gz)?")
 
 
 @dataclass(frozen=True)
-class Cell:
+class NamedCell:
     """A cell that says something of a drive.
 
     name: how a message about it begins (FILE:LINE:COLUMN: heading); text; said: the option that says the same ("--value
@@ -62,7 +60,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class LotRow:
-    """One drive to accept: what is asked of it, its place (FILE:LINE, or a file; None: no row of a lot).
+    """One drive to accept: what is asked of it, its place (FILE:LINE; None: no row of a lot).
 
     fault: of the row itself; then the request is not to be carried out. cells: those that say something of the drive.
     """
@@ -70,7 +68,7 @@ class LotRow:
     request: Request
     place: str | None = None
     fault: HdassistError | None = None
-    cells: tuple[Cell, ...] = field(default=(), compare=False)
+    cells: tuple[NamedCell, ...] = field(default=(), compare=False)
 
     def message(self, error: HdassistError) -> str:
         """What is wrong with the drive; of the cells of its row, not the options that would say the same."""
@@ -88,10 +86,10 @@ class LotRow:
 
 @dataclass(frozen=True)
 class Lot:
-    """Drives to accept: file or folder that names them, SHA-256 of a file, rows in its order, what was found out."""
+    """Drives to accept: file that names them with its SHA-256, rows in its order, what was found out."""
 
     file: str
-    sha256: str | None
+    sha256: str
     rows: tuple[LotRow, ...]
     notes: tuple[str, ...] = ()
 
@@ -101,22 +99,19 @@ Column = tuple[str, str]
 
 
 def is_lot(path: str) -> bool:
-    """Whether an argument is a lot: a folder, or a file with the name of a table."""
-    return path.lower().endswith(TABLES) or (path != "-" and is_folder(path))
+    """Whether an argument is a lot: a file with the name of a table."""
+    return path.lower().endswith(TABLES)
 
 
 def read_lot(path: str, base: Request) -> Lot:
     """Read a lot.
 
-    Arguments: path of a table or folder; base, what is asked of every drive, its preset empty or that of rows without
-    one. A row adds to it what it says.
-    Raises DataError: a file or folder that cannot be read or has no drive; PresetError: names of columns that cannot
-    be meant. What is wrong with a row is kept with it.
+    Arguments: path of a table; base, what is asked of every drive, its preset empty or that of rows without one. A row
+    adds to it what it says.
+    Raises DataError: a file that cannot be read or has no drive; PresetError: names of columns that cannot be meant.
+    What is wrong with a row is kept with it.
     """
-    return _of_folder(Path(path), base) if is_folder(path) else _of_table(read_texts(path), base)
-
-
-def _of_table(table: TextTable, base: Request) -> Lot:
+    table = read_texts(path)
     columns = _columns(table)
     first: dict[str, int] = {}
     rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
@@ -147,7 +142,7 @@ def _columns(table: TextTable) -> list[Column | None]:
             findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
         columns.append(column)
     if not any(columns) and not findings:
-        hint = ", ".join((*PLAIN, "measured"))
+        hint = ", ".join((*PLAIN_COLUMNS, "measured"))
         findings.append(Finding(table.file, table.names_line, 1, "", "no column that is used", hint=hint))
     if findings:
         raise PresetError(findings)
@@ -156,7 +151,7 @@ def _columns(table: TextTable) -> list[Column | None]:
 
 def _column(name: str) -> Column:
     """What a column is for. Raises UsageError: nothing, with a hint."""
-    if name.lower() in (*PLAIN, *WHEELS):
+    if name.lower() in (*PLAIN_COLUMNS, *WHEEL_COLUMNS):
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
@@ -168,7 +163,7 @@ def _column(name: str) -> Column:
             return option, str(TEXTS[option][1](f"{text}=0")).removesuffix("=0")
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "--set", name
-    known = [*PLAIN, "measured", *WHEELS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    known = [*PLAIN_COLUMNS, "measured", *WHEEL_COLUMNS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     hint = REMOVED.get(name) or near(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
     raise UsageError(name, hint)
 
@@ -191,7 +186,7 @@ def _row(
             wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
         if not cell.text or column is None:
             continue
-        text = cell.text if column[0] in (*PLAIN, *FILES) else table.with_points(cell.text)
+        text = cell.text if column[0] in (*PLAIN_COLUMNS, *FILE_COLUMNS) else table.with_points(cell.text)
         if column[0].startswith("mark"):
             marks[name] = cell.column
             if not is_number(text):
@@ -215,17 +210,17 @@ def _row(
     return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, tuple(named))
 
 
-def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, Cell]:
+def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, NamedCell]:
     """A request with what a cell says, and the cell as messages know it; folder, from which paths count."""
     trace = TraceFile.parse(text) if gives == "--measured" and not of else TraceFile(of, text)
     is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
     file = trace.file if is_name else str(folder / trace.file)
-    cell = Cell("", text, file=file if gives in FILES else "")
+    cell = NamedCell("", text, file=file if gives in FILE_COLUMNS else "")
     change: dict[str, Any]
-    if gives in PLAIN:
-        change = {gives: file if gives in FILES else text}
-    elif gives in WHEELS:
-        wheel: dict[str, Any] = {gives: file if gives in FILES else float(text)}
+    if gives in PLAIN_COLUMNS:
+        change = {gives: file if gives in FILE_COLUMNS else text}
+    elif gives in WHEEL_COLUMNS:
+        wheel: dict[str, Any] = {gives: file if gives in FILE_COLUMNS else float(text)}
         change = {"wheels": replace(request.wheels, **wheel)}
     else:
         into, parse = TEXTS[gives]
@@ -234,41 +229,3 @@ def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -
         path = option.override.partition("=")[0] if gives == "--limit" else of if gives == "--set" else ""
         cell = replace(cell, said=f"{gives} {option}", path=path)
     return replace(request, **change), cell
-
-
-def _of_folder(folder: Path, base: Request) -> Lot:
-    try:
-        files = sorted(item for item in folder.iterdir() if item.is_file() and not item.name.startswith("."))
-    except OSError as error:
-        raise DataError(f"cannot read {folder}: {error.strerror}") from None
-    if broken := [item.name for item in files if "\n" in item.name]:
-        raise DataError(f"{folder}: a line break in the name of {broken[0]!r}", "names are written on one line")
-    presets = [item for item in files if item.suffix in (".yaml", ".yml")]
-    if not presets:
-        raise DataError(f"{folder}: no preset in the folder", "one NAME.yaml a drive, its trace beside it as NAME.csv")
-    asked = {item.stem: replace(base, serial=item.stem) for item in presets}
-    spare = []
-    for item in files:
-        pitch, trace = _PITCH.fullmatch(item.name), _TRACE.fullmatch(item.name)
-        if pitch and (stem := pitch["stem"]) in asked:
-            wheel: dict[str, Any] = {f"pitch_{pitch['wheel']}": str(item)}
-            wheels = replace(asked[stem].wheels, **wheel)
-            asked[stem] = replace(asked[stem], wheels=wheels)
-        elif trace and (stem := trace["stem"]) in asked:
-            found = TraceFile(trace["torque"] or "", str(item))
-            asked[stem] = replace(asked[stem], measured=(*asked[stem].measured, found))
-        elif trace:
-            spare.append(item.name)
-    rows = tuple(
-        LotRow(replace(asked[item.stem], preset=str(item)), str(item), _twin(item, presets)) for item in presets
-    )
-    toothed = sum(bool(request.wheels.files) for request in asked.values())
-    notes = [f"{len(rows)} presets, {sum(bool(request.measured) for request in asked.values())} of them with traces"]
-    notes += [f"{toothed} of them with measured teeth"] * bool(toothed)
-    notes += [f"traces without a preset: {shown(', '.join(spare))}"] * bool(spare)
-    return Lot(str(folder), None, rows, tuple(notes))
-
-
-def _twin(item: Path, presets: Sequence[Path]) -> DataError | None:
-    others = [other.name for other in presets if other.stem == item.stem and other != item]
-    return DataError(f"{item}: {others[0]} is of the same drive", "one preset for each drive") if others else None

@@ -76,8 +76,7 @@ def render(lot: Lot, answers: Sequence[Answer], style: Style) -> RenderableType:
     close = {f"{check.label}: measure it" for check in checks if how_to_decide(check)}
     lines += [f"not settled by its prediction, {words}" for words in sorted(close)]
     lines += [f"what to do: {command}" for command in [to_explain(checks)] if command]
-    digest = f", sha256 {lot.sha256[:12]}" if lot.sha256 else ""
-    lines.append(f"hdassist {__version__}, {lot.file}{digest}; all else stands in --json or --jsonl")
+    lines.append(f"hdassist {__version__}, {lot.file}, sha256 {lot.sha256[:12]}; all else stands in --json or --jsonl")
     return Group(*parts, *(Text(style.text(line)) for line in lines))
 
 

@@ -28,6 +28,10 @@ RULES = {
     "simple": "simple acceptance up to a limit",
 }
 HEADINGS = ("check", "value", "± (k=2)", "5 to 95 %", "limit", "margin", "kept", "verdict")
+FIRST_COLUMNS = (
+    "code", "M_g_Nm", "per_cam_rev", "basis", "extent", "value", "expanded_uncertainty", "guard", "limit", "limit_is",
+    "margin", "unit", "verdict", "reason",
+)  # fmt: skip
 GAP = 3  # columns between those of a table
 
 
@@ -155,8 +159,8 @@ def _facts(answer: Answer, predictions: Predictions | None, details: bool) -> It
 
 def csv(answers: Sequence[Answer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
-    columns, of_belief = (dict.fromkeys(each.name for each in fields(kind)) for kind in (Decision, Belief))
-    del columns["belief"]
+    columns = dict.fromkeys([*FIRST_COLUMNS, *(each.name for each in fields(Decision) if each.name != "belief")])
+    of_belief = [each.name for each in fields(Belief)]
     rows: list[list[object]] = []
     for answer in answers:
         error = answer.error.message if answer.error else None

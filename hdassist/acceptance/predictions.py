@@ -83,6 +83,10 @@ class Quantities:
         place = order_place(self.errors[M_g].kinematics, order)
         return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
 
+    def value(self, limit: Limit) -> float:
+        """Value that a limit is held against, in its unit."""
+        return limit.check.predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0)
+
     @property
     def twist(self) -> Stiffness:
         """The stiffness. Raises ValueError: it was not needed."""
@@ -170,10 +174,6 @@ class Predictions:
         if left <= 0:
             return ()
         return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left)
-
-    def number(self, limit: Limit) -> float:
-        """Value that a limit is held against, in its unit, at the preset's own numbers."""
-        return limit.check.predicted(self.quantities, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0)
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit."""
@@ -296,8 +296,7 @@ def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Values of a drive, by the label of the limit that they are for, with their proof."""
     found = quantities(drive, limits, run=UNCHECKED)
-    values = {each.label: each.check.predicted(found, each.M_g_Nm or 0.0, each.per_cam_rev or 0.0) for each in limits}
-    return values, found.certificate
+    return {each.label: found.value(each) for each in limits}, found.certificate
 
 
 def order_place(kinematics: Kinematics, order: float) -> int:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import traceback
 from collections import Counter, deque
 from collections.abc import Hashable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import replace
+from itertools import islice
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import Answer, ErrorRecord, failure_of
@@ -22,34 +23,35 @@ def answer_rows(
     """An answer for each row, in their order; what is wrong with a row is its answer.
 
     Each different drive is predicted once, then its rows are answered: an answer says the same as if its drive were
-    alone. jobs: processes of the executor, and so rows that are looked ahead; an interrupt loses what is done out of
-    order.
+    alone. jobs: processes of the executor, and so drives that are predicted at a time; an interrupt loses what is done
+    out of order.
     """
-    left = Counter(_drive_key(row.request) for row in rows)
-    predicted: dict[Hashable, Future[Predictions | None]] = {}  # of drives that have rows to come
-    asked: deque[LotRow] = deque()
+    keys = [None if row.fault or row.request.measured_only else _drive_key(row.request) for row in rows]
+    left, predicted = Counter(keys), dict[Hashable, Future[Predictions | None]]()
+    to_predict = iter({key: row.request for key, row in zip(keys, rows, strict=True) if key}.items())
     answered: deque[Future[Answer]] = deque()
-    coming = iter(rows)
-    while True:
-        while len(asked) < jobs and (row := next(coming, None)):
-            if not row.fault and not row.request.measured_only and (key := _drive_key(row.request)) not in predicted:
-                predicted[key] = executor.submit(_predict, row.request)
-            asked.append(row)
-        if not asked:
-            break
-        row = asked.popleft()
-        key = _drive_key(row.request)
-        found = predicted.get(key)
-        while answered and (len(answered) > jobs or (found and not found.done())):  # before a wait that may be long
-            yield answered.popleft().result()
+    for key, row in zip(keys, rows, strict=True):
+        while key:
+            running = [each for each in predicted.values() if not each.done()]
+            for name, request in islice(to_predict, jobs - len(running)):
+                predicted[name] = executor.submit(_predict, request)
+                running.append(predicted[name])
+            if key in predicted and predicted[key].done():
+                break
+            while answered:  # before a wait that may be long
+                yield answered.popleft().result()
+            wait(running, return_when=FIRST_COMPLETED)
         if row.fault:  # known to be wrong: nothing is asked
             answered.append(Future())
             answered[-1].set_result(failure(row, row.fault))
         else:
-            answered.append(executor.submit(_answer, row, fail_on, found.result() if found else None, debug))
+            predictions = predicted[key].result() if key else None
+            answered.append(executor.submit(_answer, row, fail_on, predictions, debug))
         left[key] -= 1
         if not left[key]:
             predicted.pop(key, None)
+        while answered and (answered[0].done() or len(answered) > jobs):
+            yield answered.popleft().result()
     while answered:
         yield answered.popleft().result()
 

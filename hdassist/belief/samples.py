@@ -266,19 +266,13 @@ def _solved(
     it was drawn with, over the prior's.
     """
     *of_fields, chance = shares
+    if refused := conflict_of(drive, values):
+        return Draw(refused=refused)
     moved = drive.with_values(values)
-    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return Draw(refused=f"{outside}: out of range")
-    if conflict := first_conflict(moved):
-        return Draw(refused=f"{conflict.path}: {conflict.message}")
-    figures: dict[str, float] = {}
-    proof, probability = EMPTY, 1.0
     try:
-        if any(each.figure != ACCURACY for each in evidence):
-            figures, proof = in_wide_enough_window(moved, stiffness_figures)
-            probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
-            if chance >= probability:
-                return Draw(figures=figures, proof=astuple(proof))
+        figures, probability, proof = going_on(moved, evidence, density)
+        if chance >= probability:
+            return Draw(figures=figures, proof=astuple(proof))
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike)
         F_ior, turned, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
@@ -292,6 +286,28 @@ def _solved(
     whole = proof + found + more_proof
     at_turns = tuple(map(tuple, turned.tolist()))
     return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
+
+
+def conflict_of(drive: Drive, values: Mapping[str, float]) -> str:
+    """Why a drive with other values of some fields, by path, is none; empty where it is one."""
+    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
+        return f"{outside}: out of range"
+    conflict = first_conflict(drive.with_values(values))
+    return f"{conflict.path}: {conflict.message}" if conflict else ""
+
+
+def going_on(
+    drive: Drive, evidence: tuple[Evidence, ...], density: float = 1.0
+) -> tuple[dict[str, float], float, Certificate]:
+    """Stiffnesses and lost motion of a draw by name, where there is evidence of them, with the proof of its states.
+
+    Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that.
+    Argument density: that it was drawn with, over the prior's. Raises UntrustedError where an answer cannot be trusted.
+    """
+    if all(each.figure == ACCURACY for each in evidence):
+        return {}, 1.0, EMPTY
+    figures, proof = in_wide_enough_window(drive, stiffness_figures)
+    return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD), proof
 
 
 def errors_by_turn(

@@ -29,7 +29,7 @@ from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Findings, Path, Unread, in_order, near
+from hdassist.preset.yamltext import Document, Path, Unread, in_order, near
 from hdassist.readers.trace import read_trace
 
 TARGETS_SCHEMA = "hdassist.targets/1"
@@ -174,10 +174,10 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     Raises PresetError with every finding.
     """
     document = yamltext.read(text, file)
-    reader = _TargetsReader(Findings(document, file), drive, Folder(file).parent)
+    reader = _TargetsReader(document, drive, Folder(file).parent)
     result = reader.read(document.data) if document.complete else None
-    if reader.findings.items or result is None:
-        raise PresetError(in_order(reader.findings.items))
+    if document.findings or result is None:
+        raise PresetError(in_order(document.findings))
     name, unknowns, targets = result
     return Targets(name, hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
 
@@ -185,7 +185,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
 class _TargetsReader:
     """Data of a targets text to targets; faults are added to findings."""
 
-    def __init__(self, findings: Findings, drive: Drive, folder: Folder) -> None:
+    def __init__(self, findings: Document, drive: Drive, folder: Folder) -> None:
         self.findings, self.drive, self.folder = findings, drive, folder
 
     def read(self, data: Any) -> tuple[str, list[SoughtField], list[CalibrationTarget]] | None:

@@ -23,7 +23,7 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import TEETH, scalars_of
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics, States, neighbours_together, pitch_locked_states
+from hdassist.model.kinematics import Kinematics, States, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY, Certificate
@@ -122,31 +122,13 @@ class ErrorMap:
         kinematics = Kinematics.of(drive)
         self.sign = kinematics.error_sign
         self.states, self.board, self.finest = _lattice(kinematics)
-        self._kinematics = kinematics
-
-    def rotation(self, drive: Drive, places: Indices | None = None) -> tuple[Array, Certificate]:
-        """Rotation [arcsec] of a drive in states j, by default all of the cycle, shape (states,), and the proof.
-
-        Raises UntrustedError where an answer cannot be trusted.
-        """
-        order = neighbours_together(self._kinematics, self.states) if places is None else places
-        there = self.states.take(order)
-        case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
-        scalars = Batch.of(drive).scalars(np.zeros(1, dtype=np.int64), there.alpha_g, there.alpha_b)
-        answers = case.solve(StateGaps(scalars), partial(place, there, self.M_g))
-        rotation = answers.rotation_arcsec
-        if places is None:
-            rotation[order] = answers.rotation_arcsec.copy()
-        return rotation, answers.certificate
 
     def extremes(self, drive: Drive | None = None) -> Extremes:
         """Extremes of a drive, by default the map's own, from every state of its cycle.
 
         Raises UntrustedError where an answer cannot be trusted.
         """
-        rotation, proof = self.rotation(drive or self.drive)
-        at_max, at_min = np.argmax(self.sign * rotation), np.argmin(self.sign * rotation)
-        return Extremes(np.array([np.ptp(rotation)]), np.array([at_max]), np.array([at_min]), proof)
+        return every_state(drive or self.drive, self.M_g)
 
     def points(self, count: int = READ) -> Indices:
         """Points of the torus at which the error is estimated, at most so many around each wheel, shape (k, l, 2)."""
@@ -217,23 +199,29 @@ class ErrorMap:
         return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
 
 
-def extremes_of(drive: Drive, torques: Sequence[float], *, grid: int = GRID) -> list[Extremes]:
+def every_state(drive: Drive, M_g: float) -> Extremes:
+    """Extremes of a drive at a torque [N*m] from every state of its cycle.
+
+    Raises UntrustedError where an answer cannot be trusted.
+    """
+    error = kinematic_error(drive, M_g, run=UNCHECKED)
+    return Extremes(
+        np.array([error.F_ior_arcsec]), np.array([error.at_max]), np.array([error.at_min]), error.certificate
+    )
+
+
+def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     """Extremes of one drive of many at torques [N*m], proposed by a grid of states, proven by states there.
 
-    Every state is solved where the balls roll. Raises UntrustedError where an answer cannot be
-    trusted.
+    Every state is solved where the balls roll. Raises UntrustedError where an answer cannot be trusted.
     """
     if not searchable(drive):
-        errors = [kinematic_error(drive, M_g, run=UNCHECKED) for M_g in torques]
-        return [
-            Extremes(np.array([e.F_ior_arcsec]), np.array([e.at_max]), np.array([e.at_min]), e.certificate)
-            for e in errors
-        ]
+        return [every_state(drive, M_g) for M_g in torques]
     formulation, like, found = formulate(contact_system(drive)), None, []
     for M_g in torques:
         error_map = ErrorMap(drive, M_g, formulation, like)
         like = error_map.fresh
-        found.append(error_map.many_extremes(Batch.of(drive), grid=grid))
+        found.append(error_map.many_extremes(Batch.of(drive)))
     return found
 
 

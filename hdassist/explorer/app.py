@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import signal
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, ClassVar
 
+from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -18,14 +20,14 @@ from textual.widgets import DataTable, Footer, Input, Static
 from hdassist.errors import HdassistError
 from hdassist.explorer import state, words
 from hdassist.explorer.asking import THEMES
-from hdassist.explorer.compute import is_any_hole
+from hdassist.explorer.compute import Sure, is_any_hole
 from hdassist.explorer.export import Exporting
 from hdassist.explorer.levers import Lever, levers, stepped
 from hdassist.explorer.panes import MARKS, TORQUES, Holes, Levers, Turn, seat_text
 from hdassist.explorer.screens import Confirm, Explain
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
-from hdassist.mounting.positions import hole_of
+from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.mounting.trial import read_trial
 from hdassist.run.stops import STOPS, end_at_stops
 from hdassist.visible import visible
@@ -47,7 +49,7 @@ class Explorer(Exporting):
         Binding("right", "turn(1)", "turn on", show=False),
         Binding("t", "trial", "trial"),
         Binding("x", "drop_trial", "drop the last trial", show=False),
-        Binding("b", "look('best')", "best"),
+        Binding("b", "look('best')", "look at the best", show=False),
         Binding("0,home", "look('')", "look at where it stands", show=False),
         Binding("1", "view('holes')", "views", key_display="1-4"),
         Binding("2", "view('seat')", "view the seat", show=False),
@@ -57,7 +59,7 @@ class Explorer(Exporting):
         Binding("m", "torque", "next torque", show=False),
         Binding("u,ctrl+z", "undo", "undo"),
         Binding("r,ctrl+y", "redo", "redo", show=False),
-        Binding("p", "pin", "pin"),
+        Binding("p", "pin", "pin to compare", show=False),
         Binding("c", "card", "card"),
         Binding("s", "save", "save"),
         Binding("j", "json", "write JSON", show=False),
@@ -72,7 +74,7 @@ class Explorer(Exporting):
         super().__init__(*args, **options)
         self.holes, self.levers, self.turn = Holes(id="holes"), Levers(id="levers"), Turn(id="turn", markup=False)
         self.seat, self.panes = Static(id="seat", markup=False), Horizontal(id="panes", classes="holes")
-        self.lines = {name: Static(id=name, markup=name == "looked-at") for name in LINES}
+        self.lines = {name: Static(id=name, markup=False) for name in LINES}
         self.side, self.wanted = Vertical(id="side"), Input(placeholder="/ filters", id="filter", compact=True)
 
     def compose(self) -> ComposeResult:
@@ -160,7 +162,8 @@ class Explorer(Exporting):
             return
         session, known, of_trials = self.session, self.known, self.of_trials
         shown, any_hole = of_trials or known, is_any_hole(session.drive)
-        letters, trials = self._letters(), self._trials()
+        letters, holes = self._letters(), session.drive.mounting.holes
+        trials = [read_trial(text, holes) for text in session.trials]
         behind = known if of_trials else self.pinned
         self.lines["head"].update(words.head(session))
         self.lines["headline"].update(words.headline(session, known, self.pinned))
@@ -173,60 +176,43 @@ class Explorer(Exporting):
         self.levers.show(levers(session.drive, changed), known.effects, torque, self.wanted.value)
         self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
         unknown = ", unknown as 0" if unknowns(session.drive) else ""
-        self.turn.border_title = f"cam turn at {self.M_g:g} N·m, arcsec{unknown}"
+        self.turn.border_title = f"cam turn at {self.M_g:g} N·m, ″{unknown}"
         self.turn.show(known.trace, self.style(self.turn.content_size.width))
         self.lines["trials"].update(words.trials_text(session))
         self.lines["advice-text"].update(words.advice_text(known, of_trials, any_hole))
         self.lines["command"].update(visible(f"= {self.command_line()}"))
 
-    def _trials(self) -> list[tuple[float, float]]:
-        """Turn [deg] and F'_ior [arcsec] of each trial."""
-        holes = self.session.drive.mounting.holes
-        return [
-            (one.rotation_deg, one.F_ior_arcsec) for one in (read_trial(text, holes) for text in self.session.trials)
-        ]
-
     def _letters(self) -> dict[float, str]:
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
-        shown, mounting = self.of_trials or self.known, self.session.drive.mounting
-        signs = {0.0: "N"} | {at: "" for at, _ in self._trials()}
+        shown, drive = self.of_trials or self.known, self.session.drive
+        allowed, letters = usable_positions(drive.mounting.holes, drive.mounting.allowed), defaultdict(str, {0.0: "N"})
         if curve := shown.curve:
-            ranked = sorted(curve.rotations_deg, key=lambda at: curve.merits[curve.rotations_deg.index(at)])
-            ranked = [at for at in ranked if self._is_allowed(at)]
-            best = words.best_deg(shown.advice) if shown.advice else ranked[0]
-            for at, sign in ((best, "B"), (ranked[-1], "W")):
-                signs[at] = signs.get(at, "") + sign
-        if shown.advice and (next_deg := words.next_deg(shown.advice)) is not None:
-            signs[next_deg] = signs.get(next_deg, "") + "?"
-        barred = {at: "x" for at in self.session.positions if mounting.holes and not self._is_allowed(at)}
-        return signs | {at: signs.get(at, "") + sign for at, sign in barred.items()}
+            merits = dict(zip(curve.rotations_deg, curve.merits, strict=True))
+            usable = [at for at in merits if not drive.mounting.holes or at in allowed]
+            letters[words.best_deg(shown.advice) if shown.advice else min(usable, key=merits.__getitem__)] += "B"
+            letters[max(usable, key=merits.__getitem__)] += "W"
+        if shown.advice and (following := words.next_deg(shown.advice)) is not None:
+            letters[following] += "?"
+        for at in {*self.session.positions} - {*allowed}:
+            letters[at] += "x"
+        return letters
 
-    def _is_allowed(self, rotation_deg: float) -> bool:
-        mounting = self.session.drive.mounting
-        return mounting.allowed == "all" or hole_of(rotation_deg, mounting.holes) in mounting.allowed
-
-    def _looked_at(self) -> str:
+    def _looked_at(self) -> Text:
         """Where the wheel is looked at, and F'_ior there."""
-        session, known, of_trials = self.session, self.known, self.of_trials
-        if is_any_hole(session.drive) and not of_trials:
-            return "directions unknown: any hole"
-        turn = session.turn_deg if session.turn_deg <= 180 else session.turn_deg - 360
-        where = f"hole {self.holes.hole(session, session.turn_deg)}" if session.drive.mounting.holes else ""
-        parts = [f"{where}, turned {turn:+g}°" if turn else f"{where}, where it stands"]
-        curve = (of_trials or known).curve
-        place = curve.place(session.turn_deg) if curve else None
-        if curve and place is not None:
-            for k, M_g in enumerate(session.drive.operation.M_g):
-                value, style = curve.F_ior_arcsec[1, k, place], TORQUES[k % len(TORQUES)]
-                change = value / max(curve.F_ior_arcsec[1, k, curve.rotations_deg.index(0.0)], 1e-9) - 1
-                parts.append(f"[{style}]{M_g:g} N·m {value:.1f}″{f' {change:+.0%}' if turn else ''}[/]")
+        session, curve, text = self.session, (self.of_trials or self.known).curve, Text()
+        turn = session.turn_deg
+        text.append(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}")
+        if curve is None:
+            return text.append(", directions unknown: any hole" * is_any_hole(session.drive))
+        if (place := curve.place(turn)) is not None:
+            now = curve.F_ior_arcsec[1, :, curve.rotations_deg.index(0.0)]
+            for k, value in enumerate(curve.F_ior_arcsec[1, :, place]):
+                change = f" {value / max(now[k], 1e-9) - 1:+.0%}" if turn else ""
+                text.append(f"  {session.drive.operation.M_g[k]:g} N·m {value:.1f}″{change}", TORQUES[k % len(TORQUES)])
             sure = curve.sure[place]
-            parts.append(f"{MARKS[sure]} {sure}{', unknown as 0' * self._is_at_zero(curve.sure[place])}")
-        return "  ".join(parts)
-
-    def _is_at_zero(self, sure: str) -> bool:
-        """Whether a value of the seat took unknown deviations as 0."""
-        return "RANGE" not in sure and bool(unknowns(self.session.drive))
+            at_zero = sure is not Sure.RANGE and unknowns(session.drive)
+            text.append(f"  {MARKS[sure]} {sure}{', unknown as 0' if at_zero else ''}")
+        return text
 
     @on(DataTable.RowHighlighted)
     def look_at(self, event: DataTable.RowHighlighted) -> None:
@@ -234,7 +220,7 @@ class Explorer(Exporting):
         if event.data_table is self.levers:
             lever = self._lever()
             self.lines["about"].update(f"{lever.path}: {lever.words}" if lever else "")
-        elif (key := self.holes.key) and key != f"{self.session.turn_deg:.9g}":
+        elif (key := self.holes.key) and key != f"{self.session.turn_deg}":
             self.show(replace(self.session, turn_deg=float(key)))
 
     def _lever(self) -> Lever | None:
@@ -301,9 +287,8 @@ class Explorer(Exporting):
     def action_trial(self) -> None:
         """Ask for trials."""
         session = self.session
-        here = words.where(session.turn_deg, session.drive.mounting.holes)
         torque = f"F'_ior in arcsec at {session.trial_torque:g} N·m"
-        hint = f"{torque}: 28.1 for {here}, or h4:17.3; several with blanks between"
+        hint = f"{torque}: 28.1 for {session.here}, or h4:17.3; several with blanks between"
         self._ask_change("add trials", "", hint, state.with_trials)
 
     def action_drop_trial(self) -> None:

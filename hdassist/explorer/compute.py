@@ -38,7 +38,7 @@ from hdassist.solve.window import in_wide_enough_window
 from hdassist.terminal.brief import proof
 from hdassist.terminal.influence_words import influence_words, measure_words
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.prior import SAMPLES
+from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 from hdassist.verdict import Verdict, verdict_by_probability
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
@@ -60,12 +60,12 @@ class Effort:
     """How much is computed.
 
     grid: positions of each wheel that an estimate rests on; draws: effective samples of what is not known exactly;
-    trial_samples: of trials; jobs: processes at work, 0 for one each core.
+    trials: that of trials; jobs: processes at work, 0 for one each core.
     """
 
     grid: int = 8
     draws: int = DRAWS
-    trial_samples: int = SAMPLES
+    trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
 
 
@@ -179,15 +179,14 @@ def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
     """The answer of `trials`. Raises HdassistError where there is none."""
     drive = session.drive
     with workers(effort.jobs) as executor:
-        analysis = partial(
-            advise_from_trials,
-            trials=[read_trial(text, drive.mounting.holes) for text in session.trials],
-            rig=rig_of(session),
+        advice = advise_from_trials(
+            drive,
+            [read_trial(text, drive.mounting.holes) for text in session.trials],
+            rig_of(session),
             needed=session.rig.sure,
-            samples=effort.trial_samples,
-            executor=executor,
+            effort=effort.trials,
+            run=Run(executor, seed=SEED),
         )
-        advice = in_wide_enough_window(drive, analysis)
     tell(_statistics_curve(advice.losses))
     tell(advice)
 
@@ -206,7 +205,7 @@ def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     here = drive.with_values(dict(typical))
     if not searchable(here):
         return
-    now = _ranges(here, effort.grid)
+    now = _estimates((0.0,), effort.grid, here)[:, 0]
     steps = dict(_steps(here, {each.path: each for each in prior_of(drive).fields}))
     found: dict[str, tuple[float, tuple[float, ...]]] = {}
     with workers(effort.jobs) as executor:
@@ -222,9 +221,11 @@ def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, te
 def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str, float]]:
     """Plausible steps of the fields of a drive, the other way where the first leaves what is allowed."""
     for path, info in field_table().items():
-        if kind_of(info) != "number" or path.split(".")[0] in SETTINGS or drive.value(path) is None:
+        prior = priors.get(path)
+        is_setting = path.split(".")[0] in SETTINGS and not prior
+        if kind_of(info) != "number" or is_setting or drive.value(path) is None:
             continue
-        if prior := priors.get(path):
+        if prior:
             low, high = prior.value(np.array([MIDDLE - STEP, MIDDLE + STEP]))
             step = float(f"{(high - low) / 2:.2g}")
         else:
@@ -236,15 +237,11 @@ def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str
                 break
 
 
-def _ranges(drive: Drive, grid: int) -> Array:
-    return _estimates((0.0,), grid, drive)[:, 0]
-
-
 def _moved_ranges(drive: Drive, grid: int, step: tuple[str, float]) -> Array | None:
     """F'_ior at each torque after a step, estimated; None where such a drive has no answer."""
     path, by = step
     with suppress(HdassistError):
-        return _ranges(drive.with_values({path: drive.number(path) + by}), grid)
+        return _estimates((0.0,), grid, drive.with_values({path: drive.number(path) + by}))[:, 0]
     return None
 
 
@@ -300,23 +297,23 @@ def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> Headline:
 
         samples = drive_samples(prior, held, draws=effort.draws, run=run, seen=seen)
     found = check(drive, draws=effort.draws, samples=samples, run=run)
-    rows = tuple(map(_row, found.points))
+    rows = tuple(map(_of_point, found.points))
     return Headline(rows, samples.effective if samples else 0.0, True, tuple(_notes(found)), _typical(found))
 
 
 def _sampled(samples: Samples, torque: int, own: float, limit: float | None) -> ErrorRange:
-    belief, probability, verdict = ErrorBelief(samples, torque), None, Verdict.NO_LIMIT
-    if limit is not None:
-        kept = belief.probability_within(limit - own)
-        probability, verdict = kept.value, verdict_by_probability(kept.low, kept.high)
-    M_g = samples.torques[torque]
-    return ErrorRange(M_g, belief.p5, belief.p50, belief.p95, own, limit, probability, verdict)
+    belief = ErrorBelief(samples, torque)
+    kept = None if limit is None else belief.probability_within(limit - own)
+    verdict = verdict_by_probability(kept.low, kept.high) if kept else Verdict.NO_LIMIT
+    return ErrorRange(
+        samples.torques[torque], belief.p5, belief.p50, belief.p95, own, limit, kept.value if kept else None, verdict
+    )
 
 
-def _row(point: OperatingPoint) -> ErrorRange:
-    belief, value, kept = point.belief, point.error.F_ior_arcsec, point.probability
+def _of_point(point: OperatingPoint) -> ErrorRange:
+    belief, value = point.belief, point.error.F_ior_arcsec
     percentiles = (belief.p5, belief.p50, belief.p95) if belief else (value,) * 3
-    own = point.self_error.range_arcsec
+    own, kept = point.self_error.range_arcsec, point.probability
     return ErrorRange(point.M_g, *percentiles, own, point.limit_arcsec, kept.value if kept else None, point.verdict)
 
 

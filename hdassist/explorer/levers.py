@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import floor, log10
+from math import floor, inf, log10
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -60,13 +60,16 @@ def text_of(value: Any) -> str:
 
 
 def step_of(info: FieldInfo, value: float) -> float:
-    """How far a step of a field goes from a value: by its unit, else about one per cent in a round number."""
-    unit = unit_of(info)
+    """How far a step of a field goes from a value: by its unit, else about one per cent in a round number.
+
+    By its unit only where that is at most a tenth of what the field may be: 5 deg of a phase, not of a pressure angle.
+    """
+    bounds, natural = bounds_of(info), STEPS.get(unit_of(info), 0.0)
     if kind_of(info) == "count":
         return 1.0
-    if unit in STEPS:
-        return STEPS[unit]
-    reach = abs(value) or bounds_of(info).get("le", 1.0) / 100
+    if 0 < 10 * natural <= bounds.get("le", inf) - bounds.get("ge", 0.0):
+        return natural
+    reach = abs(value) or bounds.get("le", 1.0) / 100
     return 10.0 ** floor(log10(reach) - 1)
 
 

@@ -14,7 +14,9 @@ from hdassist.error.trace import Trace
 from hdassist.explorer.compute import LeverEffects, SeatCurve, Sure
 from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
+from hdassist.mounting.positions import bare
 from hdassist.mounting.seat_page import Hole, Seat, SeatMark, drawing
+from hdassist.mounting.trial import Trial
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
 from hdassist.visible import visible
@@ -40,7 +42,7 @@ class Table(DataTable[Text]):
         self.cursor_type, self.show_header, self.cell_padding = "row", False, 0
 
     def fill(self, rows: Mapping[str, Sequence[Text]]) -> None:
-        """Show rows; the cursor stays on its key."""
+        """Show rows; the cursor stays on its key while somebody uses it."""
         with self.prevent(DataTable.RowHighlighted):
             if [key.value for key in self.rows] == list(rows):
                 for key, cells in rows.items():
@@ -53,7 +55,7 @@ class Table(DataTable[Text]):
             self.add_columns(*[""] * len(next(iter(rows.values()), ())))
             for key, cells in rows.items():
                 self.add_row(*cells, key=key)
-            if before in rows:
+            if before in rows and self.has_focus:
                 self.move_cursor(row=self.get_row_index(before))
 
     @property
@@ -71,40 +73,38 @@ class Holes(Table):
         found: SeatCurve | None,
         behind: SeatCurve | None,
         letters: Mapping[float, str],
-        trials: Sequence[tuple[float, float]],
+        trials: Sequence[Trial],
     ) -> None:
         """Show positions.
 
-        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials, turn
-        [deg] and value [arcsec].
+        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials.
         """
         drive = session.drive
         limits = [limit for M_g in drive.operation.M_g if (limit := drive.limit(M_g))]
-        highest = max([0.1, *(value for _, value in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())])
+        highest = max(
+            [0.1, *(one.F_ior_arcsec for one in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())]
+        )
         highest = max([highest, *(limit for limit in limits if limit < 1.5 * highest)])
         top = ticks(0.0, highest, 5)[-1]
-        values = {at: _values(found, at) for at in sorted({*session.positions, *letters})}
+        values = {
+            at: _values(found, at)
+            for at in sorted({*session.positions, *letters, *(one.rotation_deg for one in trials)})
+        }
         width = self.size.width - max(map(len, values.values())) - 12
         rows = {}
         for rotation, numbers in values.items():
-            hole, signs = self.hole(session, rotation), letters.get(rotation, "")
-            measured = [value for at, value in trials if abs(at - rotation) < 1e-6]
+            hole, signs = bare(rotation, session.drive.mounting.holes), letters.get(rotation, "")
+            measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - rotation) < 1e-6]
             head = Text.assemble((f"{hole:>4} ", "bold" if rotation == session.turn_deg else ""))
             for sign in f"{signs}{'◆' * bool(measured)}"[:4].ljust(4):
                 head.append(sign, LETTERS.get(sign, "bold"))
             bar = _bar(max(width, BAR), top, rotation, found, behind, limits, measured)
-            rows[f"{rotation:.9g}"] = (head, Text.assemble(" ", numbers, " "), bar)
+            rows[f"{rotation}"] = (head, Text.assemble(" ", numbers, " "), bar)
         self.fill(rows)
-        self.border_title = f"F'_ior, arcsec, 0 to {top:g}{' (| limit)' if limits else ''}"
-        if (at := f"{session.turn_deg:.9g}") in self.rows and self.key != at:
+        self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
+        if (at := f"{session.turn_deg}") in self.rows and self.key != at:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(at))
-
-    @staticmethod
-    def hole(session: Session, rotation_deg: float) -> str:
-        """A position as its hole, or its angle."""
-        holes = session.drive.mounting.holes
-        return f"{round(rotation_deg * holes / 360)}" if holes else f"{rotation_deg:g}°"
 
 
 def _values(found: SeatCurve | None, rotation_deg: float) -> Text:
@@ -191,7 +191,7 @@ class Levers(Table):
     """The fields of the preset with their values and what a plausible step of each does."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("plus,equals_sign", "app.nudge(1)", "+ step", key_display="+ -"),
+        Binding("plus,equals_sign", "app.nudge(1)", "step", key_display="+ -"),
         Binding("minus", "app.nudge(-1)", "- step", show=False),
     ]
 
@@ -206,16 +206,15 @@ class Levers(Table):
 
         rows = {}
         for lever in sorted(found, key=change, reverse=True):
-            step = ""
-            if lever.path in steps:
-                by, changes = steps[lever.path]
-                step = f"  {by:+g}: {changes[torque]:+.2f}"
+            by, changes = steps.get(lever.path, (0.0, ()))
             ink = "green" if lever.mark == "*" else "dim" if lever.text == "unknown" else ""
             value = visible(lever.text)
             value = value if len(value) <= 12 else f"{value[:11]}…"
             rows[lever.path] = (
-                Text.assemble(lever.path, (f" {lever.mark or ' '}", "yellow" if lever.mark == "?" else "green")),
+                Text.assemble(
+                    f"{lever.path:.22}", (f" {lever.mark or ' '}", "yellow" if lever.mark == "?" else "green")
+                ),
                 Text.assemble((f"{value:>8}", ink), (f" {lever.unit}", "dim")),
-                Text(step, "cyan"),
+                Text(f" {by:+g}: {changes[torque]:+.2f}" if changes else "", "cyan"),
             )
         self.fill(rows)

@@ -84,6 +84,12 @@ class Session:
         return _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in self.changes)))
 
     @property
+    def here(self) -> str:
+        """The position that is looked at as trials take it: h4, or an angle [deg]."""
+        hole = hole_of(self.turn_deg, self.drive.mounting.holes)
+        return f"{self.turn_deg:g}" if hole is None else f"h{hole}"
+
+    @property
     def positions(self) -> tuple[float, ...]:
         """Turns [deg] that the wheel can be looked at in."""
         holes = self.drive.mounting.holes or 72
@@ -155,10 +161,7 @@ def with_trials(session: Session, text: str) -> Session:
     words = text.split()
     if not words:
         raise UsageError("no trial given", "like 28.1, or h4:17.3")
-    holes = session.drive.mounting.holes
-    hole = hole_of(session.turn_deg, holes)
-    here = f"{session.turn_deg:g}" if hole is None else f"h{hole}"
-    trials = [word if ":" in word else f"{here}:{word}" for word in words]
+    trials = [word if ":" in word else f"{session.here}:{word}" for word in words]
     return _stepped(session, replace(session.step, trials=(*session.trials, *trials)))
 
 

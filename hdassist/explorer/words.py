@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rich.text import Text
 
 from hdassist.explorer.asking import Known
-from hdassist.explorer.compute import ErrorRange, Headline, is_any_hole
+from hdassist.explorer.compute import is_any_hole
 from hdassist.explorer.state import Session
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknowns
 from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.positions import hole_of
+from hdassist.mounting.positions import hole_words
 from hdassist.terminal.texts import texts
 from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice
@@ -19,12 +21,6 @@ from hdassist.verdict import Verdict
 from hdassist.visible import visible
 
 VERDICTS = {Verdict.PASS: "green bold", Verdict.FAIL: "red bold", Verdict.INCONCLUSIVE: "yellow bold"}
-
-
-def where(rotation_deg: float, holes: int) -> str:
-    """A position in few letters: h4, or its angle."""
-    hole = hole_of(rotation_deg, holes)
-    return f"{rotation_deg:g}°" if hole is None else f"h{hole}"
 
 
 def is_settled(advice: Advice | TrialAdvice) -> bool:
@@ -71,39 +67,33 @@ def head(session: Session) -> Text:
 
 def headline(session: Session, known: Known, pinned: Known | None) -> Text:
     """F'_ior by torque as `check` has it, as it stands and in the best hole; an old answer is called so."""
-    found, text = known.headline or known.old, Text()
+    found = known.headline or (None if known.failed else known.old)
     if found is None:
         return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
-    state = "old, computing …" if found is not known.headline else _samples(found)
-    text.append(f"F'_ior, arcsec, as it stands ({state})", "dim")
+    is_old, advice = found is not known.headline, known.advice
+    size = (
+        f"5-50-95 %, {found.samples:.0f} samples{' …' * (not found.whole)}" if found.samples else "every state solved"
+    )
+    text = Text(f"F'_ior, arcsec, as it stands ({'old, computing …' if is_old else size})", "dim")
     before = {row.M_g: row for row in pinned.headline.rows} if pinned and pinned.headline else {}
+    place = known.curve.place(best_deg(advice)) if known.curve and advice else None
     for k, row in enumerate(found.rows):
-        text.append(f"\n{error_words(row)}", "dim" if found is not known.headline else "")
+        text.append(f"\n{row.M_g:g} N·m {_values((row.p5, row.p50, row.p95))}", "dim" if is_old else "")
         if row.limit_arcsec is not None:
-            text.append(f", {row.verdict}", VERDICTS[row.verdict])
+            kept = f": kept {100 * row.probability:.0f} %" if row.probability is not None else ""
+            text.append(f", limit {row.limit_arcsec:g}{kept}, ").append(row.verdict, VERDICTS[row.verdict])
             text.append(f" ({row.margin_arcsec:+.2f}″ to the limit)", "dim")
         if row.M_g in before:
             text.append(f"; {'pinned' if session.pinned else 'preset'} {row.p50 - before[row.M_g].p50:+.2f}″", "cyan")
-        if (advice := known.advice) and known.curve and (place := known.curve.place(best_deg(advice))):
-            there = " - ".join(
-                f"{value:.2f}" for value in dict.fromkeys(known.curve.F_ior_arcsec[:, k, place].tolist())
-            )
-            text.append(f"; best, {where(best_deg(advice), session.drive.mounting.holes)}: {there}″", "green")
+        if known.curve and advice and place:
+            best = hole_words(best_deg(advice), session.drive.mounting.holes)
+            text.append(f"; best, {best}: {_values(known.curve.F_ior_arcsec[:, k, place].tolist())}", "green")
     return text
 
 
-def _samples(found: Headline) -> str:
-    if not found.samples:
-        return "every state solved"
-    return f"5-50-95 %, {found.samples:.0f} samples{' …' * (not found.whole)}"
-
-
-def error_words(row: ErrorRange) -> str:
-    """F'_ior at a torque, with its limit and the probability of keeping it."""
-    values = dict.fromkeys((row.p5, row.p50, row.p95))
-    words = f"{row.M_g:g} N·m {' - '.join(f'{value:.2f}' for value in values)}″"
-    kept = f": kept {100 * row.probability:.0f} %" if row.probability is not None else ""
-    return words if row.limit_arcsec is None else f"{words}, limit {row.limit_arcsec:g}{kept}"
+def _values(percentiles: Iterable[float]) -> str:
+    """Percentiles [arcsec], or the one value that all of them are."""
+    return " - ".join(f"{value:.2f}" for value in dict.fromkeys(percentiles)) + "″"
 
 
 def stage(known: Known, of_trials: Known | None, busy: bool) -> str:
@@ -130,29 +120,26 @@ def trials_text(session: Session) -> Text:
 
 def advice_text(known: Known, of_trials: Known | None, any_hole: bool) -> Text:
     """The order with its reasons, or why there is none yet; below it the notes of `check`."""
-    text, here = Text(), of_trials or known
+    here, text, notes = of_trials or known, Text(), []
     if failed := here.failed or known.failed:
         text.append(visible(failed.message), "red")
-        text.append(visible(f"\n{failed.hint}"), "dim")
-    elif advice := here.advice:
-        words = mount_page.what_to_do(advice) if isinstance(advice, Advice) else trials_page.instruction(advice)
-        text.append(visible(words), "bold" if is_settled(advice) else "")
-        why = why_no_card(advice)
-        text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
-        if isinstance(advice, Advice):
-            lines = [f"{label}: {fact}" for label, fact in mount_page.gain_lines(advice) if fact]
-            warnings = mount_page.warnings(advice)
-        else:
-            lines = [f"P(good) {advice.losses.chosen[1]:.0%}, {advice.needed:.0%} wanted"]
-            warnings = tuple(trials_page.warnings(advice, texts()))
-        text.append("".join(f"\n{visible(line)}" for line in lines), "dim")
-        text.append("".join(f"\n{visible(line)}" for line in warnings), "yellow")
+        notes.append(failed.hint)
+    elif isinstance(advice := here.advice, Advice):
+        text.append(visible(mount_page.what_to_do(advice)), "bold" * is_settled(advice))
+        notes += [f"{label}: {fact}" for label, fact in mount_page.gain_lines(advice)]
+        notes += mount_page.warnings(advice)
+    elif advice:
+        text.append(visible(trials_page.instruction(advice)), "bold" * is_settled(advice))
+        notes.append(f"P(good) {advice.losses.chosen[1]:.0%}, {advice.needed:.0%} wanted")
+        notes += trials_page.warnings(advice, texts())
     elif of_trials is not None:
         text.append("Weighing the trials …", "dim")
     elif any_hole:
         text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).")
     else:
         text.append("Computing: nothing is ordered before it is proven …", "dim")
-    if known.headline:
-        text.append("".join(f"\n{visible(line)}" for line in known.headline.notes), "dim")
-    return text
+    if here.advice:
+        why = why_no_card(here.advice)
+        text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
+    notes += known.headline.notes if known.headline else ()
+    return text.append(visible("".join(f"\n{note}" for note in notes)), "dim")

@@ -28,7 +28,7 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.plausible import remarks
-from hdassist.preset.yamltext import OVERRIDE, Document, Findings, Path, Unread, in_order, near, shown
+from hdassist.preset.yamltext import OVERRIDE, Document, Path, Unread, in_order, near, shown
 
 
 def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
@@ -50,134 +50,137 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
-    own = yamltext.read(text, file)
-    drive, findings = _drive(sets.apply(own, parsed) if own.complete else own, file)
-    if findings.items or drive is None:
-        found = in_order(findings.items)
-        only_overrides = all(finding.file == OVERRIDE for finding in found)
-        if only_overrides or (overrides and not _drive(own, file)[1].items):
-            raise UsageError("\n".join(map(str, found)))
-        raise PresetError(found)
-    _warn(drive, findings)
+    document = yamltext.read(text, file)
+    if document.complete:
+        sets.apply(document, parsed)
+    drive = _drive(document)
+    if document.findings or drive is None:
+        found = in_order(document.findings)
+        if not all(finding.file == OVERRIDE for finding in found):
+            own = yamltext.read(text, file)
+            if not overrides or not _drive(own) or own.findings:
+                raise PresetError(found)
+        raise UsageError("\n".join(map(str, found)))
+    _warn(drive, document)
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     drive._origin = Origin(
         file=file,
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
-        warnings=tuple(map(str, in_order(findings.warnings))),
+        warnings=tuple(map(str, in_order(document.warnings))),
     )
     return drive
 
 
-def _drive(document: Document, file: str) -> tuple[Drive | None, Findings]:
-    findings = Findings(document, file)
+def _drive(document: Document) -> Drive | None:
+    """The drive that a document describes, None where there is none; what is wrong is added to its findings."""
     if not document.complete:
-        return None, findings
+        return None
     if not isinstance(document.data, dict):
         if not isinstance(document.data, Unread):
             message, got = (
                 ("the preset is empty", "") if document.data is None else ("a preset must be a table of keys", None)
             )
-            findings.add((), message, "hdassist presets new NAME prints one to start from", got)
-        return None, findings
+            document.add((), message, "hdassist presets new NAME prints one to start from", got)
+        return None
     data = dict(document.data)
-    _check_schema(findings, data)
-    _settle_spreads(findings, data)
+    _check_schema(document, data)
+    _settle_spreads(document, data)
     drive = None
     try:
         drive = Drive.model_validate(data)
     except ValidationError as error:
         problems = error.errors(include_url=False, include_context=False)
         for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
-            _translate(problem["loc"], problem["type"], problem["input"], findings)
-    if drive and _follows_coupling(drive, findings):
+            _translate(problem["loc"], problem["type"], problem["input"], document)
+    if drive and _follows_coupling(drive, document):
         drive = coupling.with_cam_support(drive)
         data["source"] = {path: e for path, e in (data.get("source") or {}).items() if path != "supports.C_3"}
-    valid = _valid(drive, data, findings)
-    _check_ranges(valid, data, findings)
+    valid = _valid(drive, data, document)
+    _check_ranges(valid, data, document)
     for conflict, involved in conflicts(valid):
         paths = [tuple(path.split(".")) for path in (conflict.path, *involved)]
-        path = next((p for p in paths if findings.where(p)[0] == OVERRIDE), paths[0])
-        findings.add(path, conflict.message, conflict.hint, conflict.got)
+        path = next((p for p in paths if document.is_override(p)), paths[0])
+        document.add(path, conflict.message, conflict.hint, conflict.got)
     for field in drive.uncertainty if drive else ():
         if drive and drive.value(field) is None:
-            findings.add(("uncertainty", field), "an uncertainty of a value that is not given", f"give {field} as well")
-    return drive, findings
+            document.add(("uncertainty", field), "an uncertainty of a value that is not given", f"give {field} as well")
+    return drive
 
 
-def _follows_coupling(drive: Drive, findings: Findings) -> bool:
+def _follows_coupling(drive: Drive, document: Document) -> bool:
     """Whether the cam's support is that of its coupling: not given, or the coupling alone is on the command line."""
-    places = {path: findings.places.get(tuple(path.split("."))) for path in ("supports.C_3", *coupling.FIELDS)}
-    tried = {path for path, place in places.items() if place is not None and place.file == OVERRIDE}
+    places = {path: document.places.get(tuple(path.split("."))) for path in ("supports.C_3", *coupling.FIELDS)}
+    tried = {path for path, place in places.items() if place and place.file == OVERRIDE}
     return drive.supports.C_3 is None or (bool(tried) and "supports.C_3" not in tried)
 
 
-def _check_schema(findings: Findings, data: dict[str, Any]) -> None:
+def _check_schema(document: Document, data: dict[str, Any]) -> None:
     if "schema" not in data:
-        findings.add(("schema",), "missing key", f"write schema: {SCHEMA}")
+        document.add(("schema",), "missing key", f"write schema: {SCHEMA}")
     elif not isinstance(given := data.pop("schema"), Unread) and given != SCHEMA:
-        findings.add(("schema",), f"must be {SCHEMA}")
+        document.add(("schema",), f"must be {SCHEMA}")
 
 
-def _settle_spreads(findings: Findings, data: dict[str, Any]) -> None:
+def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
     """Of two uncertainties of a field, one beside its value, the one on the command line counts."""
     if not isinstance(table := data.get("uncertainty"), dict):
         return
     for path, spread in spreads(data).items():
         own = ("uncertainty", path)
-        own_wins, beside_wins = (findings.where(p)[0] == OVERRIDE for p in (own, tuple(path.split("."))))
+        own_wins, beside_wins = (document.is_override(p) for p in (own, tuple(path.split("."))))
         if path in table and beside_wins and not own_wins:
             data["uncertainty"] = table = table | {path: spread}
         elif path in table and beside_wins == own_wins:
-            findings.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
+            document.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
 
 
-def _check_ranges(valid: dict[str, Any], data: dict[str, Any], findings: Findings) -> None:
+def _check_ranges(valid: dict[str, Any], data: dict[str, Any], document: Document) -> None:
     """A value lies in the range that its source calls plausible; one on the command line is tried, and need not."""
     table = data.get("source")
     for path, entry in table.items() if isinstance(table, dict) else ():
         place = ("source", path, "range")
         bounds = read_range(path, entry.get("range")) if isinstance(entry, dict) and path in measures() else None
-        tried = findings.where(tuple(path.split(".")))[0] == OVERRIDE
-        value = None if tried or findings.is_bad(place) else valid.get(path)
+        tried = document.is_override(tuple(path.split(".")))
+        value = None if tried or document.is_bad(place) else valid.get(path)
         if isinstance(bounds, tuple) and value is not None and not bounds[0] <= value <= bounds[1]:
             got = f"{plain(bounds[0])} to {plain(bounds[1])}"
-            findings.add(place, f"the value {plain(value)} lies outside its range", "correct one of them", got)
+            document.add(place, f"the value {plain(value)} lies outside its range", "correct one of them", got)
 
 
-def _translate(path: Path, kind: str, value: Any, findings: Findings) -> None:
+def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
     """Add what pydantic found, in the words of somebody who writes presets."""
-    if findings.is_bad(path):
+    if document.is_bad(path):
         return  # found and said before
     if kind == "missing":
-        findings.add(path, *_missing(path), got="")
+        document.add(path, *_missing(path), got="")
         return
-    if path not in findings.places:
+    if path not in document.places:
         path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
     info = field_table().get(".".join(map(str, path[:2]))) or Drive.model_fields.get(str(path[0]))
     if path[0] in BY_PATH and len(path) > 2:
         info = BY_PATH[str(path[0])].model_fields.get(str(path[2]))
     if kind == "extra_forbidden":
-        hint = "" if len(findings.items) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
-        findings.add(path, "unknown key", hint, "", key=True)
+        hint = "" if len(document.findings) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
+        document.add(path, "unknown key", hint, "", key=True)
     elif isinstance(value, Unread):
-        findings.refuse(path, value)
+        document.refuse(path, value)
     elif kind in ("model_type", "dict_type"):
-        findings.add(path, "must be a table of keys")
+        document.add(path, "must be a table of keys")
     elif kind == "literal_error" and info is not None:
         choices = choices_of(info)
-        findings.add(path, f"must be one of {', '.join(choices)}", near(str(value), choices))
+        document.add(path, f"must be one of {', '.join(choices)}", near(str(value), choices))
     elif kind == "string_type":
-        findings.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
+        document.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
     elif path == ("name",) and kind == "value_error":
-        findings.add(path, "must be one line", "what is longer stands in description")
+        document.add(path, "must be one line", "what is longer stands in description")
     elif kind.startswith("string_too"):
-        findings.add(path, "must have 1 to 200 characters")
+        document.add(path, "must have 1 to 200 characters")
     elif info is not None:
         unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
-        converted = isinstance(yamltext.resolve(findings.written(path)), str)  # written in another unit
+        converted = isinstance(yamltext.resolve(document.written(path)), str)  # written in another unit
         hint = f"that is {value:g} {unit}" if converted else ""
-        findings.add(path, f"out of range: {range_of(info, unit)}", hint)
+        document.add(path, f"out of range: {range_of(info, unit)}", hint)
 
 
 def _unknown_hint(path: Path, value: Any) -> str:
@@ -211,12 +214,12 @@ def _missing(path: Path) -> tuple[str, str]:
     return "missing key", f"{meaning}, in {unit}" if unit else meaning
 
 
-def _valid(drive: Drive | None, data: dict[str, Any], findings: Findings) -> dict[str, Any]:
+def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dict[str, Any]:
     """Fields without a finding, by path: as given, or their default."""
     if drive is not None:
         return {path: drive.value(path) for path in field_table()}
     valid: dict[str, Any] = {}
-    bad = {path[:2] for path in findings.bad}
+    bad = {path[:2] for path in document.bad}
     for path, info in field_table().items():
         section, name = path.split(".")
         given = data.get(section) or {}
@@ -229,51 +232,51 @@ def _valid(drive: Drive | None, data: dict[str, Any], findings: Findings) -> dic
     return valid
 
 
-def _warn(drive: Drive, findings: Findings) -> None:
+def _warn(drive: Drive, document: Document) -> None:
     """Warn of what can be read, and is hardly meant."""
-    _warn_of_limits(drive, findings)
-    _warn_of_amplitudes(drive, findings)
-    _warn_of_model(drive, findings)
+    _warn_of_limits(drive, document)
+    _warn_of_amplitudes(drive, document)
+    _warn_of_model(drive, document)
     for path, message, usual in remarks(drive):
-        findings.warn(tuple(path.split(".")), message, usual)
+        document.warn(tuple(path.split(".")), message, usual)
 
 
-def _warn_of_limits(drive: Drive, findings: Findings) -> None:
+def _warn_of_limits(drive: Drive, document: Document) -> None:
     """Warn of limits at torques that are not computed; those of a file may be more than the torques of one run."""
-    narrowed = findings.where(("operation", "M_g"))[0] == OVERRIDE
+    narrowed = document.is_override(("operation", "M_g"))
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
     message = "a limit for a torque that is not in operation.M_g: accept looks at it, check does not"
     for section, name in sets.PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
-            counts = not narrowed or findings.where(path)[0] == OVERRIDE
+            counts = not narrowed or document.is_override(path)
             if key != "all" and float(key) not in drive.operation.M_g and counts:
-                findings.warn(path, message, f"M_g: {torques}")
+                document.warn(path, message, f"M_g: {torques}")
 
 
-def _warn_of_amplitudes(drive: Drive, findings: Findings) -> None:
+def _warn_of_amplitudes(drive: Drive, document: Document) -> None:
     """Warn of harmonics that are more than the whole deviation of their wheel."""
     for name in Harmonics.model_fields:
         wheel = "F_i1" if name[-2] == "g" else "F_i2"
         size, whole = drive.number(f"harmonics.{name}"), drive.number(f"tolerances.{wheel}")
         if name.startswith("a_") and size > whole > 0:
             message = f"{size:g} um, more than all of {wheel}: {whole:g} um from peak to peak"
-            findings.warn(("harmonics", name), message, "an amplitude in um, half of what it does from peak to peak")
+            document.warn(("harmonics", name), message, "an amplitude in um, half of what it does from peak to peak")
 
 
-def _warn_of_model(drive: Drive, findings: Findings) -> None:
+def _warn_of_model(drive: Drive, document: Document) -> None:
     """Warn where values were identified with another shape of rim or flanks than is used, or may have been."""
     if all(source.kind != "identified" for source in drive.source.values()):
         return
     for name, before in IDENTIFIED_WITH.items():
         path, here = ("numerics", name), drive.value(f"numerics.{name}")
-        if findings.where(path)[0] == OVERRIDE:
-            findings.warn(
+        if document.is_override(path):
+            document.warn(
                 path, f"{here}: values of this preset were identified with the numerics.{name} that it names, if any",
                 "they fit no other; calibrate anew with this one",
             )  # fmt: skip
-        elif path not in findings.places:
-            findings.warn(
+        elif path not in document.places:
+            document.warn(
                 ("source",), f"values were identified, but not said with which numerics.{name}; {here} is used",
                 f"older values are of {before}: write numerics.{name}: {before}, or calibrate anew",
             )  # fmt: skip

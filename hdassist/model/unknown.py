@@ -1,4 +1,4 @@
-"""What is not known of the deviations of a drive: which fields, how far they may go, and drives drawn from that.
+"""What is not known of the deviations of a drive: which fields, and how far they may go.
 
 A size that is not given may be anything up to what its part may have; a direction that is not given, any direction.
 """
@@ -9,13 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-from scipy.special import ndtri
-
 from hdassist.model.deviations import Deviation, deviations_of, standing_offset
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import least_of
+from hdassist.preset.fields import Drive
 from hdassist.preset.knowledge import F_p
 
 CLASS = 9  # of ISO 1328-1:2013: F_p of the coarsest teeth that a drive is taken to have; the paper's drive is there
@@ -90,24 +86,6 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
         if each.part == part and felt and (size is None or size > 0):
             sides[name not in still].append(each)
     return sides
-
-
-def draw(drive: Drive, count: int, seed: int = 0) -> list[Drive]:
-    """Drives drawn from what is not known of one, evenly, and from its uncertainties (k = 2), normally distributed.
-
-    Of more draws by the same seed the first are the same drives.
-    """
-    open_, uncertain = unknowns(drive), sorted(drive.uncertainty)
-    shares = np.random.default_rng(seed).random((count, len(open_) + len(uncertain)))
-    columns = {u.path: u.low + (u.high - u.low) * shares[:, k] for k, u in enumerate(open_)}
-    columns |= {path: uncertain_values(drive, path, shares[:, len(open_) + k]) for k, path in enumerate(uncertain)}
-    return listed(drive, columns, count)
-
-
-def uncertain_values(drive: Drive, path: str, share: Array) -> Array:
-    """Values of a field that has an uncertainty, from shares of their probability; cut where the field ends."""
-    spread = drive.uncertainty[path] / 2 * ndtri(share)
-    return np.asarray(np.maximum(drive.number(path) + spread, least_of(field_table()[path])))
 
 
 def with_zeros(drive: Drive) -> Drive:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 
 from hdassist.errors import Finding, UsageError
@@ -16,10 +15,9 @@ PER_TORQUE = [tuple(path.split(".")) for path, info in fields() if kind_of(info)
 
 @dataclass(frozen=True)
 class Override:
-    """One override: the path it sets, and its value as a document whose places count within the override."""
+    """One override: the path it sets, and its value as a document whose places are those in the override."""
 
     path: Path
-    mark: Mark
     value: Document
 
 
@@ -34,23 +32,21 @@ def parse(text: str, index: int) -> Override:
     if not equals or not all(path) or not key.strip().isprintable():  # YAML has no such keys either
         raise UsageError(
             f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
-            f"like {OVERRIDE} tolerances.F_i2=60",
+            f"like {OVERRIDE} gears.j_n=6",
         )
     document = read(value, OVERRIDE)
-    start = len(key) + 1
+    own, start = Mark(index, 1), len(key) + 1
 
     def moved(mark: Mark) -> Mark:
         return Mark(index, (mark.column if mark.line == 1 else 1) + start)
 
-    document.findings = [replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings]
     if document.findings:
-        raise UsageError("\n".join(map(str, document.findings)))
-    own = Mark(index, 1)
-    places = {path: SourceSpan(OVERRIDE, own, Mark(index, start + 1))} | {
-        (*path, *inner): SourceSpan(OVERRIDE, moved(p.key) if inner else own, moved(p.value), p.text, p.quoted)
-        for inner, p in document.places.items()
-    }
-    return Override(path, own, replace(document, places=places))
+        faults = [replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings]
+        raise UsageError("\n".join(map(str, faults)))
+    places = {path: SourceSpan(OVERRIDE, own, Mark(index, start + 1))}
+    for inner, place in document.places.items():
+        places[*path, *inner] = replace(place, key=moved(place.key) if inner else own, value=moved(place.value))
+    return Override(path, replace(document, places=places))
 
 
 def path_of(key: str) -> Path:
@@ -63,15 +59,11 @@ def path_of(key: str) -> Path:
     return (*parts[:2], ".".join(parts[2:])) if len(parts) > 2 else tuple(parts)
 
 
-def apply(document: Document, overrides: Sequence[Override]) -> Document:
-    """The document with the overrides on top; the first one is applied first."""
-    result = replace(
-        document, data=deepcopy(document.data), places=dict(document.places), findings=list(document.findings)
-    )
+def apply(document: Document, overrides: Sequence[Override]) -> None:
+    """Put overrides on top of a document; the first one is applied first."""
     for override in overrides:
-        if isinstance(result.data, dict):
-            _set(result, override)
-    return result
+        if isinstance(document.data, dict):
+            _set(document, override)
 
 
 def _set(document: Document, override: Override) -> None:
@@ -84,7 +76,8 @@ def _set(document: Document, override: Override) -> None:
             keep = {} if inner is None or path[:2] not in PER_TORQUE else {"all": inner}
             if inner is not None and not keep:
                 message = f"{path_text(path)} is no table of keys"
-                document.findings.append(Finding(OVERRIDE, *override.mark, path_text(override.path), message))
+                mark = override.value.places[override.path].key
+                document.findings.append(Finding(OVERRIDE, *mark, path_text(override.path), message))
                 return
             if keep:
                 document.places[(*path, "all")] = document.places[path]

@@ -60,12 +60,66 @@ class SourceSpan:
 
 @dataclass
 class Document:
-    """What a text says: data, the place of each path, what is wrong, and whether it was read to its end."""
+    """A text as it was read: data, the place of each path, what is wrong, and whether it was read to its end.
 
+    file: its name in findings; bad: paths whose values are not to be used.
+    """
+
+    file: str
     data: Any = None
     places: dict[Path, SourceSpan] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    warnings: list[Finding] = field(default_factory=list)
+    bad: set[Path] = field(default_factory=set)
     complete: bool = True
+
+    def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
+        """Note what is wrong with a value (or, on demand, with a key) and mark the path as bad.
+
+        Without `got` the finding says how the value is written.
+        """
+        self.bad.add(path)
+        self.findings.append(self._finding(path, message, hint, self.written(path) if got is None else got, key))
+
+    def warn(self, path: Path, message: str, hint: str) -> None:
+        """Note what is not wrong with a key, but perhaps not meant."""
+        self.warnings.append(self._finding(path, message, hint, "", key=True))
+
+    def _finding(self, path: Path, message: str, hint: str, got: str, key: bool) -> Finding:
+        file, mark = self.where(path, key)
+        return Finding(file, *mark, path_text(path), message, got, hint)
+
+    def refuse(self, path: Path, unread: Unread) -> None:
+        """Note why a value cannot be read, unless a finding says it already."""
+        self.bad.add(path)
+        if unread.message:
+            got = (shown(str(path[-1])) or "nothing") if unread.at_key else None
+            self.add(path, unread.message, unread.hint, got, key=unread.at_key)
+
+    def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
+        """File and place of a value or key; of the nearest table around it where it is not given."""
+        while path and path not in self.places:
+            path, key = path[:-1], True
+        if not path:
+            return self.file, Mark(1, 1)
+        place = self.places[path]
+        return place.file, place.key if key else place.value
+
+    def is_override(self, path: Path) -> bool:
+        """Whether a value, or the nearest table around it, is of the command line."""
+        return self.where(path)[0] == OVERRIDE
+
+    def written(self, path: Path) -> str:
+        """Value of a path as it is written; empty if it is not given."""
+        place = self.places.get(path)
+        if place is None:
+            return ""
+        text = shown(place.text)
+        return f'"{text}"' if place.quoted else text or "nothing"
+
+    def is_bad(self, path: Path) -> bool:
+        """Whether a path, or a table around it, has a finding."""
+        return any(path[:n] in self.bad for n in range(1, len(path) + 1))
 
 
 _FLOAT = re.compile(NUMBER)
@@ -95,9 +149,9 @@ def read(text: bytes | str, file: str) -> Document:
 
     Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear.
     """
-    document = Document()
+    document = Document(file)
     try:
-        _Builder(document, file, _decode(text)).run()
+        _Builder(document, _decode(text)).run()
     except _EndError as end:
         document.findings.append(Finding(file, *end.mark, "", end.message, end.got, end.hint))
         document.complete = False
@@ -140,8 +194,8 @@ class _Builder:
     Nodes composed first would come with less: a text that breaks off has none, and an alias in it has no place.
     """
 
-    def __init__(self, document: Document, file: str, text: str) -> None:
-        self.document, self.file = document, file
+    def __init__(self, document: Document, text: str) -> None:
+        self.document, self.file = document, document.file
         self.events = self._parsed(text)
         self.last = Mark(1, 1)
 
@@ -258,61 +312,6 @@ def _syntax_error(error: yaml.MarkedYAMLError, last: Mark) -> _EndError:
                 hint = f"opened in line {begun.line + 1}, column {begun.column + 1}"
             return _EndError(mark, f"not valid YAML: {message}", hint=hint)
     return _EndError(mark, f"not valid YAML: {shown(problem, 100)}")
-
-
-class Findings:
-    """Findings on one document, and the paths whose values are not to be used."""
-
-    def __init__(self, document: Document, file: str) -> None:
-        self.file = file
-        self.places = document.places
-        self.items = list(document.findings)
-        self.warnings: list[Finding] = []
-        self.bad: set[Path] = set()
-
-    def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
-        """Note what is wrong with a value (or, on demand, with a key) and mark the path as bad.
-
-        Without `got` the finding says how the value is written.
-        """
-        self.bad.add(path)
-        self.items.append(self._finding(path, message, hint, self.written(path) if got is None else got, key))
-
-    def warn(self, path: Path, message: str, hint: str) -> None:
-        """Note what is not wrong with a key, but perhaps not meant."""
-        self.warnings.append(self._finding(path, message, hint, "", key=True))
-
-    def _finding(self, path: Path, message: str, hint: str, got: str, key: bool) -> Finding:
-        file, mark = self.where(path, key)
-        return Finding(file, *mark, path_text(path), message, got, hint)
-
-    def refuse(self, path: Path, unread: Unread) -> None:
-        """Note why a value cannot be read, unless a finding says it already."""
-        self.bad.add(path)
-        if unread.message:
-            got = (shown(str(path[-1])) or "nothing") if unread.at_key else None
-            self.add(path, unread.message, unread.hint, got, key=unread.at_key)
-
-    def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
-        """File and place of a value or key; of the nearest table around it where it is not given."""
-        while path and path not in self.places:
-            path, key = path[:-1], True
-        if not path:
-            return self.file, Mark(1, 1)
-        place = self.places[path]
-        return place.file, place.key if key else place.value
-
-    def written(self, path: Path) -> str:
-        """Value of a path as it is written; empty if it is not given."""
-        place = self.places.get(path)
-        if place is None:
-            return ""
-        text = shown(place.text)
-        return f'"{text}"' if place.quoted else text or "nothing"
-
-    def is_bad(self, path: Path) -> bool:
-        """Whether a path, or a table around it, has a finding."""
-        return any(path[:n] in self.bad for n in range(1, len(path) + 1))
 
 
 def in_order(items: Iterable[Finding]) -> list[Finding]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from hdassist.model.geometry import Array
 from hdassist.solve.formulation import Formulation
@@ -45,10 +44,13 @@ def solve_near(
         system[n:, :n] = across = A[:, inside]
         system[:n, n:] = across.T
         right_side = np.concatenate([-lowest[inside] - offset, right])
-        _, _, found, loose = lapack.dgesv(system, right_side)
-        if loose:  # no contact holds the parts: a soft spring lets them move on until some does
+        loose = False
+        try:
+            found = np.linalg.solve(system, right_side)
+        except np.linalg.LinAlgError:  # no contact holds the parts: a soft spring lets them move on until some does
+            loose = True
             system[np.arange(n, n + free), np.arange(n, n + free)] -= SOFT
-            _, _, found, _ = lapack.dgesv(system, right_side)
+            found = np.linalg.solve(system, right_side)
         if not np.all(np.isfinite(found)):
             return None
         closing = gaps + (H[:, inside] @ found[:n] + A.T @ found[n:])[place]
@@ -59,7 +61,7 @@ def solve_near(
         moved = np.flatnonzero(leave | enter)
         if not (loose or len(moved)):
             return np.maximum(forces, 0), found[n:]
-        fewer = bool(loose) or len(moved) < fewest
+        fewer = loose or len(moved) < fewest
         patience, fewest = (PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
         contact = contact.copy()
         contact[moved if patience >= 0 else moved[-1:]] ^= True

@@ -22,17 +22,20 @@ from hdassist.solve.sums import StateSums
 INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
 
 
+_SIZES = ("M", "m", "free", "p", "flanks", "columns", "rotation")
+_ARRAYS = (
+    *("by_places", "law", "place", "contact", "gain", "constant", "weight", "own", "value_force", "other_force"),
+    *("dual_unit", "compliance", "local", "G", "C", "freedom", "delta_p", "map", "lever", "zone", "edge"),
+)
+_FOUND = ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull", "forces", "free")
+
+
 class _System(ctypes.Structure):
     """contact_system of walk.c."""
 
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("M", "m", "free", "p", "flanks", "columns", "rotation")),
-        *((name, ctypes.c_void_p) for name in ("by_places", "law", "place", "contact", "gain", "constant", "weight")),
-        *((name, ctypes.c_void_p) for name in ("own", "value_force", "other_force", "dual_unit", "compliance")),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("local", "G", "C", "freedom", "delta_p", "map", "lever", "zone", "edge")
-        ),
+        *((name, ctypes.c_int32) for name in _SIZES),
+        *((name, ctypes.c_void_p) for name in _ARRAYS),
         ("torque", ctypes.c_double),
     ]
 
@@ -40,10 +43,7 @@ class _System(ctypes.Structure):
 class _Answers(ctypes.Structure):
     """answers of walk.c."""
 
-    _fields_ = [
-        (name, ctypes.c_void_p)
-        for name in ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull", "forces", "free")
-    ]
+    _fields_ = [(name, ctypes.c_void_p) for name in _FOUND]
 
 
 @cache
@@ -53,30 +53,26 @@ def library() -> tuple[Any, str]:
         if not (folder / library_name(1)).exists():
             continue
         try:
-            level = ctypes.CDLL(str(folder / library_name(1))).walk_level()
-            found = ctypes.CDLL(str(folder / library_name(level)))
+            level = _load(folder / library_name(1)).walk_level()
+            found = _load(folder / library_name(level))
         except OSError as error:
             return None, f"the compiled walk can't be loaded: {error}"
-        found.walk_source.restype = ctypes.c_char_p
         if found.walk_source().decode() != source_hash():
             return None, f"the compiled walk is older than {SOURCE.name}: install hdassist again"
-        return _declared(found), f"compiled walk, {INSTRUCTIONS[level]}"
+        return found, f"compiled walk, {INSTRUCTIONS[level]}"
     return None, "numpy: no compiled walk in this installation (no C compiler when it was made)"
 
 
 def _load(path: Path) -> Any:
-    return _declared(ctypes.CDLL(str(path)))
-
-
-def _declared(loaded: Any) -> Any:
-    """The library with the types of its functions."""
-    pointer = ctypes.c_void_p
+    """A library with the types of its functions."""
+    loaded: Any = ctypes.CDLL(str(path))
+    pointer, integer, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
+    loaded.walk_source.restype = ctypes.c_char_p
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer], pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
     loaded.walk_solve.argtypes = [pointer, ctypes.c_long, pointer, pointer, pointer, pointer]
     loaded.walk_solve.restype = loaded.walk_pivots.restype = ctypes.c_long
     loaded.walk_pivots.argtypes = [pointer]
-    integer, real = ctypes.c_int, ctypes.c_double
     loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [real, integer] + [pointer] * 3
     loaded.walk_near.restype = integer
     return loaded

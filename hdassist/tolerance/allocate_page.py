@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -18,6 +18,7 @@ from hdassist.terminal.influence_words import measure_objects, measure_words
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.tolerance.allocation import Allocation, Tolerance
 from hdassist.tolerance.law import ProductionLaw
+from hdassist.tolerance.tolerance_page import law_warnings, paragraphs
 from hdassist.tolerance.yields import TAIL
 from hdassist.verdict import Verdict
 
@@ -67,12 +68,9 @@ def answer(found: Allocated) -> Answer:
 
 def warnings(found: Allocated) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    told = list(found.drive.origin.warnings)
-    if assumed := [choice.path for choice in found.choices if choice.assumed_law]:
-        told.append(f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)")
-    if found.law.not_given:
-        told.append(f"no tolerance given, drawn evenly as check draws them: {', '.join(found.law.not_given)}")
-    return tuple(told)
+    assumed = [choice.path for choice in found.choices if choice.assumed_law]
+    words = f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)"
+    return (*law_warnings(found.law), *[words] * bool(assumed))
 
 
 def render(found: Allocated, style: Style) -> RenderableType:
@@ -86,9 +84,7 @@ def render(found: Allocated, style: Style) -> RenderableType:
         lines += _why_not(found)
     elif saved := _saved(found):
         lines.append(saved)
-    parts: list[RenderableType] = [Text(style.text(head), style="bold"), Text(style.text("\n".join(lines)))]
-    parts.append(_table(found, style))
-    return Group(*(line for part in parts for line in (part, Text(""))))
+    return paragraphs(style, Text(style.text(head), style="bold"), "\n".join(lines), _table(found, style))
 
 
 def _words(way: Allocation, found: Allocated) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -15,6 +15,7 @@ from hdassist.terminal.influence_words import influence_objects, measure_objects
 from hdassist.terminal.runs import Answer, Figures
 from hdassist.tolerance.production import STEP
 from hdassist.tolerance.sensitivity import Sensitivities
+from hdassist.tolerance.tolerance_page import law_warnings, paragraphs
 
 BAR = 10  # columns of the longest bar
 LISTED = 8  # fields of a table
@@ -28,17 +29,9 @@ def answer(found: Sensitivities) -> Answer:
         summary_line=lambda: summary_line(found),
         figures=lambda: figures(found),
         about=found.law.drive.name,
-        warnings=warnings(found),
+        warnings=law_warnings(found.law),
         proof=proof(found),
     )
-
-
-def warnings(found: Sensitivities) -> tuple[str, ...]:
-    """What a reader should know beside the numbers."""
-    remarks = list(found.law.drive.origin.warnings)
-    if found.law.not_given:
-        remarks.append(f"no tolerance given, drawn evenly as check draws them: {', '.join(found.law.not_given)}")
-    return tuple(remarks)
 
 
 def summary_line(found: Sensitivities) -> str:
@@ -63,14 +56,10 @@ def render(found: Sensitivities, style: Style) -> RenderableType:
     """The answer, a table a torque, what to measure, and the next command."""
     drive, samples = found.law.drive, found.samples
     head = f"{drive.name}: {len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
-    parts: list[RenderableType] = [Text(style.text(head)), Text(style.text(summary_line(found)), style="bold")]
-    parts += [_table(found, t, style) for t in range(len(samples.torques))]
-    below = [proof(found)]
-    if words := measure_words(found.to_measure, False):
-        below.append(f"to measure: {words}")
-    below.append(f"next: {again('allocate', drive)}")
-    parts.append(Text(style.text("\n".join(below))))
-    return Group(*(line for part in parts for line in (part, Text(""))))
+    tables = [_table(found, t, style) for t in range(len(samples.torques))]
+    measure = measure_words(found.to_measure, False)
+    below = [proof(found), *[f"to measure: {measure}"] * bool(measure), f"next: {again('allocate', drive)}"]
+    return paragraphs(style, head, Text(style.text(summary_line(found)), style="bold"), *tables, "\n".join(below))
 
 
 def proof(found: Sensitivities) -> str:
@@ -101,7 +90,7 @@ def to_json(found: Sensitivities) -> Json:
     """The sensitivities as a JSON object."""
     samples = found.samples
     return {
-        **envelope("sensitivity", found.law.drive, 0, warnings(found)),
+        **envelope("sensitivity", found.law.drive, 0, law_warnings(found.law)),
         "operating_points": [
             {
                 "M_g_Nm": M_g,

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.text import Text
 
 from hdassist.model.unknown import unknowns
@@ -18,6 +18,7 @@ from hdassist.terminal.console import Style
 from hdassist.terminal.heat import heat
 from hdassist.terminal.plot import curve
 from hdassist.tolerance.sweep import Sweep, SweepRow, Swept, largest
+from hdassist.tolerance.tolerance_page import paragraphs
 from hdassist.tolerance.vary import TORQUE, Axis
 from hdassist.verdict import worst_exit_code
 
@@ -69,10 +70,9 @@ def render(swept: Swept, style: Style, name: str, *, plots: bool = True) -> Rend
     """
     sweep = swept.sweep
     over = " and ".join(_span(axis) for axis in sweep.axes)
-    parts: list[RenderableType] = [Text(style.text(f"{swept.drive.name}: F'_ior over {over}, {sweep.rows} rows"))]
-    parts += [Text(text) for text in _plots(swept, style)] if plots else []
-    parts.append(Text(style.text("\n".join(_facts(swept, name)))))
-    return Group(*(line for part in parts for line in (part, Text(""))))
+    head = f"{swept.drive.name}: F'_ior over {over}, {sweep.rows} rows"
+    drawn = [Text(text) for text in _plots(swept, style)] if plots else []
+    return paragraphs(style, head, *drawn, "\n".join(_facts(swept, name)))
 
 
 def _facts(swept: Swept, name: str) -> Iterator[str]:

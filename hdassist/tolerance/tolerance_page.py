@@ -60,12 +60,20 @@ def answer(
 
 def warnings(law: ProductionLaw, summary: Summary) -> tuple[str, ...]:
     """What a reader should know beside the numbers."""
-    found = list(law.drive.origin.warnings)
-    if law.not_given:
-        found.append(f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}")
-    if summary.refused:
-        found.append(f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}")
-    return tuple(found)
+    refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
+    return (*law_warnings(law), *[refused] * bool(summary.refused))
+
+
+def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
+    """Warnings about a drive and about what its random drives are drawn from."""
+    words = f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}"
+    return (*law.drive.origin.warnings, *[words] * bool(law.not_given))
+
+
+def paragraphs(style: Style, *parts: RenderableType) -> RenderableType:
+    """Texts and tables with a line between them."""
+    made = [Text(style.text(part)) if isinstance(part, str) else part for part in parts]
+    return Group(*(line for part in made for line in (part, Text(""))))
 
 
 def render(
@@ -75,18 +83,21 @@ def render(
     drive = law.drive
     of = f" of {summary.design_count} designs" if law.shared else ""
     head = f"{drive.name}: {summary.count} random drives{of}, {_law_words(law)}, seed {seed}"
-    parts: list[RenderableType] = [Text(style.text(head), style="bold")]
-    parts.append(Text(style.text("\n".join(_verdict_lines(summary, law)))))
-    parts.append(_table(summary, style))
-    if plots and np.ptp(_ways(summary.points[0], summary)[-1][1]) > 0:
-        parts.append(Text(_distribution(summary.points[0], summary, style)))
     below = [proof(summary)]
     if summary.verdict is Verdict.INCONCLUSIVE:
         words = measure_words(_to_measure(law, summary, samples), False)
         below.append(f"to measure: {words}" if words else "more drives (-n) may tell")
     below.append(f"next: {again('sensitivity', drive)}")
-    parts.append(Text(style.text("\n".join(below))))
-    return Group(*(line for part in parts for line in (part, Text(""))))
+    first = summary.points[0]
+    has_plot = plots and np.ptp(_ways(first, summary)[-1][1]) > 0
+    return paragraphs(
+        style,
+        Text(style.text(head), style="bold"),
+        "\n".join(_verdict_lines(summary, law)),
+        _table(summary, style),
+        *([Text(_distribution(first, summary, style))] if has_plot else []),
+        "\n".join(below),
+    )
 
 
 def proof(summary: Summary) -> str:

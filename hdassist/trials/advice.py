@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
@@ -11,16 +10,24 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import chi2, circmean, circstd
 
-from hdassist.error.table import Mesh
 from hdassist.errors import UntrustedError
 from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
 from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive
-from hdassist.run.run import Progress
-from hdassist.trials.cloud import MESH
-from hdassist.trials.posterior import Draws, Prediction, learnt, next_trial, prediction, require_reachable
-from hdassist.trials.prior import SAMPLES, Prior, Rig, prior_of
+from hdassist.run.run import Run
+from hdassist.trials.posterior import (
+    Draws,
+    Prediction,
+    drawn,
+    learnt,
+    next_trial,
+    prediction,
+    require_effective,
+    require_reachable,
+    weeded,
+)
+from hdassist.trials.prior import TRIAL_EFFORT, Prior, Rig, TrialEffort, trial_prior
 
 NEEDED = 0.9  # probability that the choice is good from which on the trials settle it
 STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
@@ -30,7 +37,6 @@ FEW = 3  # trials, which fit any drive: predictions of later ones are held again
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
 SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
-QUICK, FEWER = Mesh((9, 5, 9, 9), compared=0, turns=16), 1536  # samples: what can be reached at all, in a second
 
 
 @dataclass(frozen=True)
@@ -181,16 +187,13 @@ def advise_from_trials(
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
     needed: float = NEEDED,
-    samples: int = SAMPLES,
-    mesh: Mesh = MESH,
-    seed: int = 0,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
+    effort: TrialEffort = TRIAL_EFFORT,
+    run: Run = Run(),
 ) -> TrialAdvice:
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
     Arguments: trials, measured on the rig; outcome, a last one, that of an advice by the others; criterion and weights
-    as in learnt; needed, probability that settles; samples, mesh, seed, executor and progress as in prior_of. Raises
+    as in learnt; needed, probability that settles; effort and run as in trial_prior. Raises
     what those do, UsageError for weights that cannot be meant.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
@@ -199,20 +202,27 @@ def advise_from_trials(
     every = (*trials, outcome) if outcome else tuple(trials)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
-    require_reachable(prior_of(drive, (), rig, samples=FEWER, mesh=QUICK), trials)
-    prior = prior_of(drive, torques, rig, samples=samples, mesh=mesh, seed=seed, executor=executor, progress=progress)
-    teach = partial(learnt, rotations_deg=positions, criterion=criterion)
-    here = partial(teach, prior, torques=torques, weights=weights, executor=executor)
+
+    def enough(prior: Prior) -> bool:
+        require_reachable(prior, trials)
+        return drawn(weeded(prior, trials), trials, [0.0]).effective >= effort.effective
+
+    prior = trial_prior(drive, torques, rig, effort=effort, enough=enough, run=run)
+    prior = weeded(prior, every)
+    teach = partial(learnt, prior, rotations_deg=positions, torques=torques, criterion=criterion, weights=weights)
     predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
-    explained = True
     try:
-        draws, losses = here(every)
+        draws, losses = teach(every)
+        require_effective(prior, every, draws, effort.effective)
+        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread says nothing of the hole
     except UntrustedError:
         if not outcome:
             raise
-        explained, (draws, losses) = False, here(every := tuple(trials))
-    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, here)
-    best = next_trial(draws, losses, seed)
+        explained = False
+    if not explained:
+        draws, losses = teach(every := tuple(trials))
+    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, teach)
+    best = next_trial(draws, losses, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
 
 

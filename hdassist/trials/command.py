@@ -25,7 +25,9 @@ def command(
         str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None,
     choosing: ChoiceOptions,
-    samples: Annotated[int, typer.Option(min=1024, max=1_000_000, help="Samples of what is not known.")] = 12_288,
+    draws: Annotated[
+        int, typer.Option(min=8, max=1024, help="Effective draws of stiffnesses and clearances, 32 of deviations each.")
+    ] = 32,
     seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn.")] = 0,
     jobs: o.Jobs = 0,
     card: o.CardOptions,
@@ -55,12 +57,11 @@ def command(
     from hdassist.errors import UsageError
     from hdassist.mounting.trial import read_trial
     from hdassist.run.processes import workers
-    from hdassist.solve.window import in_wide_enough_window
+    from hdassist.run.run import Run
     from hdassist.terminal.output import note
     from hdassist.trials.advice import advise_from_trials
-    from hdassist.trials.cloud import MESH
     from hdassist.trials.page import answer, card_facts
-    from hdassist.trials.prior import Rig
+    from hdassist.trials.prior import Rig, TrialEffort, trial_states
 
     out = options.open()
     card_file = CardFile.open(card, options, out)
@@ -69,19 +70,21 @@ def command(
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
     holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
     rig = Rig(measuring.torque_of(torques), measuring.noise, measuring.reseat)
+    effort = TrialEffort.of(draws)
     analysis = partial(
         advise_from_trials,
-        trials=[read_trial(text, holes) for text in trials],
-        rig=rig,
+        drive,
+        [read_trial(text, holes) for text in trials],
+        rig,
         outcome=None if verify is None else read_trial(verify, holes, drive.mounting.allowed),
         criterion=choosing.criterion,
         weights=weights,
         needed=measuring.sure,
-        samples=samples,
-        seed=seed,
+        effort=effort,
     )
-    with out.progress(drive.name, len({*torques, rig.M_g}) * MESH.states(drive)) as progress, workers(jobs) as executor:
-        advice = in_wide_enough_window(drive, partial(analysis, executor=executor, progress=progress))
+    states = trial_states(drive, len({*torques, rig.M_g}), effort)
+    with out.progress(drive.name, states) as progress, workers(jobs) as executor:
+        advice = analysis(run=Run(executor, progress, seed))
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
     facts = (lambda say: card_facts(advice, say)) if advice.settled else None

@@ -12,21 +12,20 @@ misread (MISREAD), so that one wrong value does not carry an order.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from scipy.special import logsumexp, softmax
 from scipy.stats import chi2, norm
 
+from hdassist.belief.evidence import FREEDOM
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.mounting.losses import GOOD, Criterion, PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
-from hdassist.trials.cloud import Places
-from hdassist.trials.prior import Prior
+from hdassist.trials.prior import Places, Prior
 
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
 LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
@@ -39,7 +38,7 @@ ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
-TRUSTED = 5.0  # effective samples: fewer are no cloud any more
+WEEDED = 4096  # samples that are looked at closer
 OUTCOMES = 64  # of a next trial that are looked at
 
 
@@ -80,6 +79,26 @@ class Prediction(Trial):
         return self.low_arcsec <= self.F_ior_arcsec <= self.high_arcsec
 
 
+def weeded(prior: Prior, trials: Sequence[Trial], count: int = WEEDED) -> Prior:
+    """The prior with at most about so many of its samples, those that all or the first of the trials make likely.
+
+    Kept by chance with a probability that their weight is divided by: the sum of weights stays right on average.
+    """
+    possible, rng = prior.possible, np.random.default_rng([prior.seed, 2])
+    weight = prior.weight.ravel()[possible]
+    log, chance = np.log(weight), weight / weight.sum()
+    for trial in trials:
+        f = prior.at([trial.rotation_deg], possible)[:, 0]
+        off = (trial.F_ior_arcsec - f) / np.hypot(2 * prior.noise(f), (SCALE + MISFITS[-1]) * f)
+        log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
+        chance = chance + softmax(log)
+    chance = np.minimum(count / (len(trials) + 1) * chance, 1)
+    kept = rng.random(len(possible)) < chance
+    left = np.zeros(prior.weight.size)
+    left[possible[kept]] = (weight / chance)[kept]
+    return replace(prior, weight=(left / left.sum()).reshape(prior.weight.shape))
+
+
 def learnt(
     prior: Prior,
     trials: Sequence[Trial],
@@ -88,34 +107,45 @@ def learnt(
     torques: Sequence[float] = (),
     criterion: str = "expected",
     weights: Sequence[float] | None = None,
-    executor: Executor | None = None,
 ) -> tuple[Draws, PositionStatistics]:
     """What trials teach of the positions that may be chosen [deg].
 
     Arguments: torques [N*m] that decide, that of the trials without them, and their weights; criterion over the losses.
     At another torque the scale is that of the trials; the misfit is as large, but another. Raises UsageError for an
-    unknown criterion, UntrustedError where no sample, or too few, explain the trials.
+    unknown criterion, UntrustedError where no sample explains the trials.
     """
     require_reachable(prior, trials)
     everywhere, rng = [*rotations_deg, 0.0], np.random.default_rng([prior.seed, 1])
     draws = drawn(prior, trials, everywhere)
-    if draws.effective < TRUSTED:
-        raise UntrustedError(
-            f"too few of {prior.possible.size} samples explain the trials: {draws.effective:.1f} effective ones",
-            f"{TRUSTED:g} are needed: a larger --noise, or more samples: --samples 100000",
-        )
 
     def at(M_g: float) -> Array:
         if M_g == prior.M_g:
             return draws.F_ior_arcsec
-        f = prior.at(everywhere, draws.places, M_g, executor)
-        spread = np.hypot(draws.misfit * f.mean(axis=1), prior.tables[M_g].standard_error)[:, None]
+        f = prior.at(everywhere, draws.places, M_g)
+        spread = (np.hypot(draws.misfit, prior.read_error[M_g]) * f.mean(axis=1))[:, None]
         return np.asarray(np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f))
 
     decide, shares = torques or [prior.M_g], None if weights is None else tuple(weights)
     every, weights_of_draws = np.array([at(M_g) for M_g in decide]), np.ones(len(draws.places))
     rotations, how = tuple(rotations_deg), Criterion.of(criterion)
     return draws, PositionStatistics(rotations, every[..., :-1], every[..., -1], weights_of_draws, how, shares)
+
+
+def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, needed: float) -> None:
+    """Raise UntrustedError where fewer samples are effective than needed, naming the trial without which most are."""
+    if draws.effective >= needed:
+        return
+
+    def without(k: int) -> float:
+        return drawn(prior, [*trials[:k], *trials[k + 1 :]], [0.0]).effective
+
+    doubted = trials[max(range(len(trials)), key=without)]
+    where = hole_words(doubted.rotation_deg, prior.drive.mounting.holes)
+    raise UntrustedError(
+        f"too few samples explain the trials: {draws.effective:.1f} of {prior.possible.size} are effective, "
+        f"{needed:g} are needed; {doubted.F_ior_arcsec:g} arcsec at {where} agrees least",
+        f"measure {where} again; a larger --noise, or more samples: --draws 128",
+    )
 
 
 def next_trial(draws: Draws, losses: PositionStatistics, seed: int = 0) -> tuple[float, float]:
@@ -151,7 +181,8 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
     """
     rng = np.random.default_rng(prior.seed)
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
-    told, f = prior.noise(y), prior.at(tried) if trials else np.zeros((prior.weight.size, 0))
+    possible = prior.possible
+    told, f = prior.noise(y), prior.at(tried, possible) if trials else np.zeros((len(possible), 0))
     rows, doubts = (KINDS if kinds is None else kinds).tolist(), np.log(1 - MISREAD)
     plain = [(s, factor, -1, -0.5 * (np.log(factor) / NOISE_SPREAD) ** 2) for s, factor in rows]
     each_kind = plain
@@ -162,15 +193,16 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
         each_kind += [(s, 1.0, k, doubt) for k in range(len(trials)) for s in MISFITS]
     spreads = np.array([_with_misread(told, y, k) for _, _, k, _ in each_kind])
     with np.errstate(divide="ignore"):
-        log = np.log(prior.weight.ravel()) + np.array([share for *_, share in each_kind])[:, None]
+        log = np.log(prior.weight.ravel()[possible]) + np.array([share for *_, share in each_kind])[:, None]
     if trials:
         log += [
-            _likelihood(f, y, spread, _variance(prior, s), tried, factor)[1]
+            _likelihood(f, y, spread, _variance(prior, s, possible), tried, factor)[1]
             for (s, factor, _, _), spread in zip(each_kind, spreads, strict=True)
         ]
     weight = softmax(log)
     at = np.searchsorted(np.cumsum(weight), (np.arange(DRAWS) + 0.5) / DRAWS)
-    kind, places = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    places = possible[row]
     misfit, noise = np.array([row[:2] for row in each_kind])[kind].T
     # drawn without the values, then moved by what these differ from their own draw (Matheron's rule)
     count, everywhere, spread = len(rotations_deg), [*rotations_deg, *tried], noise[:, None] * spreads[kind]
@@ -198,7 +230,7 @@ def _with_misread(told: Array, y: Array, k: int) -> Array:
 def _variance(prior: Prior, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
     """Variance of the misfit [arcsec^2] of samples: the drive's and the table's."""
     mean = np.repeat(prior.F_ior_arcsec.mean(axis=1), prior.weight.shape[1])[places]
-    return np.asarray(np.square(misfit * mean) + prior.tables[prior.M_g].standard_error ** 2)
+    return np.asarray((np.square(misfit) + prior.read_error[prior.M_g] ** 2) * mean**2)
 
 
 def _likelihood(
@@ -237,17 +269,24 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     """
     tried = sorted({trial.rotation_deg for trial in trials})
     y = np.array([np.mean([t.F_ior_arcsec for t in trials if t.rotation_deg == rotation]) for rotation in tried])
-    f = prior.at(tried, prior.possible)
-    squares, _ = _likelihood(f, y, prior.noise(y), _variance(prior, MISFITS[-1], prior.possible), tried)
+    f, every = prior.at(tried, prior.possible), list(range(len(tried)))
+
+    def off(some: list[int]) -> Array:
+        variance = _variance(prior, MISFITS[-1], prior.possible)
+        return _likelihood(f[:, some], y[some], prior.noise(y[some]), variance, [tried[k] for k in some])[0]
+
+    squares = off(every)
     nearest = int(np.argmin(squares))
     if chi2.sf(squares[nearest], len(tried)) >= UNLIKELY:
         return
-    if len(tried) >= ANY_TWO and (alone := _contradicting(f, y, prior, tried)) is not None:
+    others = {k: [j for j in every if j != k] for k in every if len(tried) >= ANY_TWO}
+    alone = [k for k, rest in others.items() if chi2.sf(off(rest).min(), len(rest)) >= UNLIKELY]
+    if len(alone) == 1:
         if len(tried) > ANY_TWO:
             return  # it may be misread, which is taken into account
-        where = hole_words(tried[alone], prior.drive.mounting.holes)
+        where = hole_words(tried[alone[0]], prior.drive.mounting.holes)
         raise UntrustedError(
-            f"{where}: measured {y[alone]:g} arcsec contradicts the other trials, which drives of this preset explain",
+            f"{where}: measured {y[alone[0]]:g} arcsec contradicts the others, which drives of this preset explain",
             "measure it again, and look how holes were counted",
         )
     told = ", ".join(
@@ -262,18 +301,3 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
         f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )
-
-
-def _contradicting(f: Array, y: Array, prior: Prior, tried: Sequence[float]) -> int | None:
-    """The one value without which a sample comes to the others; None where there is none, or several.
-
-    Arguments: F'_ior of the samples at the trials, shape (samples, trials); measured values; positions of them [deg].
-    """
-    found = []
-    for k in range(len(tried)):
-        rest = [j for j in range(len(tried)) if j != k]
-        variance = _variance(prior, MISFITS[-1], prior.possible)
-        squares, _ = _likelihood(f[:, rest], y[rest], prior.noise(y[rest]), variance, [tried[j] for j in rest])
-        if chi2.sf(squares.min(), len(rest)) >= UNLIKELY:
-            found.append(k)
-    return found[0] if len(found) == 1 else None

@@ -30,7 +30,7 @@ from hdassist.measuring.uncertainty import STATED
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.process import TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
@@ -129,7 +129,7 @@ def predicted():
 
 def values(found):
     drive, predictions = found
-    return {(a.code, a.M_g_Nm): predictions.number(a) for a in limits_of(drive)}
+    return {(a.code, a.M_g_Nm): predictions.quantities.value(a) for a in limits_of(drive)}
 
 
 def test_predicted_values_are_those_of_the_other_commands(predicted):
@@ -427,7 +427,7 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
     drive = tiny(f"{name}=7")
     (limit,) = [limit for limit in limits_of(drive) if limit.M_g_Nm in (4.0, None)]
     assert (limit.check, limit.limit, limit.per_cam_rev) == (check, 7.0, 2.0 if check == ORDER else None)
-    assert predicted[1].number(limit) > 0
+    assert predicted[1].quantities.value(limit) > 0
     assert limits_of(tiny(f"{name}=7 {check.unit}")) == limits_of(drive)
     columns = f"serial,preset,limit {name},{name if check != ORDER else 'order_2@4'}\n1,{TINY},7,6±0.1\n"
     (tmp_path / "lot.csv").write_text(columns)

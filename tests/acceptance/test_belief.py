@@ -17,7 +17,7 @@ from hdassist.loading.load import load_preset
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.process import TINY, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"
@@ -49,7 +49,7 @@ def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
 def test_what_is_assumed_counts_as_what_is_unknown_does():
     """A drive whose own numbers keep a limit that others inside its assumed range do not."""
     (limit,) = limits_of(drive("operation.M_g=4", "acceptance.F_ior.4=1"))
-    own = predict(drive(), [limit]).number(limit)
+    own = predict(drive(), [limit]).quantities.value(limit)
     known, assumed = (drive(f"acceptance.F_ior.4={own + 0.1}", *more, "operation.M_g=4") for more in ((), (PLAY,)))
     assert accept(known).verdict is Verdict.PASS
     assert accept(assumed, draws=4).verdict is not Verdict.PASS
@@ -69,7 +69,7 @@ def test_other_values_are_those_of_each_sample(drawn):
     sampled = there.with_values(samples.prior.values(samples.shares)[1])
     own = quantities(sampled, limits)
     for limit in limits:
-        expected = limit.check.predicted(own, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0)
+        expected = own.value(limit)
         assert samples.figures[limit.label][1] == pytest.approx(expected, rel=1e-9)
     # the second way: the error of that drive over every state
     error = kinematic_error(sampled, 4.0, run=UNCHECKED).error_arcsec

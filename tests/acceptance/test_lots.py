@@ -1,4 +1,4 @@
-"""Lots: tables and folders read, rows worked on, answers kept, summed up and done again."""
+"""Lots: tables read, rows worked on, answers kept, summed up and done again."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import statistics
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -131,28 +132,9 @@ def test_tables_without_rows_are_refused(tmp_path, text):
         read_lot(table(tmp_path, text), BASE)
 
 
-def test_a_folder_pairs_presets_with_their_traces(tmp_path):
-    for name in ("b.yaml", "a.yml", "b@80.csv", "b@-4.csv.gz", "a.csv", "c.csv", "note.md", ".hidden.yaml"):
-        table(tmp_path, "x", name)
-    lot = read_lot(str(tmp_path), replace(BASE, preset=""))
-    assert [row.request.serial for row in lot.rows] == ["a", "b"]
-    assert lot.rows[0].request.measured == (TraceFile("", f"{tmp_path}/a.csv"),)
-    assert lot.rows[1].request.measured == (
-        TraceFile("-4", f"{tmp_path}/b@-4.csv.gz"), TraceFile("80", f"{tmp_path}/b@80.csv"),
-    )  # fmt: skip
-    assert lot.notes == ("2 presets, 2 of them with traces", "traces without a preset: c.csv")
-    table(tmp_path, "x", "a.yaml")
-    assert [bool(row.fault) for row in read_lot(str(tmp_path), BASE).rows] == [True, True, False]
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    with pytest.raises(DataError, match="no preset in the folder"):
-        read_lot(str(empty), BASE)
-
-
 def test_what_a_lot_is(tmp_path):
     assert is_lot("x.CSV")
-    assert is_lot(str(tmp_path))
-    assert not any(map(is_lot, ("vzp160", "a.yaml", "-")))
+    assert not any(map(is_lot, ("vzp160", "a.yaml", "-", str(tmp_path))))
 
 
 LOT = """\
@@ -214,6 +196,22 @@ def test_rows_are_answered_while_others_are_predicted(lot, monkeypatch, jobs):
             # no further than processes go: what is done is known when an interrupt comes
             assert len(begun) <= len(set(names[: place + 1])) + 2 * jobs
     assert len(begun) == len(set(names))
+
+
+def test_drives_further_down_are_predicted_while_the_first_one_is(lot, monkeypatch):
+    """A lot in blocks: the second drive is begun beside the first, whose rows are many."""
+    xi_b = [*["a"] * 6, "b"]
+    requests_ = [replace(lot.rows[0].request, serial=f"{n}", overrides=(f"xi={x}",)) for n, x in enumerate(xi_b)]
+    begun, both = [], Barrier(2, timeout=20)
+
+    def predict(request):
+        begun.append(request.overrides)
+        both.wait()  # broken where only one is under way
+
+    monkeypatch.setattr(lotwork, "_predict", predict)
+    monkeypatch.setattr(lotwork, "_answer", lambda row, *_: row.request.serial)
+    assert worked([LotRow(request) for request in requests_], jobs=2) == [str(n) for n in range(7)]
+    assert len(begun) == 2
 
 
 def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):

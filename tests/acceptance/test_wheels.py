@@ -1,4 +1,4 @@
-"""Measured teeth in `hdassist accept`: of one drive, of a table and of a folder; lots from standard input."""
+"""Measured teeth in `hdassist accept`: of one drive and of a table; lots from standard input."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hdassist import load_preset
 from hdassist.acceptance.answer import ANSWERS
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import Owner, open_kept
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.process import TINY, run
 
 HEAD = "# form: cumulative\n# unit: um\n# sense: ccw\n# mark: 1\n"
@@ -107,21 +107,6 @@ def test_rows_have_wheels_of_their_own(folder):
     assert "a.jsonl: 1 of 3 rows are known" in again.stderr
     unused = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--measured-only", cwd=folder)
     assert "measured teeth are not used: --measured-only predicts nothing" in unused.stderr
-
-
-def test_files_of_a_folder_have_wheels_beside_them(folder):
-    lot = folder / "lot"
-    lot.mkdir()
-    text = Path(TINY).read_text() + "acceptance: {F_ior: {4: 100000}}\n"
-    (lot / "one.yaml").write_text(text)
-    (lot / "two.yaml").write_text(text)
-    (lot / "two.pitch-b.csv").write_text((folder / "b.csv").read_text())
-    done = run("accept", "lot", "--jsonl", "-", cwd=folder)
-    first, second = (json.loads(line) for line in done.stdout.splitlines())
-    assert "2 presets, 0 of them with traces" in done.stderr
-    assert "1 of them with measured teeth" in done.stderr
-    assert (first["pitch"], [each["file"] for each in second["pitch"]]) == ([], ["lot/two.pitch-b.csv"])
-    assert checks(first) != checks(second)
 
 
 LOT = "serial;F_ior@4;limit F_ior@4;preset;pitch_b\n1;28±1;30;;\n2;31±0,1;30;;\n3;28±1;30;-;\n4;;30;;-\n"

@@ -71,6 +71,14 @@ def test_a_field_is_the_designs_the_drives_or_its_assemblys():
     }  # fmt: skip
 
 
+def test_an_uncertain_value_is_spread_as_far_as_its_field_goes():
+    found = fields_of("uncertainty.phases.xi_b=10", "tolerances.e_hh=2", "uncertainty.tolerances.e_hh=4")
+    shares = np.array([0.022750131948, 0.5, 0.977249868052])  # of a normal distribution below -2, 0 and 2
+    middle = load_preset(TINY).phases.xi_b
+    assert found["phases.xi_b"].value(shares) == pytest.approx([middle - 10, middle, middle + 10])
+    assert found["tolerances.e_hh"].value(shares) == pytest.approx([0, 2, 6])  # not -2
+
+
 def test_of_more_draws_the_first_are_the_same_and_each_field_fills_its_range():
     prior = prior_of(tiny(C_3, J_N, "tolerances.e_b=unknown"))
     many = prior.shares(512, seed=3)

@@ -5,8 +5,7 @@ import pytest
 
 from hdassist import kinematic_error, load_preset
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.table import ErrorTable, Mesh, error_tables
-from hdassist.error.table import estimates as estimates_of
+from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
 from hdassist.model.contacts import contact_system
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
@@ -28,7 +27,16 @@ def small() -> Drive:
 
 @pytest.fixture(scope="module")
 def table(small: Drive) -> ErrorTable:
-    return error_tables([(small, [small.with_values(MOST)])], (1.0,), mesh=Mesh((13, 7, 13, 13), compared=0))[0][0]
+    return error_table(ErrorMap(small, 1.0), Reach.of(small.with_values(MOST)), Mesh((13, 7, 13, 13)))
+
+
+def estimates_of(table: ErrorTable, error_map: ErrorMap, batch: Batch) -> np.ndarray:
+    """Rotation [arcsec] at the points of a map by a table, shape (drives, k, l)."""
+    points = error_map.state(error_map.points())
+    there = error_map.states.take(points.ravel())
+    rows = (np.array([row]) for row in range(len(batch)))
+    found = [table.rotation(batch.scalars(row, there.alpha_g, there.alpha_b)) for row in rows]
+    return np.reshape(found, (len(batch), *points.shape))
 
 
 @pytest.fixture(scope="module")

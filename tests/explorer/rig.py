@@ -18,9 +18,10 @@ from hdassist.explorer.service import Question
 from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import USUAL, Session, opened
 from hdassist.terminal.options import TrialOptions
+from hdassist.trials.prior import TrialEffort
 from tests.process import TINY, no_processes
 
-QUICK = Effort(grid=4, draws=8, trial_samples=1024, jobs=1)
+QUICK = Effort(grid=4, draws=8, trials=TrialEffort.of(8), jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states
 LONGEST = 60.0  # s
 

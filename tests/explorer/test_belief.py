@@ -11,6 +11,7 @@ from hdassist.design.check import check
 from hdassist.errors import HdassistError
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import Answer, ErrorRange, Headline, LeverEffects, drive_answers, lever_effects
+from hdassist.explorer.failed import Failed
 from hdassist.explorer.words import headline
 from hdassist.loading.load import load_preset
 from hdassist.verdict import Verdict
@@ -66,6 +67,7 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
     assert second == "4 N·m 1.00 - 2.00 - 3.00″, limit 2.5: kept 70 %, INCONCLUSIVE (-0.75″ to the limit)"
     assert shown(Known(headline=replace(found, whole=True))).plain.split("\n")[0].endswith("16 samples)")
     assert "(old, computing …)" in shown(Known(old=found)).plain
+    assert shown(Known(old=found, failed=Failed("edge"))).plain == "F'_ior: no answer"
 
 
 def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:

@@ -35,6 +35,8 @@ def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
         ("gears.j_n", 6, 1),
         ("gears.z_g", 60, 1),
         ("phases.xi_b", 90, 5),
+        ("gears.alpha", 20, 1),
+        ("operation.rated", 67, 10),
         ("cam.W_0", 0.58, 0.01),
         ("contact.c_t", 6e-5, 1e-6),
     ],

@@ -113,9 +113,9 @@ def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
         seen = terminal.wait_for("c writes the card")
-        assert "TRIALS" in seen and "F'_ior, arcsec" in seen and "hole 0, where it stands" in seen
+        assert "TRIALS" in seen and "F'_ior in each hole, arcsec" in seen and "hole 0 (0 deg), where it stands" in seen
         terminal.press("\x1b[C")
-        assert "hole 1, turned +60°" in terminal.wait_for("turned")
+        terminal.wait_for("hole 1 (60 deg)")
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("h9:3\r")

@@ -24,7 +24,7 @@ from hdassist.preset.kinds import is_optional, kind_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict
-from tests.acceptance.answers import accept
+from tests.acceptances import accept
 from tests.support import changed, solve_state, wind_up
 
 

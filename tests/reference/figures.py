@@ -10,12 +10,14 @@ import numpy as np
 
 from benchmarks.bench_pictures import DARK, FIGURES, LIGHT, RULES, Point, at, box, circle, path, text
 from hdassist import load_preset
+from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array, Geometry
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.nominal import nominal_shape
 from hdassist.model.rings import flexspline_ring
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from tests.support import delta_p_of, solve_state
@@ -145,7 +147,7 @@ def runs(bears: Array) -> Iterator[tuple[int, int]]:
 def torus() -> Iterator[str]:
     """The error at the light torque by how both wheels stand before the cam, with the first two turns of the cycle."""
     search = ErrorMap(load_preset("vzp160"), LIGHT_LOAD)
-    error = search.sign * search.rotation(search.drive)[0]
+    error = kinematic_error(search.drive, LIGHT_LOAD, run=UNCHECKED).error_arcsec
     low, high = error.min(), error.max()
     lines = [np.linspace(0, z, STEPS, endpoint=False) for z in search.board.shape]
     there = search.state(search.to_lattice(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)))

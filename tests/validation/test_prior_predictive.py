@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.model.geometry import Array
+from hdassist.run.run import UNCHECKED
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.drawn_drives import drawn_drives, percentiles
 
@@ -79,7 +81,8 @@ def drawn(harmonics: float = 1.0) -> Array:
     found = []
     for k, start in enumerate(starts):
         drive = batch.drive.with_values({path: float(column[k]) for path, column in batch.columns.items()})
-        rotation, _ = search.rotation(drive, (ahead + int(start * cycle)) % cycle)
+        states = search.states.take((ahead + int(start * cycle)) % cycle)
+        rotation = kinematic_error(drive, search.M_g, states=states, run=UNCHECKED).rotation_arcsec
         found.append(np.interp(phi, 2 * np.pi * ahead / turn, rotation))
     return amplitudes(phi, np.array(found))
 
