@@ -1,8 +1,9 @@
 """Weighted samples of a drive: joint draws of all that is not known, each solved, weighted by the evidence.
 
-Importance sampling: draws come from the prior and are weighted by their likelihood. Stiffness needs some ten states, so
-a draw that agrees badly with evidence of stiffness goes on to F'_ior by chance only, with a probability that its weight
-is divided by: the sum of weights stays right on average.
+Importance sampling: draws come from the prior, then from a proposal nearer the evidence, and are weighted by their
+likelihood over its density. Stiffness needs some ten states, so a draw that agrees badly with evidence of stiffness
+goes on to F'_ior by chance only, with a probability that its weight is divided by: the sum of weights stays right on
+average.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from scipy.special import betaincinv
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
+from hdassist.belief.proposal import PILOT, proposed_draws
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
@@ -209,14 +211,16 @@ def draw_samples(
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
+            size = min(size, PILOT - len(draws)) if len(draws) < PILOT else size
             now = slice(len(draws), min(len(draws) + size, effort.most_draws))
             solved: Iterable[Draw] = ()
             if now.stop > len(earlier):
-                fresh = prior.shares(now.stop, run.seed)[max(now.start, len(earlier)) :]
+                fresh = max(now.start, len(earlier)), now.stop
                 if not solve:
                     alike = _alike(prior, torques, rotations, run)
                     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, alike)
-                solved = run.map(solve, prior.values(fresh), fresh.tolist())
+                shares, density = proposed_draws(prior, evidence, draws[:PILOT], *fresh, run.seed)
+                solved = run.map(solve, prior.values(shares), shares.tolist(), density.tolist())
             for each in chain(earlier[now], solved):
                 draws.append(each)
                 run.solved(each.certificate.states)
@@ -254,17 +258,19 @@ def _solved(
     alike: _Maps | None,
     values: dict[str, float],
     shares: list[float],
+    density: float,
 ) -> Draw:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
 
-    Arguments: values of the draw, by path, and their shares of probability, with the chance behind them.
+    Arguments: values of the draw, by path, and their shares of probability, with the chance behind them; density that
+    it was drawn with, over the prior's.
     """
     *of_fields, chance = shares
     if refused := conflict_of(drive, values):
         return Draw(refused=refused)
     moved = drive.with_values(values)
     try:
-        figures, probability, proof = going_on(moved, evidence)
+        figures, probability, proof = going_on(moved, evidence, density)
         if chance >= probability:
             return Draw(figures=figures, proof=astuple(proof))
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike)
@@ -276,7 +282,7 @@ def _solved(
     if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
         least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
         figures[ACCURACY] = float(F_ior[least])
-    weight = float(np.exp(log_likelihood(evidence, figures))) / probability
+    weight = float(np.exp(log_likelihood(evidence, figures))) / density / probability
     whole = proof + found + more_proof
     at_turns = tuple(map(tuple, turned.tolist()))
     return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
@@ -290,16 +296,18 @@ def conflict_of(drive: Drive, values: Mapping[str, float]) -> str:
     return f"{conflict.path}: {conflict.message}" if conflict else ""
 
 
-def going_on(drive: Drive, evidence: tuple[Evidence, ...]) -> tuple[dict[str, float], float, Certificate]:
+def going_on(
+    drive: Drive, evidence: tuple[Evidence, ...], density: float = 1.0
+) -> tuple[dict[str, float], float, Certificate]:
     """Stiffnesses and lost motion of a draw by name, where there is evidence of them, with the proof of its states.
 
-    Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that. Raises
-    UntrustedError where an answer cannot be trusted.
+    Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that.
+    Argument density: that it was drawn with, over the prior's. Raises UntrustedError where an answer cannot be trusted.
     """
     if all(each.figure == ACCURACY for each in evidence):
         return {}, 1.0, EMPTY
     figures, proof = in_wide_enough_window(drive, stiffness_figures)
-    return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / KEPT_LIKELIHOOD), proof
+    return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD), proof
 
 
 def errors_by_turn(
