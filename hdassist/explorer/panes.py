@@ -156,9 +156,10 @@ def seat_text(session: Session, letters: Mapping[float, str]) -> Text:
     mounting = session.drive.mounting
     first, holes = mounting.first_hole, mounting.holes
     usable = [mounting.allowed == "all" or k in mounting.allowed for k in range(holes)]
+    named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in KINDS]
     seat = Seat(
         "", tuple(Hole(k, first + 360 * k / holes, usable[k]) for k in range(holes)), first, session.turn_deg,
-        tuple(SeatMark(KINDS[sign], first + at, sign, "") for at, signs in letters.items() for sign in signs),
+        tuple(SeatMark(KINDS[sign], first + at, sign, "") for at, sign in named),
         (SeatMark("now", first + session.turn_deg, "o", ""),), "x", "",
     )  # fmt: skip
     text = Text(drawing(seat))

@@ -71,6 +71,16 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
     explored(act)
 
 
+def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        barred = [key for key in app.holes.rows if "x" in str(app.holes.get_row(key)[0])]
+        assert [round(float(str(key.value)) / 60) for key in barred] == [0, 3, 4]  # the wheel stands in one of them
+        await pilot.press("b")
+        assert app.session.turn_deg == min([60.0, 120.0, 300.0], key=lambda at: F_ior(app, at))
+
+    explored(act, tiny("mounting.allowed=[1, 2, 5]"), size=(140, 40))
+
+
 def test_trials_are_entered_dropped_undone_and_weighed() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "t")
