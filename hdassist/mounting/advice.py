@@ -26,6 +26,9 @@ from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
 DRAWS = 64  # effective samples, at least
+GAIN_DRAWS = (
+    4  # times as many, after which a gain that chance alone leaves open stays so: four times more halve its interval
+)
 TRIALS = 3  # positions to begin trials with
 TURNED_STATES = 700  # that a sample solves for a further position, about
 
@@ -257,7 +260,8 @@ def advise(
             return False
         of_check.append(samples.draws)
         gain, _ = probabilities(samples)
-        return gain is None or advice.any_hole or is_settled(gain.low, gain.high, needed)
+        enough_for_gain = samples.effective >= GAIN_DRAWS * draws
+        return gain is None or advice.any_hole or enough_for_gain or is_settled(gain.low, gain.high, needed)
 
     samples = draw_samples(
         prior,
