@@ -15,7 +15,7 @@ from pathlib import Path
 from hdassist import Drive, Stiffness, load_preset, stiffness
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
-from hdassist.preset.similarity import Entry, Wish
+from hdassist.preset.similarity import SimilarValue, Wish
 from hdassist.run.run import UNCHECKED
 
 ROOT = Path(__file__).parents[1]
@@ -59,13 +59,13 @@ class Published:
         return f"size-{self.size}-100"
 
     @property
-    def figures(self) -> dict[str, Entry]:
+    def figures(self) -> dict[str, SimilarValue]:
         """Its figures as fields of its preset."""
         accuracy = f"{self.accuracy:g} arcmin over a turn; not re-read, names no load"
         return {
-            **{f"catalogue.K_{k}": Entry(K * 1e4, "given", self.source) for k, K in enumerate(self.K, 1)},
-            **{f"catalogue.T_{k}": Entry(T, "given", TORQUES) for k, T in enumerate(self.T, 1)},
-            "catalogue.accuracy": Entry(60.0 * self.accuracy, "given", accuracy),
+            **{f"catalogue.K_{k}": SimilarValue(K * 1e4, "given", self.source) for k, K in enumerate(self.K, 1)},
+            **{f"catalogue.T_{k}": SimilarValue(T, "given", TORQUES) for k, T in enumerate(self.T, 1)},
+            "catalogue.accuracy": SimilarValue(60.0 * self.accuracy, "given", accuracy),
         }
 
 
@@ -97,7 +97,7 @@ def presets() -> Iterator[tuple[str, str]]:
             "diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
             "torque": RATED,
         }
-        others = each.figures | ({"mounting.holes": Entry(*each.holes)} if each.holes else {})
+        others = each.figures | ({"mounting.holes": SimilarValue(*each.holes)} if each.holes else {})
         yield each.name, similar_preset(
             each.name, like, Wish(200, d, each.rated, derived=True, said=said, others=others),
             f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "

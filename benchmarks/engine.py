@@ -19,7 +19,7 @@ from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
 from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import CHUNK, N_MM, solve_states
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, solve_states
 from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
@@ -84,7 +84,7 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
 
 def walks() -> Iterator[tuple[str, object]]:
     """The compiled walk for each instruction set that this machine has, in words, and its library."""
-    best, _ = walk.library()
+    best, _ = walk.walk_library()
     for level, words in sorted(walk.INSTRUCTIONS.items()):
         file = best and Path(best._name).parent / library_name(level)
         if file and file.exists() and level <= best.walk_level():
@@ -118,7 +118,7 @@ def _with(library: object, formulation: Formulation, torque: float, first: State
 
 def _certificate(formulation: Formulation, torque: float, gaps: StateGaps, rounds: int) -> float:
     """Microseconds that numpy takes for the residuals of a state."""
-    some = formulation.system.delta_p_of(gaps[:CHUNK])
+    some = formulation.system.delta_p_of(gaps[:STATES_AT_A_TIME])
     forces, free, _ = ActiveSet(formulation, torque).solve(some)
     return seconds(lambda: residuals(formulation.system, some, torque, forces, free), rounds) / len(some) * 1e6
 

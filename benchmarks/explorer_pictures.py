@@ -54,9 +54,9 @@ async def picture(scene: Scene) -> str:
     from hdassist.explorer.app import Explorer
     from hdassist.explorer.export import without_fonts
     from hdassist.explorer.service import Service
-    from hdassist.explorer.state import opened, with_trials
+    from hdassist.explorer.state import opened_state, with_trials
 
-    session = opened(scene.preset, scene.overrides)
+    session = opened_state(scene.preset, scene.overrides)
     session = with_trials(session, scene.trials) if scene.trials else session
     service = Service()
     app = Explorer(session, service, dark=scene.dark)

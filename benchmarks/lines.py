@@ -110,7 +110,7 @@ def rig(group: Group, seed: int) -> Rig:
 
 def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
     """What the tool says of a rig: truths, value, interval, verdicts at both truths; None where it refuses."""
-    from hdassist.acceptance.decision import Value, decide
+    from hdassist.acceptance.decision import AcceptedValue, decide
     from hdassist.acceptance.limits import Limit
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
@@ -125,7 +125,7 @@ def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
     except HdassistError:
         return None
     limits = [Limit("F_IOR", true) for true in (made.recorded, made.any_cycle)]
-    verdicts = [decide(limit, Value.measured(limit, found), "guard", 0.0).verdict for limit in limits]
+    verdicts = [decide(limit, AcceptedValue.measured(limit, found), "guard", 0.0).verdict for limit in limits]
     passes = [float(v == "PASS") for v in verdicts]
     low, high = found.interval_arcsec
     lines = len(found.lines)

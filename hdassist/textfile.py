@@ -148,7 +148,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
         raise DataError(f"{name} is a directory, not a file", "name the file in it", Fault.FILE_UNREADABLE) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
         raise DataError(
-            f"cannot read {'standard input' if name == '-' else name}: {reason(error)}", "", Fault.FILE_UNREADABLE
+            f"cannot read {'standard input' if name == '-' else name}: {os_reason(error)}", "", Fault.FILE_UNREADABLE
         ) from None
 
 
@@ -218,7 +218,7 @@ def standard_input(at_most: int) -> bytes:
     return read_bytes("-", at_most)[0]
 
 
-def reason(error: Exception) -> str:
+def os_reason(error: Exception) -> str:
     """Why a file cannot be read, in the words of the system."""
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from hdassist.acceptance import accept as acceptance
-from hdassist.acceptance.answer import Answer
-from hdassist.acceptance.decision import Value
+from hdassist.acceptance.answer import AcceptAnswer
+from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.acceptance.request import Inputs, Request, limits_left
@@ -20,11 +20,11 @@ def accept(
     drive: Drive,
     measured: Mapping[float, Measurement] | None = None,
     *,
-    stated: Mapping[Limit, Value] | None = None,
+    stated: Mapping[Limit, AcceptedValue] | None = None,
     wheels: MeasuredTeeth | None = None,
     predictions: Predictions | None = None,
     **asked: Any,
-) -> Answer:
+) -> AcceptAnswer:
     """The answer about a drive; asked: fields of the request."""
     request = Request(drive.name, **asked)
     inputs = Inputs(drive, dict(measured or {}), dict(stated or {}), wheels)

@@ -11,11 +11,11 @@ import numpy as np
 from hdassist import load_preset
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.card import Card, card_of
 from hdassist.mounting.losses import Criterion, PositionStatistics
-from hdassist.mounting.page import card_facts
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.trial import Trial, Tried
+from hdassist.pages.card import Card, card_of
+from hdassist.pages.mount import mount_card_facts
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
 from tests.process import SMALL
@@ -97,7 +97,7 @@ TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more
 
 def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:
     say = texts(language)
-    facts = card_facts(advice, say)
+    facts = mount_card_facts(advice, say)
     if trials:
         facts = replace(facts, tried=Tried(1.0, tuple(trials)), good=0.93)
     return card_of(facts, say, serial=serial, made=MADE)

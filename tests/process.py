@@ -27,7 +27,7 @@ from unittest import mock
 
 import typer.main
 
-from hdassist.cli.main import main
+from hdassist.cli.main import run_command_line
 from hdassist.run.cache import FOLDER, NO_CACHE
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
@@ -96,7 +96,7 @@ def run(
     ):
         code = 0
         try:
-            main()
+            run_command_line()
         except SystemExit as end:
             code = int(end.code or 0)
     return subprocess.CompletedProcess(["hdassist", *args], code, _told(out), _told(err))

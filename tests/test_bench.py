@@ -6,7 +6,7 @@ from math import atan2, degrees
 import pytest
 
 from benchmarks.bench_pictures import DRAWINGS, FIGURES, HOLES, drawn
-from hdassist.mounting.card_svg import CENTRE, RING, at
+from hdassist.pages.card_svg import CENTRE, HOLE_CIRCLE, at
 from tests.tutorial import DOCS, require_told, told_by
 
 
@@ -35,7 +35,7 @@ def test_holes_count_as_on_the_card():
     for half, (left, top) in ((texts[:HOLES], (180, 205)), (texts[HOLES:], (540, 205))):
         for x, y, number in half:
             drawn_at = direction(float(x) - left, float(y) - 0.36 * size - top)
-            u, v = at(360 * int(number) / HOLES, RING)
+            u, v = at(360 * int(number) / HOLES, HOLE_CIRCLE)
             assert abs((drawn_at - direction(u - CENTRE[0], v - CENTRE[1]) + 180) % 360 - 180) < 0.5
     (sweep,) = re.findall(r'class="go" d="M\S+ \S+A74 74 0 0 (\d) ', svg)
     assert sweep == "0"  # from hole 0 to hole 4 counter-clockwise

@@ -6,10 +6,10 @@ from math import inf, isnan
 import pytest
 
 from hdassist.acceptance.limits import LimitText
+from hdassist.commands.card import ChoiceOptions
 from hdassist.errors import UsageError
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
-from hdassist.mounting.card_command import ChoiceOptions
 from hdassist.mounting.losses import Criterion
 from hdassist.mounting.trial import read_trial
 from hdassist.numerals import number_of

@@ -67,7 +67,7 @@ def test_presets_are_found_in_an_editable_install(tmp_path):
 def test_wheel_holds_the_presets_as_they_are(wheel):
     shipped = {p.name: p.read_bytes() for p in (wheel / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
-    for folder in ("hdassist/mounting/templates", "hdassist/reporting/templates", "hdassist/terminal/languages"):
+    for folder in ("hdassist/pages/templates", "hdassist/terminal/languages"):
         data = [p.name for p in (ROOT / folder).iterdir()]
         assert data
         assert all((wheel / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)

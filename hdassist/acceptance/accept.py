@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.answer import (
+    ACCEPT_SCHEMA,
     ANSWER,
-    SCHEMA,
-    Answer,
+    AcceptAnswer,
     Note,
     PresetRecord,
     RuleRecord,
@@ -19,22 +19,22 @@ from hdassist.acceptance.answer import (
 from hdassist.acceptance.checks import (
     BUDGET,
     COVERAGE,
-    LINES,
+    LINES_CHECK,
     NOT_TESTED,
     RATED,
     RECORD,
     UNCERTAINTY,
-    UNKNOWN,
+    UNKNOWN_REMARK,
     Explained,
 )
-from hdassist.acceptance.decision import GUARD, Decision, Value, decide
+from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import FailOn, Inputs, Request, limits_left
 from hdassist.errors import DataError
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
-from hdassist.model.unknown import names
+from hdassist.model.unknown import unknown_names
 from hdassist.solve.window import with_window
 from hdassist.verdict import SEVERITY, worst
 from hdassist.version import __version__
@@ -49,7 +49,7 @@ def accept(
     *,
     fail_on: FailOn = "fail",
     place: str | None = None,
-) -> Answer:
+) -> AcceptAnswer:
     """Hold a drive against the limits of its preset.
 
     Arguments: request; inputs, what it names; predictions that it needs, of the same drive and limits; fail_on, what
@@ -69,18 +69,18 @@ def accept(
     for limit in limits:
         values = [inputs.stated[limit]] if limit in inputs.stated else []
         if limit in left:
-            values = [Value.predicted(limit, predictions)] if predictions else []
+            values = [AcceptedValue.predicted(limit, predictions)] if predictions else []
         elif not values:
-            found = (Value.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions)
+            found = (AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions)
             values = sorted((each for each in found if each.value is not None), key=lambda each: -(each.value or 0.0))
-            values = values or [Value()]
+            values = values or [AcceptedValue()]
         if values:
             decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
     left_out = [] if predictions else left
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
     fields = {
-        "schema": SCHEMA,
+        "schema": ACCEPT_SCHEMA,
         "version": __version__,
         "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
         "exit_code": exit_code(verdict, bool(remarks), fail_on),
@@ -137,7 +137,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
         if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for each in directions for line in each.lines):
             rise = max(each.rise_arcsec for each in directions)
             more = f"; F'_ior may be {rise:.3g} arcsec greater in another cycle" if rise else ""
-            yield note(LINES, f"{', '.join(lines)} per cam turn{more}")
+            yield note(LINES_CHECK, f"{', '.join(lines)} per cam turn{more}")
         yield from (note(RECORD, text) for text in measurement.warnings)
 
 
@@ -154,6 +154,6 @@ def _of_decisions(
         if rated and abs(M_g) > rated:
             yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if predictions and predictions.unknown:
-        yield Note(UNKNOWN.code, f"not known: {names(predictions.unknown)}")
+        yield Note(UNKNOWN_REMARK.code, f"not known: {unknown_names(predictions.unknown)}")
     if left_out:
         yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in left_out))

@@ -12,27 +12,31 @@ from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from hdassist.acceptance.decision import Decision, Rule, decide
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import FailOn, Request, Seed
+from hdassist.acceptance.request import FailOn, Request, RequestSeed
 from hdassist.errors import DataError, Fault, HdassistError
+from hdassist.json_parts import (
+    certificate_object,
+    influence_objects,
+    measure_objects,
+    pitch_object,
+    samples_object,
+    unknown_objects,
+)
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.preset.kinds import Line
+from hdassist.preset.kinds import OneLine
 from hdassist.preset.yamltext import shown
 from hdassist.run.kept import ClosedRecord, RecordKind, read_kept
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.answers import certificate_object
-from hdassist.terminal.basis import unknown_objects
-from hdassist.terminal.influence_words import influence_objects, measure_objects, samples_object
-from hdassist.terminal.wheels_page import pitch_object
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict, worst
 from hdassist.version import __version__
 from hdassist.visible import printable
 
-MAX_BYTES = 1_000_000_000
-SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
-BROKEN = "BROKEN"  # in place of a verdict, of a drive without an answer
-Share = dict[str, str | FiniteFloat]
+MOST_ANSWER_BYTES = 1_000_000_000
+ACCEPT_SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
+BROKEN_VERDICT = "BROKEN"  # in place of a verdict, of a drive without an answer
+InfluenceShare = dict[str, str | FiniteFloat]
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Note(ClosedRecord):
 class FileRecord(ClosedRecord):
     """A file that an answer rests on."""
 
-    file: Line
+    file: OneLine
     sha256: str
 
 
@@ -87,7 +91,7 @@ class RuleRecord(ClosedRecord):
 class PresetRecord(ClosedRecord):
     """The preset of an answer: name of the drive, SHA-256 of the text, overrides on top; as asked for without one."""
 
-    name: Line
+    name: OneLine
     sha256: str | None = None
     overrides: tuple[str, ...] = ()
 
@@ -120,7 +124,7 @@ class ErrorRecord(ClosedRecord):
 
 
 @dataclass(frozen=True)
-class Answer(ClosedRecord):
+class AcceptAnswer(ClosedRecord):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again; or its error.
 
     request: None for a row of a lot that is wrong in itself; place: of the row, None without one; unknown, influence,
@@ -128,14 +132,14 @@ class Answer(ClosedRecord):
     """
 
     schema: Literal["hdassist.accept/1"]
-    version: Line
+    version: OneLine
     preset: PresetRecord
     exit_code: int
     warnings: tuple[str, ...]
-    serial: Line
-    seed: Seed
+    serial: OneLine
+    seed: RequestSeed
     request: Request | None
-    time: Line
+    time: OneLine
     fail_on: FailOn = "fail"
     verdict: Verdict | None = None
     checks: tuple[Decision, ...] = ()
@@ -147,16 +151,16 @@ class Answer(ClosedRecord):
     solver: str | None = None
     unknown: tuple[dict[str, str | list[FiniteFloat]], ...] = ()
     pitch: tuple[WheelRecord, ...] = ()
-    influence: tuple[Share, ...] = ()
-    to_measure: tuple[Share, ...] = ()
+    influence: tuple[InfluenceShare, ...] = ()
+    to_measure: tuple[InfluenceShare, ...] = ()
     samples: dict[str, int | FiniteFloat | list[dict[str, str | int]]] | None = None
-    place: Line | None = None
+    place: OneLine | None = None
     error: ErrorRecord | None = None
 
     @property
     def status(self) -> str:
         """The verdict, or what stands where one would."""
-        return BROKEN if self.error else str(self.verdict)
+        return BROKEN_VERDICT if self.error else str(self.verdict)
 
     @property
     def missing(self) -> str:
@@ -188,16 +192,16 @@ class Answer(ClosedRecord):
         return ""
 
 
-ANSWER = TypeAdapter(Answer)
+ANSWER = TypeAdapter(AcceptAnswer)
 ANSWERS = RecordKind(ANSWER, lambda _, answer: answer.contradiction)
 
 
-def failure_of(request: Request, error: HdassistError) -> Answer:
+def failure_of(request: Request, error: HdassistError) -> AcceptAnswer:
     """The answer about a drive that has none."""
     record = ErrorRecord(error.message, error.hint, error.fault)
-    return Answer(
-        SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (), request.serial, request.seed, request,
-        now(), error=record,
+    return AcceptAnswer(
+        ACCEPT_SCHEMA, __version__, PresetRecord(request.preset), error.exit_code, (), request.serial, request.seed,
+        request, now(), error=record,
     )  # fmt: skip
 
 
@@ -228,7 +232,7 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def provenance(answer: Answer) -> dict[str, Any]:
+def provenance(answer: AcceptAnswer) -> dict[str, Any]:
     """What an answer rests on, flat."""
     return {
         "version": answer.version,
@@ -242,18 +246,18 @@ def provenance(answer: Answer) -> dict[str, Any]:
     }
 
 
-def to_json(answer: Answer) -> dict[str, Any]:
+def answer_json(answer: AcceptAnswer) -> dict[str, Any]:
     """An answer as a JSON object; without its place where it has none."""
     return ANSWER.dump_python(answer, mode="json", exclude=None if answer.place else {"place"})  # type: ignore[no-any-return]
 
 
-def to_lines(answers: Iterable[Answer]) -> str:
+def to_lines(answers: Iterable[AcceptAnswer]) -> str:
     """Answers as JSON Lines; never NaN or Infinity."""
-    lines = (json.dumps(to_json(one), ensure_ascii=True, allow_nan=False, separators=(",", ":")) for one in answers)
+    lines = (json.dumps(answer_json(one), ensure_ascii=True, allow_nan=False, separators=(",", ":")) for one in answers)
     return "".join(printable(line) + "\n" for line in lines)
 
 
-def read_answers(path: str) -> list[Answer]:
+def read_answers(path: str) -> list[AcceptAnswer]:
     """Answers of `hdassist accept` from a file: --json of one drive or of many, or JSON Lines.
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
@@ -262,8 +266,8 @@ def read_answers(path: str) -> list[Answer]:
     with opened(path) as stream:
         while part := stream.read(PART):
             data += part
-            if b"\0" in part or len(data) > MAX_BYTES:  # a device may never end
-                words = f"{file}: a binary file, or larger than {MAX_BYTES / 1e6:g} MB"
+            if b"\0" in part or len(data) > MOST_ANSWER_BYTES:  # a device may never end
+                words = f"{file}: a binary file, or larger than {MOST_ANSWER_BYTES / 1e6:g} MB"
                 raise DataError(words, "a file of --json or --jsonl")
     if (kept := read_kept(bytes(data), file, RecordKind(ANSWER))) is not None:
         return kept
@@ -282,11 +286,13 @@ def read_answers(path: str) -> list[Answer]:
     return [_read(one, f"{file}:{number}") for number, one in enumerate(found, 1)]
 
 
-def _read(fields: Any, place: str) -> Answer:
+def _read(fields: Any, place: str) -> AcceptAnswer:
     """The answer that a JSON value is; place, of it in messages. Raises DataError: it is none."""
     schema = fields.get("schema") if isinstance(fields, dict) else None
-    if schema != SCHEMA:
-        raise DataError(f"{place}: no answer of hdassist accept (schema {shown(str(schema))})", f"schema {SCHEMA}")
+    if schema != ACCEPT_SCHEMA:
+        raise DataError(
+            f"{place}: no answer of hdassist accept (schema {shown(str(schema))})", f"schema {ACCEPT_SCHEMA}"
+        )
     try:
         answer = ANSWER.validate_python(fields)
         fault = f"{answer.missing}: missing" if answer.missing else ""

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import DataError
 from hdassist.preset.fields import Acceptance
-from hdassist.preset.kinds import Kind, kind_of, unit_of
+from hdassist.preset.kinds import FieldKind, kind_of, unit_of
 
 if TYPE_CHECKING:  # heavy, and `hdassist explain` needs none of it
-    from hdassist.acceptance.predictions import Quantities
+    from hdassist.acceptance.predictions import PredictedQuantities
     from hdassist.measuring.measure import SweepResult
 
 Need = Literal["cycle", "self error", "stiffness"]
@@ -47,13 +47,13 @@ class Check(Explained):
 
     field: str
     needs: tuple[Need, ...]
-    predicted: Callable[[Quantities, float, float], float]
+    predicted: Callable[[PredictedQuantities, float, float], float]
     measured: Callable[[SweepResult, float], tuple[float, float, float] | None] | None = None
     of_part: Extent = "at least"
     upper: bool = True
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> FieldKind:
         """What its limits are for: "limits", one for each torque; "orders", at every torque; "number", the drive."""
         return kind_of(Acceptance.model_fields[self.field])
 
@@ -69,7 +69,7 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
     return (best.amplitude_arcsec, best.uncertainty_arcsec, 0.0) if best else None
 
 
-def _weaker_side(segment: int, of: Quantities, *_: float) -> float:
+def _weaker_side(segment: int, of: PredictedQuantities, *_: float) -> float:
     """Stiffness of a segment on the side where it is less: the limit is the least."""
     return of.twist.weaker(segment)
 
@@ -99,7 +99,7 @@ TURN_RANGE = Check(
     lambda of, M_g, _: of.turn_range(M_g),
     lambda of, _: (of.revolution.value, of.revolution_uncertainty_arcsec, of.revolution_rise_arcsec),
 )
-ORDER = Check(
+ORDER_CHECK = Check(
     "ORDER",
     "amplitude of an order",
     "The amplitude of one order of the error per turn of the cam, over the whole cycle.",
@@ -121,7 +121,7 @@ SELF_ERROR = Check(
     ("self error",),
     lambda of, M_g, _: of.self_errors[M_g].range_arcsec,
 )
-LOST_MOTION = Check(
+LOST_MOTION_CHECK = Check(
     "LOST_MOTION",
     "lost motion",
     "The twist between plus and minus 4 % of the rated torque.",
@@ -145,7 +145,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
 )
-CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER, LOST_MOTION, *STIFFNESSES)
+CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STIFFNESSES)
 
 # remarks that a verdict should not be read without
 COVERAGE = Explained(
@@ -171,7 +171,7 @@ BUDGET = Explained(
     "State them: --budget encoder=0.3 and so on, 0 where a source is known to be nothing; the guard rule "
     "passes nothing without.",
 )
-LINES = Explained(
+LINES_CHECK = Explained(
     "LINES",
     "lines off the orders",
     "Whether the record has lines that are none of the declared orders: a ball pass, a cage, the rig.",
@@ -193,7 +193,7 @@ RATED = Explained(
     "The model is compared with tests up to the rated torque only; teeth may ratchet beyond.",
     "Test at or below operation.rated.",
 )
-UNKNOWN = Explained(
+UNKNOWN_REMARK = Explained(
     "UNKNOWN",
     "deviations that are not known",
     "Whether the preset gives every deviation, phase and harmonic that a prediction depends on.",
@@ -208,7 +208,7 @@ NOT_TESTED = Explained(
     "The verdict says nothing of limits that were left out.",
     "Measure them too, or leave out --measured-only: then the model predicts them.",
 )
-REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES, RECORD, RATED, UNKNOWN, NOT_TESTED)
+REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES_CHECK, RECORD, RATED, UNKNOWN_REMARK, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
 
 

@@ -29,7 +29,7 @@ Rule = Literal["guard", "simple"]
 
 
 @dataclass(frozen=True)
-class Value(ClosedRecord):
+class AcceptedValue(ClosedRecord):
     """What is known of a value; nothing without arguments.
 
     value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
@@ -48,7 +48,7 @@ class Value(ClosedRecord):
     belief: Belief | None = None
 
     @classmethod
-    def predicted(cls, limit: Limit, predictions: Predictions) -> Value:
+    def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
         """The value of predictions that a limit is for."""
         if belief := predictions.belief(limit):
             return cls(belief.p50, None, "predicted", "whole", belief=belief)
@@ -56,7 +56,7 @@ class Value(ClosedRecord):
         return cls(predictions.quantities.value(limit), None, "predicted", extent)
 
     @classmethod
-    def stated(cls, given: LimitText, limit: Limit) -> Value:
+    def stated(cls, given: LimitText, limit: Limit) -> AcceptedValue:
         """The value that was measured otherwise; what stands after ± is its expanded uncertainty, k = 2.
 
         Raises UsageError: it is none, has no uncertainty, or is below zero.
@@ -73,7 +73,7 @@ class Value(ClosedRecord):
         return cls(value, expanded, "stated", "whole")
 
     @classmethod
-    def measured(cls, limit: Limit, found: SweepResult) -> Value:
+    def measured(cls, limit: Limit, found: SweepResult) -> AcceptedValue:
         """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it."""
         read = limit.check.measured(found, limit.per_cam_rev or 0.0) if limit.check.measured else None
         if read is None:
@@ -85,7 +85,7 @@ class Value(ClosedRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Decision(Value, Limit):
+class Decision(AcceptedValue, Limit):
     """A value and the limit that it is held against, as the files of `hdassist accept` have them.
 
     guard: band on each side of the limit; limit_is: "greatest" or "least" value allowed; margin: room that the value
@@ -100,7 +100,7 @@ class Decision(Value, Limit):
     reason: str | None = None
 
 
-def decide(limit: Limit, found: Value, rule: Rule, sure: float) -> Decision:
+def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> Decision:
     """Decide on a value by a rule; sure: probability of keeping a limit that PASS of a prediction needs."""
     known = found.value is not None and found.basis != "predicted"
     found = replace(found, expanded_uncertainty=(found.expanded_uncertainty or 0.0) if known else None)
@@ -109,7 +109,7 @@ def decide(limit: Limit, found: Value, rule: Rule, sure: float) -> Decision:
     verdict, reason = _verdict(found, margin, guard, rule, sure)
     return Decision(
         **{each.name: getattr(limit, each.name) for each in fields(Limit)},
-        **{each.name: getattr(found, each.name) for each in fields(Value)},
+        **{each.name: getattr(found, each.name) for each in fields(AcceptedValue)},
         guard=guard,
         limit_is="greatest" if limit.check.upper else "least",
         margin=margin,
@@ -119,7 +119,7 @@ def decide(limit: Limit, found: Value, rule: Rule, sure: float) -> Decision:
     )
 
 
-def _verdict(found: Value, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
+def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """The verdict on a value by its room to the limit, and why where that is not plain."""
     if room is None:
         return Verdict.INCONCLUSIVE, "the record does not tell it"

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Literal
 
-from hdassist.acceptance.checks import CHECKS, ORDER, Check, check_of
+from hdassist.acceptance.checks import CHECKS, ORDER_CHECK, Check, check_of
 from hdassist.errors import DataError, UsageError
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord
 
 ORDER_PREFIX = "order_"
-KINDS = {check.field: check.kind for check in CHECKS if check != ORDER}
-HINT = f"NAME[@TORQUE]=VALUE, NAME one of {', '.join(KINDS)}, or order_2 and so on"
+LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
+HINT = f"NAME[@TORQUE]=VALUE, NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
 
 Option = Literal["--limit", "--value"]
 
@@ -69,7 +69,7 @@ def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
         return
     by_order: dict[float | None, dict[float | None, float]] = {}
     for key, bound in stated.items():
-        order, _, torque = key.partition("@") if check is ORDER else ("", "", "" if key == "all" else key)
+        order, _, torque = key.partition("@") if check is ORDER_CHECK else ("", "", "" if key == "all" else key)
         bounds = by_order.setdefault(float(order) if order else None, {})
         bounds[float(torque) if torque else None] = bound
     for number, bounds in by_order.items():
@@ -96,7 +96,7 @@ class LimitText:
         name, _, value = (part.strip() for part in text.partition("="))
         found = cls(name, value)
         field, order, torque = found.parts
-        per_torque = bool(order) or KINDS.get(field) == "limits"
+        per_torque = bool(order) or LIMIT_KINDS.get(field) == "limits"
         if not (value and found.is_known) or ("@" in name and not (torque and per_torque)):
             raise UsageError(f"{option} {text}: not understood", HINT)
         for number in filter(None, (order, torque)):
@@ -109,13 +109,13 @@ class LimitText:
         """Field of the section acceptance, order and torque as written; empty for none."""
         name, _, torque = self.name.partition("@")
         order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
-        return ORDER.field if order else name, order, torque
+        return ORDER_CHECK.field if order else name, order, torque
 
     @property
     def is_known(self) -> bool:
         """Whether there is a check of the name."""
         field, order, _ = self.parts
-        return bool(order) or field in KINDS
+        return bool(order) or field in LIMIT_KINDS
 
     def __str__(self) -> str:
         return f"{self.name}={self.text}"

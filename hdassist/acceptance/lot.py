@@ -21,8 +21,8 @@ from hdassist.preset.fields import REMOVED, field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
-from hdassist.preset.yamltext import near, path_text, shown
-from hdassist.readers.table import TextTable, few, read_texts
+from hdassist.preset.yamltext import near_miss, path_text, shown
+from hdassist.readers.table import CellTable, few, read_texts
 from hdassist.textfile import STDIN
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
@@ -126,7 +126,7 @@ def read_lot(path: str, base: Request) -> Lot:
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
 
 
-def _columns(table: TextTable) -> list[Column | None]:
+def _columns(table: CellTable) -> list[Column | None]:
     """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
     findings: list[Finding] = []
     columns: list[Column | None] = []
@@ -164,12 +164,12 @@ def _column(name: str) -> Column:
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "--set", name
     known = [*PLAIN_COLUMNS, "measured", *WHEEL_COLUMNS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
-    hint = REMOVED.get(name) or near(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
+    hint = REMOVED.get(name) or near_miss(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
     raise UsageError(name, hint)
 
 
 def _row(
-    table: TextTable, columns: Sequence[Column | None], place: int, base: Request, first: dict[str, int]
+    table: CellTable, columns: Sequence[Column | None], place: int, base: Request, first: dict[str, int]
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]

@@ -26,13 +26,12 @@ from hdassist.belief.samples import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.design.check import DRAWS
+from hdassist.design.check import CHECK_DRAWS
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.error.table import DEVIATIONS
+from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
+from hdassist.error.table import TABLE_SECTIONS
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
@@ -46,7 +45,7 @@ from hdassist.verdict import SURE, is_settled
 
 
 @dataclass(frozen=True)
-class Quantities:
+class PredictedQuantities:
     """Errors and self errors of a drive by torque [N*m], and its stiffness; empty where no limit needs them."""
 
     errors: dict[float, KinematicError]
@@ -137,7 +136,7 @@ class Predictions:
     """
 
     limits: tuple[Limit, ...]
-    quantities: Quantities
+    quantities: PredictedQuantities
     unknown: tuple[Unknown, ...]
     prior: DrivePrior
     samples: Samples | None = None
@@ -194,7 +193,7 @@ def quantities(
     *,
     wheels: MeasuredTeeth | None = None,
     run: Run = Run(),
-) -> Quantities:
+) -> PredictedQuantities:
     """What limits need of a drive, at its own numbers. Arguments and errors as those of predict."""
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
@@ -203,12 +202,12 @@ def quantities(
     own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
     twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
     by_torque = dict(zip(cycles, errors, strict=True))
-    found = Quantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
+    found = PredictedQuantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
     run.finished(found.certificate.states)
     return found
 
 
-def estimate_states(drive: Drive, limits: Sequence[Limit], draws: int = DRAWS) -> int:
+def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = CHECK_DRAWS) -> int:
     """Number of states that predictions for limits solve, about, for a progress bar."""
 
     def once(some: Sequence[Limit]) -> int:
@@ -227,7 +226,7 @@ def predict(
     limits: Sequence[Limit],
     *,
     wheels: MeasuredTeeth | None = None,
-    draws: int = DRAWS,
+    draws: int = CHECK_DRAWS,
     sure: float = SURE,
     run: Run = Run(),
 ) -> Predictions:
@@ -290,7 +289,7 @@ def _is_of_check(drive: Drive, limit: Limit) -> bool:
 def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
     """Fields that are not known exactly and move the value of a limit, by path: deviations move the cycle alone."""
     cycle = "cycle" in limit.check.needs
-    return tuple(each.path for each in prior.fields if cycle or not each.path.startswith(DEVIATIONS))
+    return tuple(each.path for each in prior.fields if cycle or not each.path.startswith(TABLE_SECTIONS))
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

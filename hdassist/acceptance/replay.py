@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from hdassist.acceptance.answer import Answer, exit_code, to_json
+from hdassist.acceptance.answer import AcceptAnswer, answer_json, exit_code
 from hdassist.acceptance.request import FailOn, Request
 from hdassist.errors import DataError
 from hdassist.preset.library import read_preset
@@ -30,7 +30,7 @@ class InputFile:
     sha256: str | None
 
 
-def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
+def inputs(answer: AcceptAnswer, request: Request) -> Iterator[InputFile]:
     """Preset, traces and pitch files of a request. Raises DataError: standard input was read, which is gone."""
     recorded = {each.file: each.sha256 for each in (*answer.measured, *answer.pitch)}
     for place, file in enumerate(request.files()):
@@ -45,7 +45,7 @@ def inputs(answer: Answer, request: Request) -> Iterator[InputFile]:
         yield InputFile(file, recorded.get(file) if place else answer.preset.sha256, sha256)
 
 
-def require_same(answer: Answer, files: list[InputFile]) -> None:
+def require_same(answer: AcceptAnswer, files: list[InputFile]) -> None:
     """Raise DataError where a file is not as it was. An answer of an error never got as far as its hashes."""
     for one in [] if answer.error else files:
         if one.sha256 is None:
@@ -55,7 +55,7 @@ def require_same(answer: Answer, files: list[InputFile]) -> None:
             raise DataError(f"{one.file} has changed: {then}", "hdassist accept makes a new answer")
 
 
-def still_stands(answer: Answer, request: Request, fail_on: FailOn) -> bool:
+def still_stands(answer: AcceptAnswer, request: Request, fail_on: FailOn) -> bool:
     """Whether an answer is what a request would get again: same version, options and files, and no error."""
     if (answer.version, answer.fail_on, answer.request) != (__version__, fail_on, request) or answer.error:
         return False
@@ -81,7 +81,7 @@ class Difference:
         return f"{f'{self.check}, ' * bool(self.check)}{self.key}: {then} then, {now} now"
 
 
-def differences(recorded: Answer, now: Answer) -> list[Difference]:
+def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Difference]:
     """What came out otherwise, of the whole answer but when, by which version and from which request it was made.
 
     Numbers agree within RELATIVE of the value or of the limit of its check, those of a certificate within ROUNDING;
@@ -95,7 +95,7 @@ def differences(recorded: Answer, now: Answer) -> list[Difference]:
     if now.verdict:
         code = exit_code(now.verdict, bool(now.remarks), recorded.fail_on)
         now = replace(now, fail_on=recorded.fail_on, exit_code=code)
-    was, comes = (dict(_flat("", "", to_json(each), 0.0)) for each in (recorded, now))
+    was, comes = (dict(_flat("", "", answer_json(each), 0.0)) for each in (recorded, now))
     found = []
     for name in dict.fromkeys([*was, *comes]):
         (old, allowed), (new, _) = was.get(name, (None, 0.0)), comes.get(name, (None, 0.0))
@@ -131,15 +131,15 @@ class Replay:
     is made; what differs.
     """
 
-    recorded: Answer
+    recorded: AcceptAnswer
     inputs: tuple[InputFile, ...] = ()
     fault: DataError | None = None
     request: Request | None = None
-    now: Answer | None = None
+    now: AcceptAnswer | None = None
     differences: tuple[Difference, ...] = ()
 
     @classmethod
-    def prepare(cls, answer: Answer, preset: str = "") -> Replay:
+    def prepare(cls, answer: AcceptAnswer, preset: str = "") -> Replay:
         """What is known before it is done; preset, to be taken in place of the recorded one (empty: that one)."""
         files: list[InputFile] = []
         try:
@@ -152,9 +152,9 @@ class Replay:
             return cls(answer, tuple(files), fault)
         return cls(answer, tuple(files), request=request)
 
-    def done(self, now: Answer) -> Replay:
+    def done(self, now: AcceptAnswer) -> Replay:
         """It with the answer now."""
-        return replace(self, now=now, differences=tuple(differences(self.recorded, now)))
+        return replace(self, now=now, differences=tuple(answer_differences(self.recorded, now)))
 
     @property
     def outcome(self) -> tuple[str, int]:
@@ -178,7 +178,7 @@ class Replay:
 
     def to_json(self) -> dict[str, Any]:
         """It as a JSON object."""
-        recorded, fault = to_json(self.recorded), self.fault
+        recorded, fault = answer_json(self.recorded), self.fault
         return {
             "schema": "hdassist.accept-replay/1",
             "version": __version__,

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
-from hdassist.acceptance.decision import Value
+from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import Limit, LimitText, limits_of
 from hdassist.acceptance.predictions import Predictions, order_place, predict
-from hdassist.design.check import DRAWS
+from hdassist.design.check import CHECK_DRAWS
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of
@@ -25,7 +25,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
-from hdassist.preset.kinds import Line
+from hdassist.preset.kinds import OneLine
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
@@ -38,7 +38,7 @@ from hdassist.verdict import SURE
 TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 FailOn = Literal["warn", "fail", "never"]
-Seed = Annotated[int, Field(ge=0)]  # of what is drawn
+RequestSeed = Annotated[int, Field(ge=0)]  # of what is drawn
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Inputs:
 
     drive: Drive
     measurements: dict[float, Measurement] = field(default_factory=dict)
-    stated: dict[Limit, Value] = field(default_factory=dict)
+    stated: dict[Limit, AcceptedValue] = field(default_factory=dict)
     wheels: MeasuredTeeth | None = None
 
 
@@ -129,8 +129,8 @@ class Request(ClosedRecord):
     measured teeth, for predictions.
     """
 
-    preset: Line
-    serial: Line = ""
+    preset: OneLine
+    serial: OneLine = ""
     overrides: tuple[str, ...] = ()
     limits: tuple[Annotated[LimitText, *_BOUND], ...] = ()
     measured: tuple[Annotated[TraceFile, *_TRACE], ...] = ()
@@ -138,9 +138,9 @@ class Request(ClosedRecord):
     reading: Reading = field(default_factory=Reading)
     measured_only: bool = False
     cross_check: str = "highs"
-    seed: Seed = 0
+    seed: RequestSeed = 0
     wheels: Wheels = field(default_factory=Wheels)
-    draws: Annotated[int, Field(ge=0)] = DRAWS
+    draws: Annotated[int, Field(ge=0)] = CHECK_DRAWS
     sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
 
     def files(self) -> list[str]:
@@ -209,18 +209,18 @@ class Request(ClosedRecord):
         return in_wide_enough_window(drive, analysis) if left else None
 
 
-def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Value]:
+def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, AcceptedValue]:
     """Values measured otherwise, by the limit of the drive that they are for.
 
     Raises UsageError: a text that is no value, one without its uncertainty, or one that no limit of the drive is for.
     """
     limits = limits_of(drive) if texts else ()
-    found: dict[Limit, Value] = {}
+    found: dict[Limit, AcceptedValue] = {}
     for text in texts:
         limit = text.limit_of(limits)
         if limit in found:
             raise UsageError(f"--value {text}: given twice")
-        found[limit] = Value.stated(text, limit)
+        found[limit] = AcceptedValue.stated(text, limit)
     return found
 
 

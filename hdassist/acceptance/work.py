@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import islice
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import Answer, ErrorRecord, failure_of
+from hdassist.acceptance.answer import AcceptAnswer, ErrorRecord, failure_of
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import FailOn, Request
@@ -19,7 +19,7 @@ from hdassist.errors import DataError, HdassistError, UsageError
 
 def answer_rows(
     rows: Sequence[LotRow], executor: Executor, fail_on: FailOn, *, jobs: int, debug: bool = False
-) -> Iterator[Answer]:
+) -> Iterator[AcceptAnswer]:
     """An answer for each row, in their order; what is wrong with a row is its answer.
 
     Each different drive is predicted once, then its rows are answered: an answer says the same as if its drive were
@@ -29,7 +29,7 @@ def answer_rows(
     keys = [None if row.fault or row.request.measured_only else _drive_key(row.request) for row in rows]
     left, predicted = Counter(keys), dict[Hashable, Future[Predictions | None]]()
     to_predict = iter({key: row.request for key, row in zip(keys, rows, strict=True) if key}.items())
-    answered: deque[Future[Answer]] = deque()
+    answered: deque[Future[AcceptAnswer]] = deque()
     for key, row in zip(keys, rows, strict=True):
         while key:
             running = [each for each in predicted.values() if not each.done()]
@@ -43,7 +43,7 @@ def answer_rows(
             wait(running, return_when=FIRST_COMPLETED)
         if row.fault:  # known to be wrong: nothing is asked
             answered.append(Future())
-            answered[-1].set_result(failure(row, row.fault))
+            answered[-1].set_result(row_failure(row, row.fault))
         else:
             predictions = predicted[key].result() if key else None
             answered.append(executor.submit(_answer, row, fail_on, predictions, debug))
@@ -71,14 +71,14 @@ def _predict(request: Request) -> Predictions | None:
         return None
 
 
-def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug: bool) -> Answer:
+def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug: bool) -> AcceptAnswer:
     try:
         drive = row.request.load()
         inputs = row.request.read(drive)
         predictions = predictions or row.request.predict(drive, inputs.wheels)
         return accept(row.request, inputs, predictions, fail_on=fail_on, place=row.place)
     except HdassistError as error:
-        return failure(row, error)
+        return row_failure(row, error)
     except (MemoryError, OSError):  # what the system refuses is no row's
         raise
     except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
@@ -86,10 +86,10 @@ def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug
             raise
         where = traceback.extract_tb(bug.__traceback__)[-1]
         words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
-        return failure(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
+        return row_failure(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
 
 
-def failure(row: LotRow, error: HdassistError) -> Answer:
+def row_failure(row: LotRow, error: HdassistError) -> AcceptAnswer:
     """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
     kind = DataError if isinstance(error, UsageError) else error
     return replace(

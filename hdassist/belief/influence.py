@@ -16,7 +16,7 @@ from scipy.special import fdtrc
 from hdassist.belief.samples import Samples, effective_number
 from hdassist.model.geometry import Array
 
-CHANCE = 0.05  # of any group at all to enter where none has an influence
+CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
 INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
 
 
@@ -82,7 +82,7 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
         gains = {name: float(np.sum((q.T @ rest) ** 2)) for name, q in candidates.items()}
         chances = {name: chance_probability(gains[name], remaining, q.shape[1], free) for name, q in candidates.items()}
         best = min((chances[name], -gains[name], name) for name in left)[2]
-        if chances[best] > CHANCE / len(groups):
+        if chances[best] > CHANCE_OF_INFLUENCE / len(groups):
             break
         q = candidates[best].shape[1]
         by_chance = q * (remaining - gains[best]) / (free - q)

@@ -23,12 +23,12 @@ from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.certificate import Residual
-from hdassist.solve.walk import library
+from hdassist.solve.walk import walk_library
 
-KIND = "samples"
-Share = Annotated[float, Field(strict=True, ge=0, le=1)]
+KEPT_SAMPLES = "samples"
+ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 # of a preset, what no draw depends on: words, limits; the prior stands in the key by itself
-BESIDE = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
+WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Draw(ClosedRecord):
     F_ior_arcsec: tuple[Magnitude, ...] | None = None
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
     weight: Magnitude = 0.0
-    shares: tuple[Share, ...] = ()
+    shares: tuple[ShareOfOne, ...] = ()
     proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
 
     @property
@@ -85,7 +85,7 @@ class KeptDraws:
 
     def read(self) -> list[Draw]:
         """The draws that are kept, from the first on; none where not all of them hold."""
-        data = cached(KIND, self._key) if keeps_answers() else None
+        data = cached(KEPT_SAMPLES, self._key) if keeps_answers() else None
         with suppress(ValueError, RecursionError):
             draws = _DRAWS.validate_python(json.loads(data or b"[]"))
             sizes = len(self.prior.fields), len(self.torques), len(self.rotations_deg), self.evidence
@@ -98,18 +98,18 @@ class KeptDraws:
         """Keep draws, from the first on."""
         if keeps_answers():
             with suppress(ValueError):  # a number that is none
-                keep(KIND, self._key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
+                keep(KEPT_SAMPLES, self._key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
 
     @cached_property
     def _key(self) -> str:
         depends = {
-            "drive": self.prior.drive.model_dump(mode="json", exclude=BESIDE),
+            "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "fields": [[each.path, each.distribution, each.low, each.high] for each in self.prior.fields],
             "torques": self.torques,
             "rotations": self.rotations_deg,
             "evidence": [astuple(each) for each in self.evidence],
             "further": self.further,
             "seed": self.seed,
-            "program": [*program("daqp", "pydantic"), library()[1]],
+            "program": [*program("daqp", "pydantic"), walk_library()[1]],
         }
         return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()

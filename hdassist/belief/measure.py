@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdassist.belief.influence import CHANCE, chance_probability, columns_of, groups_of
+from hdassist.belief.influence import CHANCE_OF_INFLUENCE, chance_probability, columns_of, groups_of
 from hdassist.belief.samples import Samples, effective_number
 from hdassist.model.geometry import Array
 
 FIELD_ERROR = 0.05  # standard uncertainty of a measured field, as a share of its probability
 FIGURE_ERROR = 0.05  # relative, of a measured stiffness, lost motion or F'_ior
-LEAST_GAIN = 0.005  # a smaller one is not told
+LEAST_NAMED_GAIN = 0.005  # a smaller one is not told
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ def gains_for(samples: Samples, y: Array, limit: float | None = None, seed: int 
     predictors = list(_predictors(samples, np.random.default_rng(seed)))
     for name, columns in predictors:
         prediction, explained, by_chance = _regression(columns, y, weights)
-        if by_chance > CHANCE / len(predictors):
+        if by_chance > CHANCE_OF_INFLUENCE / len(predictors):
             continue
         gain = 1 - np.sqrt(1 - explained) if limit is None else _right(prediction, y, weights, limit)
         gains.append(MeasurementGain(name, float(gain)))
-    return tuple(sorted((each for each in gains if each.gain >= LEAST_GAIN), key=lambda each: -each.gain))
+    return tuple(sorted((each for each in gains if each.gain >= LEAST_NAMED_GAIN), key=lambda each: -each.gain))
 
 
 def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[str, Array]]:

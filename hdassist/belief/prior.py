@@ -19,7 +19,7 @@ from hdassist.preset.kinds import least_of
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
 SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
 
-Owner = Literal["design", "drive", "assembly", "surroundings"]
+FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class FieldPrior:
     distribution: Literal["even", "logarithmic", "normal"]
     low: float
     high: float
-    owner: Owner
+    owner: FieldOwner
     group: str
     reason: str
 
@@ -116,7 +116,7 @@ def prior_of(drive: Drive) -> DrivePrior:
     return DrivePrior(drive, tuple(found), fitted)
 
 
-def owner_of(drive: Drive, path: str) -> Owner:
+def owner_of(drive: Drive, path: str) -> FieldOwner:
     """Whose the value of a field is, by path: the design's, a single drive's, or its assembly's."""
     if path in (*standing_offset(drive), "harmonics.a_s2", "harmonics.xi_s2"):
         return "assembly"

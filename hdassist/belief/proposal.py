@@ -17,10 +17,10 @@ from hdassist.belief.kept import Draw
 from hdassist.belief.prior import DrivePrior
 from hdassist.model.geometry import Array
 
-PILOT = 64  # draws from the prior, by which the others are proposed
+PILOT_DRAWS = 64  # draws from the prior, by which the others are proposed
 CELLS = 16  # equal parts of the field's probability, in each of which the density is the same
 LEAST_DENSITY = 0.15
-CHANCE = 0.01  # of any field at all to seem narrowed where the evidence narrows none
+CHANCE_OF_STEERING = 0.01  # of any field at all to seem narrowed where the evidence narrows none
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def proposed_draws(
     Arguments: pilot, the first draws, PILOT of them where `first` is not below that; seed of the draws.
     """
     shares = prior.shares(last, seed)
-    found = proposal_of(shares[:PILOT], evidence, pilot) if first >= PILOT else None
+    found = proposal_of(shares[:PILOT_DRAWS], evidence, pilot) if first >= PILOT_DRAWS else None
     return found.drawn(shares[first:]) if found else (shares[first:], np.ones(last - first))
 
 
@@ -62,13 +62,13 @@ def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Sequence[D
     found = [k for k, each in enumerate(pilot) if (each.figures or {}).keys() >= {*STIFFNESS_FIGURES}]
     figures = [{name: (pilot[k].figures or {})[name] for name in STIFFNESS_FIGURES} for k in found]
     y = np.array([log_likelihood(evidence, each) for each in figures])
-    if len(y) < PILOT / 2 or np.ptp(y) == 0:
+    if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:
         return None
     x = 2 * shares[found, :-1] - 1
     left = np.array([_left(column, y) for column in x.T])
     field = int(np.argmin(left))
     free = len(y) - 3  # degrees of freedom beside the mean, the share and its square
-    if fdtrc(2, free, (1 / left[field] - 1) * free / 2) > CHANCE / len(left):
+    if fdtrc(2, free, (1 / left[field] - 1) * free / 2) > CHANCE_OF_STEERING / len(left):
         return None
     weights = np.exp(y) / np.exp(y).sum()
     middles = 2 * (np.arange(CELLS) + 0.5) / CELLS - 1

@@ -21,7 +21,7 @@ from scipy.special import betaincinv
 from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
-from hdassist.belief.proposal import PILOT, proposed_draws
+from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
@@ -35,7 +35,7 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
-Figures = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
+FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
@@ -188,7 +188,7 @@ def draw_samples(
     *,
     rotations_deg: Sequence[float] = (),
     evidence: tuple[Evidence, ...] = (),
-    further: Figures | None = None,
+    further: FiguresOf | None = None,
     further_name: str = "",
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
@@ -211,7 +211,7 @@ def draw_samples(
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
-            size = min(size, PILOT - len(draws)) if len(draws) < PILOT else size
+            size = min(size, PILOT_DRAWS - len(draws)) if len(draws) < PILOT_DRAWS else size
             now = slice(len(draws), min(len(draws) + size, effort.most_draws))
             solved: Iterable[Draw] = ()
             if now.stop > len(earlier):
@@ -219,7 +219,7 @@ def draw_samples(
                 if not solve:
                     alike = _alike(prior, torques, rotations, run)
                     solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, alike)
-                shares, density = proposed_draws(prior, evidence, draws[:PILOT], *fresh, run.seed)
+                shares, density = proposed_draws(prior, evidence, draws[:PILOT_DRAWS], *fresh, run.seed)
                 solved = run.map(solve, prior.values(shares), shares.tolist(), density.tolist())
             for each in chain(earlier[now], solved):
                 draws.append(each)
@@ -254,7 +254,7 @@ def _solved(
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
-    further: Figures | None,
+    further: FiguresOf | None,
     alike: _Maps | None,
     values: dict[str, float],
     shares: list[float],

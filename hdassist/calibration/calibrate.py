@@ -15,7 +15,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import qmc
 
 from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, computing_fault
-from hdassist.calibration.quantities import REPORTING, SEARCHING, Quantities
+from hdassist.calibration.quantities import REPORTING, SEARCHING, TargetQuantities
 from hdassist.calibration.targets import CalibrationTarget, SoughtField, Targets
 from hdassist.errors import Fault, HdassistError, UntrustedError
 from hdassist.model.geometry import Array
@@ -226,7 +226,7 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit | Non
     """A set of values computed closely; None where it cannot be."""
 
     def fit(windowed: Drive) -> Fit:
-        fine = Quantities(windowed, REPORTING)
+        fine = TargetQuantities(windowed, REPORTING)
         predicted = [fine.predict(target) for target in targets.targets]
         rows = [target.residuals(each) for target, each in zip(targets.targets, predicted, strict=True)]
         deviations = tuple(float(row[0] if len(row) == 1 else np.linalg.norm(row)) for row in rows)
@@ -244,7 +244,9 @@ def _best_phases(drive: Drive) -> tuple[float | None, ...]:
 
     def best(M_g: float) -> float | None:
         try:
-            return in_wide_enough_window(drive, lambda windowed: Quantities(windowed, SEARCHING).scan(M_g).best_deg)
+            return in_wide_enough_window(
+                drive, lambda windowed: TargetQuantities(windowed, SEARCHING).scan(M_g).best_deg
+            )
         except HdassistError:
             return None
 

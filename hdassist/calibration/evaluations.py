@@ -13,13 +13,13 @@ from typing import TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from hdassist.calibration.quantities import SEARCHING, Quantities
+from hdassist.calibration.quantities import SEARCHING, TargetQuantities
 from hdassist.calibration.targets import CalibrationTarget, Targets
 from hdassist.errors import DataError, HdassistError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
-from hdassist.run.kept import ClosedRecord, Kept, Number, Owner, RecordKind
+from hdassist.run.kept import ClosedRecord, Kept, KeptOwner, Number, RecordKind
 from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window
 
@@ -53,9 +53,9 @@ def evaluations_kind(targets: Targets) -> RecordKind[Evaluation]:
     return RecordKind(TypeAdapter(Evaluation), fault)
 
 
-def evaluations_owner(drive: Drive, targets: Targets) -> Owner:
+def evaluations_owner(drive: Drive, targets: Targets) -> KeptOwner:
     """All that decides the residuals of a drive against targets."""
-    return Owner(
+    return KeptOwner(
         command="calibrate",
         preset=drive.name,
         inputs={"preset": drive.origin.sha256, **targets.inputs},
@@ -116,7 +116,7 @@ def _computed(targets: Sequence[CalibrationTarget], drive: Drive) -> Values:
         raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
 
     def residuals(windowed: Drive) -> Values:
-        quantities = Quantities(windowed, SEARCHING)
+        quantities = TargetQuantities(windowed, SEARCHING)
         return tuple(float(x) for target in targets for x in quantities.residuals(target))
 
     return in_wide_enough_window(drive, residuals)

@@ -52,7 +52,7 @@ class PhaseScan:
     worst_deg: float
 
 
-class Quantities:
+class TargetQuantities:
     """Quantities of one drive, each computed when asked for. Raises UntrustedError where one cannot be trusted."""
 
     def __init__(self, drive: Drive, accuracy: Accuracy) -> None:

@@ -29,7 +29,7 @@ from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Document, Path, Unread, in_order, near
+from hdassist.preset.yamltext import Document, Path, Unread, in_order, near_miss
 from hdassist.readers.trace import read_trace
 
 TARGETS_SCHEMA = "hdassist.targets/1"
@@ -173,7 +173,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     Arguments: text; file, its name in messages; drive, whose preset has to give the unknown fields a start.
     Raises PresetError with every finding.
     """
-    document = yamltext.read(text, file)
+    document = yamltext.read_yaml(text, file)
     reader = _TargetsReader(document, drive, Folder(file).parent)
     result = reader.read(document.data) if document.complete else None
     if document.findings or result is None:
@@ -224,7 +224,9 @@ class _TargetsReader:
         for key, value in table.items():
             at, unit = (*path, key), units.get(key)
             if key not in units:
-                self.findings.add(at, "unknown key", near(key, units) or f"known: {', '.join(units)}", "", key=True)
+                self.findings.add(
+                    at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True
+                )
             elif isinstance(read := value if unit in (TEXT, None) else read_number(value, unit), Unread):
                 self.findings.refuse(at, read)
             elif unit == TEXT and not isinstance(value, str):
@@ -236,7 +238,7 @@ class _TargetsReader:
     def _unknown(self, key: str, value: Any) -> SoughtField | None:
         path, add = ("unknowns", key), self.findings.add
         if key not in measures():
-            add(path, "names no measure of a preset", near(key, measures()) or "like gears.j_n", "", key=True)
+            add(path, "names no measure of a preset", near_miss(key, measures()) or "like gears.j_n", "", key=True)
             return None
         if value is not None and not isinstance(value, dict):
             add(path, "must be a table of keys", "like {low: 0, high: 20}")
@@ -272,7 +274,7 @@ class _TargetsReader:
             return None
         quantity = item.get("quantity")
         if not isinstance(quantity, str) or quantity not in TARGET_KINDS:
-            hint = near(str(quantity), TARGET_KINDS) or f"known: {', '.join(TARGET_KINDS)}"
+            hint = near_miss(str(quantity), TARGET_KINDS) or f"known: {', '.join(TARGET_KINDS)}"
             self.findings.add((*path, "quantity"), "names no quantity", hint)
             return None
         kind, is_trace = TARGET_KINDS[quantity], quantity == "trace"

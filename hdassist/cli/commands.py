@@ -10,14 +10,14 @@ from typing import Any
 
 import typer
 
-from hdassist.cli.help import Command, Commands, Context, Formatter, sections, with_panel
+from hdassist.cli.help import Command, Commands, Context, Formatter, help_sections, with_panel
 
 
 @dataclass(frozen=True)
 class LazyCommand:
     """A command that is loaded when it is called: its module in hdassist, section of the help, and summary.
 
-    The module has a function `command`, or a group of commands `app`.
+    The module has a function named after the command, `self_error_command`, or a group of commands, as `presets_app`.
     """
 
     module: str
@@ -32,38 +32,34 @@ class LazyCommand:
 @cache
 def _loaded(module: str, name: str) -> Any:
     found = import_module(module)
-    if group := getattr(found, "app", None):
+    if group := getattr(found, f"{name}_app", None):
         return typer.main.get_command(group)
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(name, cls=Command)(found.command)
+    app.command(name, cls=Command)(getattr(found, f"{name.replace('-', '_')}_command"))
     return typer.main.get_command(app)
 
 
 DESIGN, BENCH, ACCEPTANCE, DATA = "Design", "Bench", "Acceptance", "Data"
 COMMANDS = {
-    "check": LazyCommand("design.check_command", DESIGN, "F'_ior over the full cycle, with verdict and proof"),
+    "check": LazyCommand("commands.check", DESIGN, "F'_ior over the full cycle, with verdict and proof"),
     "explore": LazyCommand("explorer.command", DESIGN, "the drive on the screen: turn its knobs and its wheel"),
-    "trace": LazyCommand("design.trace_command", DESIGN, "the error against the cam angle, with its orders"),
-    "self-error": LazyCommand("design.self_error_command", DESIGN, "what is left of a drive without deviations"),
-    "stiffness": LazyCommand("design.stiffness_command", DESIGN, "twist against torque, lost motion, K1, K2, K3"),
-    "tolerance": LazyCommand(
-        "tolerance.tolerance_command", DESIGN, "yield of random drives, as built and best mounted"
-    ),
+    "trace": LazyCommand("commands.trace", DESIGN, "the error against the cam angle, with its orders"),
+    "self-error": LazyCommand("commands.self_error", DESIGN, "what is left of a drive without deviations"),
+    "stiffness": LazyCommand("commands.stiffness", DESIGN, "twist against torque, lost motion, K1, K2, K3"),
+    "tolerance": LazyCommand("commands.tolerance", DESIGN, "yield of random drives, as built and best mounted"),
     "sensitivity": LazyCommand(
-        "tolerance.sensitivity_command", DESIGN, "which tolerance to tighten first, and what that brings"
+        "commands.sensitivity", DESIGN, "which tolerance to tighten first, and what that brings"
     ),
-    "allocate": LazyCommand("tolerance.allocate_command", DESIGN, "the cheapest tolerances that reach a yield"),
-    "sweep": LazyCommand("tolerance.sweep_command", DESIGN, "F'_ior over a grid of values of any fields"),
-    "compare": LazyCommand(
-        "comparing.command", DESIGN, "presets side by side; a measured trace over the predicted one"
-    ),
-    "report": LazyCommand("reporting.command", DESIGN, "a drive on one page, HTML or Markdown"),
-    "mount": LazyCommand("mounting.command", BENCH, "in which hole to bolt the fixed wheel; the card"),
-    "trials": LazyCommand("trials.command", BENCH, "the same from F'_ior measured in a few holes"),
-    "measure": LazyCommand("measuring.command", BENCH, "F'_ior, orders and coverage of measured traces"),
-    "accept": LazyCommand("acceptance.command", ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
-    "explain": LazyCommand("explaining.command", ACCEPTANCE, "what a check, an error, a field, a symbol or a word is"),
-    "calibrate": LazyCommand("calibration.command", DATA, "stiffnesses and clearances from measurements"),
+    "allocate": LazyCommand("commands.allocate", DESIGN, "the cheapest tolerances that reach a yield"),
+    "sweep": LazyCommand("commands.sweep", DESIGN, "F'_ior over a grid of values of any fields"),
+    "compare": LazyCommand("commands.compare", DESIGN, "presets side by side; a measured trace over the predicted one"),
+    "report": LazyCommand("commands.report", DESIGN, "a drive on one page, HTML or Markdown"),
+    "mount": LazyCommand("commands.mount", BENCH, "in which hole to bolt the fixed wheel; the card"),
+    "trials": LazyCommand("commands.trials", BENCH, "the same from F'_ior measured in a few holes"),
+    "measure": LazyCommand("commands.measure", BENCH, "F'_ior, orders and coverage of measured traces"),
+    "accept": LazyCommand("commands.accept", ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
+    "explain": LazyCommand("commands.explain", ACCEPTANCE, "what a check, an error, a field, a symbol or a word is"),
+    "calibrate": LazyCommand("commands.calibrate", DATA, "stiffnesses and clearances from measurements"),
     "doctor": LazyCommand("cli.doctor", DATA, "whether this installation can be relied on"),
     "presets": LazyCommand("cli.presets", DATA, "drives: list, show, validate, start"),
 }
@@ -79,7 +75,7 @@ class RootCommands(Commands):
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write the commands, then the options."""
         rows = ((entry.panel, (name, entry.summary)) for name, entry in COMMANDS.items())
-        sections(formatter, (*rows, *(with_panel(parameter, ctx) for parameter in self.get_params(ctx))))
+        help_sections(formatter, (*rows, *(with_panel(parameter, ctx) for parameter in self.get_params(ctx))))
 
 
 class _Loaded(Mapping[str, Any]):

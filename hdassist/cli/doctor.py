@@ -15,12 +15,12 @@ from hdassist.terminal import options as o
 from hdassist.version import __version__
 
 Status = Literal["ok", "note", "broken"]
-PRESET, M_G, F_IOR, AGREES = "vzp160", 800.0, 7.576120225699, 1e-6  # arcsec: what every state gave, and how near
+PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.576120225699, 1e-6  # arcsec: what every state gave, and how near
 CROSS = "HIGHS"
 
 
 @dataclass(frozen=True)
-class Finding:
+class DoctorFinding:
     """What was looked at, how it is, and in words what was found; broken: answers cannot be had, or not be trusted."""
 
     what: str
@@ -29,7 +29,7 @@ class Finding:
 
 
 @o.with_groups
-def command(*, options: o.PageOptions) -> None:
+def doctor_command(*, options: o.PageOptions) -> None:
     """Whether this installation can be relied on: versions, solvers, a self-test, the terminal, cores and memory.
 
     \b
@@ -43,7 +43,7 @@ def command(*, options: o.PageOptions) -> None:
     from hdassist.terminal.answers import json_text
 
     out = options.open()
-    found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library()]
+    found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library_finding()]
     broken = any(finding.status == "broken" for finding in found)
     code = UntrustedError.exit_code if broken else 0
     if options.json:
@@ -63,43 +63,45 @@ def command(*, options: o.PageOptions) -> None:
         )
 
 
-def packages() -> Iterator[Finding]:
+def packages() -> Iterator[DoctorFinding]:
     """hdassist, Python, and each package it needs."""
     from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of what `hdassist --help` imports
 
-    yield Finding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
+    yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
     for needed in requires("hdassist") or ():
         name = needed.split(">")[0].split("<")[0].split("=")[0].split(";")[0].strip()
         if "extra ==" in needed:
             continue
         try:
-            yield Finding(name, "ok", f"{version(name)} ({needed} needed)")
+            yield DoctorFinding(name, "ok", f"{version(name)} ({needed} needed)")
         except PackageNotFoundError:
-            yield Finding(name, "broken", f"not installed: {needed} needed")
+            yield DoctorFinding(name, "broken", f"not installed: {needed} needed")
 
 
-def machine() -> Iterator[Finding]:
+def machine() -> Iterator[DoctorFinding]:
     """Cores, memory, threads of linear algebra."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    yield Finding("cores", "ok", f"{cores} that this process may use")
+    yield DoctorFinding("cores", "ok", f"{cores} that this process may use")
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-        yield Finding("memory", "ok" if memory >= 1 else "note", f"{memory:.1f} GB")
+        yield DoctorFinding("memory", "ok" if memory >= 1 else "note", f"{memory:.1f} GB")
     except (AttributeError, ValueError, OSError):
-        yield Finding("memory", "note", "not told by this system")
+        yield DoctorFinding("memory", "note", "not told by this system")
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "")
-    yield Finding("OPENBLAS_NUM_THREADS", "ok" if threads == "1" else "note", f"{threads or 'not set'}; 1 is fastest")
+    yield DoctorFinding(
+        "OPENBLAS_NUM_THREADS", "ok" if threads == "1" else "note", f"{threads or 'not set'}; 1 is fastest"
+    )
 
 
-def engine() -> Finding:
+def engine() -> DoctorFinding:
     """Which engine solves the states."""
     from hdassist.solve import walk
 
-    compiled, words = walk.library()
-    return Finding("engine", "ok" if compiled else "note", words)
+    compiled, words = walk.walk_library()
+    return DoctorFinding("engine", "ok" if compiled else "note", words)
 
 
-def cache() -> Finding:
+def cache() -> DoctorFinding:
     """Where answers are kept, how large they are, and how to be rid of them."""
     from hashlib import sha256
 
@@ -108,25 +110,27 @@ def cache() -> Finding:
     folder, key = cache_folder(), sha256(b"doctor").hexdigest()
     keep("doctor", key, b"")
     if cached("doctor", key) is None:
-        return Finding("cache", "note", f"{folder} can't be used: nothing is kept; {FOLDER} names another folder")
+        return DoctorFinding("cache", "note", f"{folder} can't be used: nothing is kept; {FOLDER} names another folder")
     files = cached_files()
     size = f"{len(files)} files, {sum(each for _, each, _ in files) / 1e6:.1f} MB"
     found = f"{folder}, {size}; remove the folder to empty it, {FOLDER} names another one"
-    return Finding("cache", "ok", found if keeps_answers() else f"{found}; {NO_CACHE} is set: no answers are kept")
+    return DoctorFinding(
+        "cache", "ok", found if keeps_answers() else f"{found}; {NO_CACHE} is set: no answers are kept"
+    )
 
 
-def terminal() -> Iterator[Finding]:
+def terminal() -> Iterator[DoctorFinding]:
     """What standard output shows."""
     from hdassist.terminal.console import Style
 
     style = Style.of(sys.stdout)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
-    yield Finding("output", "ok", f"{kind}, {style.width} columns, encoding {sys.stdout.encoding}")
+    yield DoctorFinding("output", "ok", f"{kind}, {style.width} columns, encoding {sys.stdout.encoding}")
     plain = "plots in 7-bit characters" if style.ascii else "plots in braille"
-    yield Finding("characters", "ok", f"{plain}, {'colours' if style.codes else 'no colours'}")
+    yield DoctorFinding("characters", "ok", f"{plain}, {'colours' if style.codes else 'no colours'}")
 
 
-def self_test() -> Finding:
+def self_test() -> DoctorFinding:
     """Every state of a known drive against stored digits, and its extremes by another solver."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.error.error_map import ErrorMap
@@ -141,16 +145,18 @@ def self_test() -> Finding:
         states = pitch_locked_states(Kinematics.of(drive), np.array([*found.at_max, *found.at_min]))
         again = kinematic_error(drive, M_G, states=states, solver=CROSS, run=UNCHECKED).range_arcsec
     except HdassistError as error:
-        return Finding("self-test", "broken", error.message)
-    off, apart = abs(found.first - F_IOR), abs(again - found.first)
+        return DoctorFinding("self-test", "broken", error.message)
+    off, apart = abs(found.first - STORED_F_IOR), abs(again - found.first)
     told = f"{found.first:.6f} arcsec, {off:.0e} from what is stored; {apart:.0e} by {CROSS}"
     fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
-    return Finding("self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}")
+    return DoctorFinding(
+        "self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}"
+    )
 
 
-def library() -> Finding:
+def library_finding() -> DoctorFinding:
     """Whether the drives of the library are there."""
     from hdassist.preset.library import preset_names
 
     names = preset_names()
-    return Finding("presets", "ok" if PRESET in names else "broken", f"{len(names)} drives in the library")
+    return DoctorFinding("presets", "ok" if PRESET in names else "broken", f"{len(names)} drives in the library")

@@ -14,7 +14,7 @@ Context: TypeAlias = Any
 Formatter: TypeAlias = Any
 
 OTHERS, LAST = "Options", "Answer"
-WHOLE = 1000  # characters: no first sentence of a help text is longer
+LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
 
 
 class Command(TyperCommand):
@@ -29,7 +29,7 @@ class Command(TyperCommand):
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write arguments and options, those of no group first, those of every command last."""
-        sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+        help_sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
 
 
 class Commands(TyperGroup):
@@ -38,8 +38,8 @@ class Commands(TyperGroup):
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write the commands, then the options."""
         shown = [command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden]
-        sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
-        sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+        help_sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
+        help_sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
 
 
 def _is_numeric(hint: Any) -> bool:
@@ -55,7 +55,7 @@ def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Contex
 
 
 def _summary(command: Any) -> str:
-    return str(command.short_help or command.get_short_help_str(WHOLE))
+    return str(command.short_help or command.get_short_help_str(LONGEST_SENTENCE))
 
 
 Record = tuple[str, str]  # what stands to the left and to the right in a help text
@@ -71,7 +71,7 @@ def _panel(thing: Any, other: str) -> str:
     return getattr(thing, "rich_help_panel", None) or other
 
 
-def sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]) -> None:
+def help_sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]) -> None:
     """Write rows of a help text, each with the section that it belongs to."""
     panels: dict[str, list[Record]] = {}
     for panel, record in records:

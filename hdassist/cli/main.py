@@ -20,7 +20,13 @@ from hdassist.version import __version__
 BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)  # of a device that takes no more, or none
+DEVICE_FAULTS = (
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EIO,
+    errno.EBADF,
+)  # of a device that takes no more, or none
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -72,7 +78,7 @@ def _global(
         typer.echo(ctx.get_help())
 
 
-def main() -> None:
+def run_command_line() -> None:
     """Run the command line and leave with its exit code."""
     for name in THREADS:
         os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
@@ -97,7 +103,9 @@ def main() -> None:
         _say("error: there is not memory enough for an answer", "fewer --jobs take less of it", Fault.MEMORY_SHORT)
         sys.exit(UntrustedError.exit_code)
     except Exception as error:
-        if isinstance(error, OSError) and error.errno in FULL:  # typer writes help and version; files say it themselves
+        if (
+            isinstance(error, OSError) and error.errno in DEVICE_FAULTS
+        ):  # typer writes help and version; files say it themselves
             from hdassist.terminal.console import silence
 
             silence()  # or what is left in the buffer fails once more at the end

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hdassist.preset.schema import ResolvedField
     from hdassist.terminal.console import Style
 
-app = typer.Typer(
+presets_app = typer.Typer(
     name="presets",
     cls=Commands,
     help="Presets: list, show, check and start them.",
@@ -31,8 +31,8 @@ app = typer.Typer(
 )
 
 LAST_COLUMN = 12  # least width of a column of text
-GAP = 3  # columns between those of a table
-ROOM = 10_000  # whoever reads a pipe has the room that a table needs
+PRESETS_GAP = 3  # columns between those of a table
+PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 PIPE = (80, 24)  # but not more than COLUMNS for what people page through
 
 Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]
@@ -48,7 +48,7 @@ class TableOptions(o.OptionGroup):
     debug: o.Debug = False
 
 
-@app.command("list")
+@presets_app.command("list")
 @o.with_groups
 def list_(options: TableOptions) -> None:
     """Presets that come with hdassist.
@@ -96,7 +96,7 @@ def list_(options: TableOptions) -> None:
     _print_table(head, rows, options, shutil.get_terminal_size(PIPE).columns)
 
 
-@app.command()
+@presets_app.command()
 @o.with_groups
 def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions, options: TableOptions) -> None:
     """A preset as it is written, or every value that is really used.
@@ -137,7 +137,7 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
         warn(warning)
 
 
-@app.command()
+@presets_app.command()
 @o.with_groups
 def validate(
     presets: o.Presets,
@@ -192,7 +192,7 @@ Coupling = Annotated[
     str | None,
     typer.Option("--coupling", metavar="KIND", help="How the cam sits on its shaft: solid, oldham, overhung, unknown."),
 ]
-Shaft = Annotated[
+ShaftOption = Annotated[
     str | None, typer.Option("--shaft", metavar="DxL", help="Diameter and overhang of its shaft, mm: 14x30.")
 ]
 PitchDiameter = Annotated[
@@ -212,12 +212,12 @@ GivenAccuracy = Annotated[
 ]
 
 
-@app.command(cls=Command)
+@presets_app.command(cls=Command)
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")],
     *,
     coupling: Coupling = None,
-    shaft: Shaft = None,
+    shaft: ShaftOption = None,
     like: Like = None,
     pitch_diameter: PitchDiameter = None,
     teeth: Teeth = None,
@@ -266,7 +266,7 @@ def new(
     write_text(output, text, force)
 
 
-@app.command()
+@presets_app.command()
 def schema(
     output: o.Target = "-",
     force: o.Force = False,
@@ -292,7 +292,9 @@ def _print_json(answer: dict[str, Any]) -> None:
     write_text("-", json_text(answer), force=False)
 
 
-def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions, piped: int = ROOM) -> None:
+def _print_table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions, piped: int = PIPED_COLUMNS
+) -> None:
     """Print a table whose last column may wrap; nothing else is ever cut.
 
     Where there is too little room for its last column it does without. piped: columns that it has in a pipe.
@@ -313,7 +315,7 @@ def _print_table(head: Sequence[str], rows: Sequence[Sequence[str]], options: Ta
 
 def _needed(least: Sequence[int], style: Style) -> int:
     """Columns that a table with columns of these widths needs, its edges where it has some."""
-    return sum(least) + GAP * (len(least) - 1) + 2 * style.ascii
+    return sum(least) + PRESETS_GAP * (len(least) - 1) + 2 * style.ascii
 
 
 def _least(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdassist.error.waves import MIDDLE, Complex, ErrorWaves
+from hdassist.error.waves import SLOPE_WAVE_POINTS, Complex, ErrorWaves
 from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
@@ -24,12 +24,12 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
     field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
     whose certificate the states solved here are added.
     """
-    (own,) = torus.waves([drive], MIDDLE)
+    (own,) = torus.waves([drive], SLOPE_WAVE_POINTS)
 
     def moved(path: str, value: float) -> Complex:
         other = drive.with_values({path: value})
         case = ErrorWaves(other, M_g, run)
-        (waves,) = case.waves([other], MIDDLE)
+        (waves,) = case.waves([other], SLOPE_WAVE_POINTS)
         torus.certificate += case.certificate
         return np.asarray(waves - own)
 

@@ -16,12 +16,12 @@ from scipy.linalg import null_space
 
 from hdassist.comparing.record import RecordedOrders, rms
 from hdassist.comparing.vectors import VECTOR_ORDERS, VECTORS, vectors_of, with_vectors
-from hdassist.error.waves import COARSE, MIDDLE, POINTS, Complex, ErrorWaves
+from hdassist.error.waves import COARSE, SLOPE_WAVE_POINTS, WAVE_POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 DOUBT_ROUNDS = 2  # times that the alignment is fitted with the model doubted at the one before
-DIFFERENCE_STEP = 1.0  # of a vector's unit, of a difference quotient
+VECTOR_STEP = 1.0  # of a vector's unit, of a difference quotient
 LONGEST_STEP = 30.0  # of a vector's unit, or deg
 STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
 MOST_STEPS = 15
@@ -118,7 +118,7 @@ class VectorFitter:
         best = int(np.argmin([chi_square for _, chi_square in scans]))
         if scans[best][1] <= NEARER * scans[0][1]:
             starts[0] = np.append(starts[best][:-2], scans[best][0])
-        return self._descend(starts[0], (vector,), MIDDLE)
+        return self._descend(starts[0], (vector,), SLOPE_WAVE_POINTS)
 
     def refined(self, fit: VectorFit, fitted: Sequence[int] | None = None) -> VectorFit:
         """A fit continued on a fine torus, of the same vectors or of others."""
@@ -126,7 +126,7 @@ class VectorFitter:
 
     def linear_gains(self, base: VectorFit) -> Array:
         """Decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
-        residual, waves = self._residual(base.unknowns, (), POINTS)
+        residual, waves = self._residual(base.unknowns, (), WAVE_POINTS)
         jacobian = self._jacobian(base.unknowns, tuple(range(COUNT)), waves)
         own = [jacobian[:, [2 * k, 2 * k + 1, *range(2 * COUNT, jacobian.shape[1])]] for k in range(COUNT)]
         return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in own])
@@ -143,11 +143,13 @@ class VectorFitter:
         if step < PROFILE_LEAST:
             return fit
         held = replace(self, angles=(False, False))
-        profile = [held._descend(fit.unknowns, fit.fitted, MIDDLE)]
+        profile = [held._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
         for way in (step, -step):
             last = profile[0]
             for _ in range(PROFILE_STEPS):
-                last = held._descend(last.unknowns + way * (np.arange(2 * COUNT + 2) == 2 * COUNT), fit.fitted, MIDDLE)
+                last = held._descend(
+                    last.unknowns + way * (np.arange(2 * COUNT + 2) == 2 * COUNT), fit.fitted, SLOPE_WAVE_POINTS
+                )
                 profile.append(last)
                 if last.chi_square > min(point.chi_square for point in profile) + PROFILE_RISE:
                     break
@@ -166,7 +168,7 @@ class VectorFitter:
         (waves,) = self._waves(fit.unknowns, fit.fitted)
         return replace(self, record=self.record.doubting(waves, changes, fit.unknowns[-2:]))
 
-    def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = POINTS, *steps: Array) -> Complex:
+    def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = WAVE_POINTS, *steps: Array) -> Complex:
         """Waves of the drive with fitted vectors as the unknowns have them, and a step on, shape (1 + steps, waves)."""
         there = [complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
         return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in there], points)
@@ -190,7 +192,7 @@ class VectorFitter:
         components = [place for k in fitted for place in (2 * k, 2 * k + 1)]
         return np.array([*components, *(2 * COUNT + np.flatnonzero(self.angles))], dtype=np.int64)
 
-    def _descend(self, unknowns: Array, fitted: tuple[int, ...], points: int = POINTS) -> VectorFit:
+    def _descend(self, unknowns: Array, fitted: tuple[int, ...], points: int = WAVE_POINTS) -> VectorFit:
         """Gauss-Newton with steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
         free = self._free(fitted)
         residual, waves = self._residual(unknowns, fitted, points)
@@ -220,11 +222,11 @@ class VectorFitter:
 
     def _jacobian(self, unknowns: Array, fitted: Sequence[int], waves: Complex) -> Array:
         """Whitened slopes J of the prediction by the free unknowns, shape (2 orders, f), per unit and deg."""
-        steps = DIFFERENCE_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
+        steps = VECTOR_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
         columns = self.record.slopes(waves, unknowns[-2:])[list(self.angles)]
         if fitted:
-            base, *moved = self._waves(unknowns, fitted, MIDDLE, *steps)
-            by_vectors = self.record.predicted((np.array(moved) - base) / DIFFERENCE_STEP, unknowns[-2:])
+            base, *moved = self._waves(unknowns, fitted, SLOPE_WAVE_POINTS, *steps)
+            by_vectors = self.record.predicted((np.array(moved) - base) / VECTOR_STEP, unknowns[-2:])
             columns = np.concatenate([by_vectors, columns])
         return self.record.whitened(columns).T
 

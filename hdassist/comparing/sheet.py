@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hdassist.design.check import DRAWS, DesignCheck, check
-from hdassist.design.check import estimate_states as check_states
-from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.error.stiffness import estimate_states as stiffness_states
-from hdassist.mounting.advice import Advice, advise
-from hdassist.mounting.advice import estimate_states as advice_states
+from hdassist.design.check import CHECK_DRAWS, DesignCheck, check, check_states
+from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
+from hdassist.mounting.advice import Advice, advice_states, advise
 from hdassist.mounting.positions import seat_positions
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
@@ -48,7 +45,7 @@ def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
     return drive.model_copy(update={"operation": drive.operation.model_copy(update={"M_g": tuple(torques)})})
 
 
-def sheet_states(drive: Drive, draws: int = DRAWS) -> int:
+def sheet_states(drive: Drive, draws: int = CHECK_DRAWS) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
     mounting = advice_states(drive, torques, turns, every_state=False, draws=draws)
@@ -59,7 +56,7 @@ def sheet_of(
     drive: Drive,
     *,
     torques: Sequence[float] | None = None,
-    draws: int = DRAWS,
+    draws: int = CHECK_DRAWS,
     run: Run = Run(),
 ) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.

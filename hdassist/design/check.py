@@ -38,7 +38,7 @@ from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
-DRAWS = 64  # effective samples, at least
+CHECK_DRAWS = 64  # effective samples, at least
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class DesignCheck:
         return (*self.drive.origin.warnings, *remarks)
 
 
-def estimate_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = DRAWS) -> int:
+def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = CHECK_DRAWS) -> int:
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
     return len(drive.operation.M_g) * (
@@ -204,7 +204,7 @@ def check(
     *,
     measured: MeasuredTeeth | None = None,
     solver: str | None = None,
-    draws: int = DRAWS,
+    draws: int = CHECK_DRAWS,
     samples: Samples | None = None,
     sure: float = SURE,
     run: Run = Run(),
@@ -262,7 +262,7 @@ def drive_samples(
     prior: DrivePrior,
     held_arcsec: Sequence[float | None],
     *,
-    draws: int = DRAWS,
+    draws: int = CHECK_DRAWS,
     sure: float = SURE,
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,

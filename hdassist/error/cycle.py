@@ -26,14 +26,14 @@ from hdassist.model.kinematics import (
 )
 from hdassist.preset.fields import Drive
 from hdassist.run.run import CROSS_SOLVER, Run
-from hdassist.solve.answers import CHUNK, EMPTY, Answers, Certificate
+from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Answers, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CHECKED = 8  # random states beside the extremes that another solver solves again
-CYCLE_BLOCK = 4 * CHUNK  # states whose gaps are held at once
+CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are held at once
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def kinematic_error(
         for some in np.split(rows, range(CYCLE_BLOCK, len(rows), CYCLE_BLOCK)):
             part = states.take(some)
             gaps = state_gaps(drive, case.system, part, teeth)
-            parts.append((some, case.solve(gaps, partial(place, part, M_g), run.solved)))
+            parts.append((some, case.solve(gaps, partial(state_place, part, M_g), run.solved)))
     result = _collect(kinematics, M_g, states, parts)
     if run.cross_check:
         # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
@@ -188,13 +188,13 @@ def cross_check_of(
     for rows, formulation in _formulations(drive, error.states, stated):
         states, torques = error.states.take(rows), np.full(len(rows), error.M_g)
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
-        where, solver = partial(place, states, error.M_g), run.cross_check or CROSS_SOLVER
+        where, solver = partial(state_place, states, error.M_g), run.cross_check or CROSS_SOLVER
         checks.append(solve_again(formulation, torques, delta_p, error.rotation_arcsec[rows], solver, where))
     worst = max(check.max_difference_arcsec for check in checks)
     return CrossCheck(checks[0].solver, len(error.states), worst)
 
 
-def place(states: States, M_g: float, k: int) -> str:
+def state_place(states: States, M_g: float, k: int) -> str:
     """Words for where state k of some states is, at a torque [N*m]."""
     phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))
     return f"phi_h = {turns_and_degrees(phi_h)}, phi_g = {phi_g:.3f} deg, phi_b = {phi_b:.3f} deg, M_g = {M_g:g} N*m"

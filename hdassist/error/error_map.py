@@ -18,7 +18,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import kinematic_error, place
+from hdassist.error.cycle import kinematic_error, state_place
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import TEETH, scalars_of
@@ -41,10 +41,10 @@ FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
-REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
+SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
 LEAST_F_IOR = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
-SHORT = 4000  # states of a cycle below which all are solved
+SHORT_CYCLE = 4000  # states of a cycle below which all are solved
 MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
 DISC = 8  # drives from which on their states are solved together
 SEARCHED = 3800  # states that proposals solve of a drive, about
@@ -166,7 +166,7 @@ class ErrorMap:
         No points of a short cycle, of which every state is solved. Raises UntrustedError where an answer
         cannot be trusted.
         """
-        if not len(batch) or len(self.states) < SHORT:
+        if not len(batch) or len(self.states) < SHORT_CYCLE:
             return np.empty((len(batch), 0, 0))
         solved = _Solved(self, batch, LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True))
         return solved.at_points(self.points(GRID))
@@ -183,7 +183,7 @@ class ErrorMap:
         """
         case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
         solved = _Solved(self, batch, case)
-        if estimates is None and len(self.states) < SHORT:
+        if estimates is None and len(self.states) < SHORT_CYCLE:
             solved.every_state()
         else:
             if alike is not None:
@@ -388,7 +388,7 @@ class _Solved:
         Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
         """
         z_b, z_g = self._search.board.shape
-        wide = np.stack(np.meshgrid(*[np.arange(-REACH, REACH + 1)] * 2), axis=-1).reshape(-1, 2)
+        wide = np.stack(np.meshgrid(*[np.arange(-SEARCH_REACH, SEARCH_REACH + 1)] * 2), axis=-1).reshape(-1, 2)
         wide = wide[wide.sum(axis=1) % self._search.finest == 0]
         for sign in (1, -1):
             row = np.arange(len(self._batch))
@@ -407,7 +407,7 @@ class _Solved:
             rows, j = np.divmod(places[np.sort(first)], self.value.shape[1])  # in order: neighbours follow each other
             states = self._search.states.take(j)
             gaps = StateGaps(self._batch.scalars(rows, states.alpha_g, states.alpha_b))
-            answers = self._case.solve(gaps, partial(place, states, self._search.M_g))
+            answers = self._case.solve(gaps, partial(state_place, states, self._search.M_g))
             self.value[rows, j] = answers.rotation_arcsec
             self.certificate += answers.certificate
         return np.asarray(self.value[row, state])

@@ -13,7 +13,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 
 DEGREE = 4  # products of up to so many deviations are named
-LARGEST = 12  # orders without a known cause that are kept all the same
+UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
 NO_CAUSE = "no single cause known"
 FLOOR = 1e-9  # arcsec: what is smaller is rounding
 
@@ -84,7 +84,7 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
         place = round(order * revolutions)
         if 0 < place < len(amplitude):
             causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
-    places = sorted(set(causes) | {int(p) for p in np.argsort(amplitude)[::-1][:LARGEST] if p > 0})
+    places = sorted(set(causes) | {int(p) for p in np.argsort(amplitude)[::-1][:UNEXPLAINED_ORDERS] if p > 0})
     return [
         Order(
             place / revolutions,

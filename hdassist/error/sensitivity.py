@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from hdassist.error.cycle import KinematicError, place
+from hdassist.error.cycle import KinematicError, state_place
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.preset.fields import Drive
@@ -16,7 +16,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
-MICROMETRE = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # in the unit of each field
+SLOPE_UNITS = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # in the unit of each field
 LENGTH_STEP = 0.1  # micrometres to both sides, so that no contact set changes much
 
 
@@ -40,9 +40,9 @@ def sensitivity(drive: Drive, extremes: Sequence[KinematicError]) -> tuple[Sensi
     solved at lengths LENGTH_STEP away. Arguments: extremes, the error at each torque. Raises UntrustedError where an
     answer cannot be trusted.
     """
-    slopes = np.empty((len(extremes), len(MICROMETRE)))
+    slopes = np.empty((len(extremes), len(SLOPE_UNITS)))
     proofs = [EMPTY] * len(extremes)
-    for column, (path, micrometre) in enumerate(MICROMETRE.items()):
+    for column, (path, micrometre) in enumerate(SLOPE_UNITS.items()):
         value = drive.number(path)
         ends = (max(value - LENGTH_STEP * micrometre, 0.0), value + LENGTH_STEP * micrometre)
         found = [_range_of_extremes(drive.with_values({path: end}), extremes) for end in ends]
@@ -59,6 +59,6 @@ def _range_of_extremes(drive: Drive, extremes: Sequence[KinematicError]) -> list
     for error in extremes:
         states = error.states.take(np.array([error.at_max, error.at_min]))
         case = LoadCase(formulation, error.M_g)
-        answers = case.solve(state_gaps(drive, case.system, states), partial(place, states, error.M_g))
+        answers = case.solve(state_gaps(drive, case.system, states), partial(state_place, states, error.M_g))
         found.append((error.kinematics.error_sign * float(-np.diff(answers.rotation_arcsec)[0]), answers.certificate))
     return found

@@ -22,13 +22,13 @@ from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, solve_again
 
-LOST_MOTION = 0.04  # of the rated torque, to each side: the catalogues' measure
+LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
 # Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
 T_58, D_58 = (168.0, 598.0), 147.32
 CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
-POINTS = 40  # torques to each side by default
+CURVE_POINTS = 40  # torques to each side by default
 # of a torque, to both sides: the twist is straight between changes of contact, and its proof holds ten digits
 TORQUE_STEP = 1e-4
 
@@ -85,7 +85,7 @@ class Stiffness:
     @property
     def lost_motion_arcsec(self) -> float:
         """Twist between plus and minus 4 % of the rated torque."""
-        return self.twist_at(LOST_MOTION * self.rated) - self.twist_at(-LOST_MOTION * self.rated)
+        return self.twist_at(LOST_MOTION_SHARE * self.rated) - self.twist_at(-LOST_MOTION_SHARE * self.rated)
 
     @property
     def play_arcsec(self) -> float:
@@ -116,7 +116,7 @@ def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
     return CURVE_BEYOND * (catalogue_torques(drive)[1] if T_2 is None else T_2) if T_max is None else T_max
 
 
-def estimate_states(points: int = POINTS) -> int:
+def stiffness_states(points: int = CURVE_POINTS) -> int:
     """Number of states that a stiffness curve with so many torques to each side solves, about, for a progress bar."""
     return 2 * (points + 5)
 
@@ -127,7 +127,7 @@ def stiffness(
     T_1: float | None = None,
     T_2: float | None = None,
     T_max: float | None = None,
-    points: int = POINTS,
+    points: int = CURVE_POINTS,
     tangents_at: Sequence[float] = (),
     run: Run = Run(),
 ) -> Stiffness:
@@ -150,7 +150,7 @@ def stiffness(
             raise UsageError(f"no tangent stiffness at {here:g} N*m", f"a finite torque above {near_zero:g} N*m")
     # a segment that the curve ends in is none
     ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
-    side = np.unique([*ends, LOST_MOTION * rated, *np.linspace(0, T_max, points + 1)[1:]])
+    side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
     twist = Twist(drive)
     contact, tube, proof = twist.at(torque, run.solved)

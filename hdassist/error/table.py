@@ -18,8 +18,8 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import (
-    CAM,
-    ODD,
+    CAM_COLUMNS,
+    ODD_COLUMNS,
     SHIFT,
     TEETH,
     deviations_of,
@@ -32,14 +32,14 @@ from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate
 from hdassist.solve.loadcase import LoadCase
 
-STEP = (
+TABLE_TORQUE_STEP = (
     0.02  # of the torque, to both sides, where slopes are taken and errors averaged: contacts that change are smoothed
 )
 READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
-WIDER = 1.001  # so that rounding leaves the outermost drive inside
+WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
 LEAST_REACH = 1e-3  # mm: a table needs some width
 
-DEVIATIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
+TABLE_SECTIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,9 @@ class Reach:
             size = abs(each.factor) * drive.number(each.size) * 1e-3
             sizes[each.column] = sizes.get(each.column, 0.0) + size
         teeth = SHIFT if mark_kind == "runout" else TEETH
-        pair = [WIDER * max(sizes.get(column, 0.0), LEAST_REACH) for column in (teeth, CAM)]
-        rest = sorted(column for column, size in sizes.items() if size and column not in (teeth, CAM))
-        axes = (teeth, teeth + 1, CAM, CAM + 1)
+        pair = [WIDER_SPAN * max(sizes.get(column, 0.0), LEAST_REACH) for column in (teeth, CAM_COLUMNS)]
+        rest = sorted(column for column, size in sizes.items() if size and column not in (teeth, CAM_COLUMNS))
+        axes = (teeth, teeth + 1, CAM_COLUMNS, CAM_COLUMNS + 1)
         others = tuple(column + k for column in rest for k in (0, 1))
         return cls(axes, np.repeat(pair, 2), others, np.repeat([sizes[column] for column in rest], 2))
 
@@ -172,18 +172,18 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
     gaps, proof, solved = StateGaps(points), EMPTY, []
-    for way in (1 - STEP, 1 + STEP) if reach.others else (1.0,):
+    for way in (1 - TABLE_TORQUE_STEP, 1 + TABLE_TORQUE_STEP) if reach.others else (1.0,):
         case.load(way * M_g)
         solved.append(case.solve(gaps, where, pull=bool(reach.others)))
         proof += solved[-1].certificate
     errors = [np.mean([each.rotation_arcsec for each in solved], axis=0)]
     if reach.others:
         less, more = (each.pull_N[:, reach.others] for each in solved if each.pull_N is not None)
-        errors += list((more - less).T / (2 * STEP * M_g * N_MM) * ARCSEC)
+        errors += list((more - less).T / (2 * TABLE_TORQUE_STEP * M_g * N_MM) * ARCSEC)
     values = np.full((1 + len(reach.others), np.prod(shape)), np.nan)
     values[:, order[chosen]] = errors
     if symmetric:
-        signs = np.array([1, *(-1 if column in ODD else 1 for column in reach.others)])
+        signs = np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in reach.others)])
         values[:, values.shape[1] - 1 - order[chosen]] = np.array(errors) * signs[:, None]
     found = values.reshape(-1, *shape)
     return ErrorTable(drive, found[0], found[1:], reach, mesh.turns, proof)

@@ -22,9 +22,9 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY
 from hdassist.solve.loadcase import LoadCase
 
-POINTS = 40  # around each wheel
+WAVE_POINTS = 40  # around each wheel
 COARSE = 16  # around each wheel, for a first look at very different deviations
-MIDDLE = 24  # around each wheel, for slopes
+SLOPE_WAVE_POINTS = 24  # around each wheel, for slopes
 HIGHEST = 18  # times around a wheel: waves that are kept
 
 Complex = NDArray[np.complex128]
@@ -48,7 +48,7 @@ class ErrorWaves:
         half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
         self.k_g, self.k_b = k_g[half], k_b[half]
 
-    def waves(self, drives: Sequence[Drive], points: int = POINTS) -> Complex:
+    def waves(self, drives: Sequence[Drive], points: int = WAVE_POINTS) -> Complex:
         """Waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
 
         The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of

@@ -19,16 +19,16 @@ from hdassist.explaining.terms import TERMS
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 
-Kind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error"]
+EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error"]
 GREEK = {"φ": "phi", "ξ": "xi", "δ": "delta", "β": "beta", "τ": "tau", "θ": "theta", "ё": "е"}
-LONGEST = 60  # characters of a name that are compared with others
+LONGEST_NAME = 60  # characters of a name that are compared with others
 
 
 @dataclass(frozen=True)
 class Entry:
     """Something that has a name. names: all its spellings, the first one its own; facts: a label and a text each."""
 
-    kind: Kind
+    kind: EntryKind
     names: tuple[str, ...]
     words: str
     facts: tuple[tuple[str, str], ...] = ()
@@ -123,8 +123,9 @@ def explained(name: str) -> list[Entry]:
         return exact
     if found:
         return found
-    near = get_close_matches(spelt(name)[:LONGEST], _by_spelling(), 3, 0.6)
+    near = get_close_matches(spelt(name)[:LONGEST_NAME], _by_spelling(), 3, 0.6)
     meant = " or ".join(dict.fromkeys(_by_spelling()[key][0].names[0] for key in near))
     raise UsageError(
-        f"nothing is called {name[:LONGEST]}", f"did you mean {meant}?" if meant else "hdassist explain lists what is"
+        f"nothing is called {name[:LONGEST_NAME]}",
+        f"did you mean {meant}?" if meant else "hdassist explain lists what is",
     )

@@ -52,7 +52,7 @@ SYMBOLS = (
 )  # fmt: skip
 
 
-def table() -> Iterator[str]:
+def symbol_table() -> Iterator[str]:
     """The symbols as lines of a Markdown table."""
     yield "| paper | code | in words | unit |"
     yield "| --- | --- | --- | --- |"

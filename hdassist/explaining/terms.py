@@ -17,7 +17,7 @@ class Term:
     unit: str = ""
 
 
-PARTS = (
+PART_TERMS = (
     Term(
         "strain wave gear",
         "волновая зубчатая передача",
@@ -80,7 +80,7 @@ PARTS = (
         "A side of a tooth; each tooth near a mesh zone may touch with both.",
     ),
 )
-DEVIATIONS = (
+DEVIATION_TERMS = (
     Term(
         "tangential composite deviation",
         "кинематическая погрешность колеса",
@@ -325,7 +325,7 @@ QUANTITIES = (
         ("proof", "residual", "max_residual", "cross_check", "fallbacks"),
     ),
 )
-GROUPS = {"Parts": PARTS, "Deviations": DEVIATIONS, "Quantities": QUANTITIES}
+GROUPS = {"Parts": PART_TERMS, "Deviations": DEVIATION_TERMS, "Quantities": QUANTITIES}
 TERMS = tuple(term for group in GROUPS.values() for term in group)
 
 

@@ -23,7 +23,7 @@ from hdassist.explorer.asking import THEMES
 from hdassist.explorer.compute import Sure, is_any_hole
 from hdassist.explorer.export import Exporting
 from hdassist.explorer.levers import Lever, levers, stepped
-from hdassist.explorer.panes import MARKS, TORQUES, Holes, Levers, Turn, seat_text
+from hdassist.explorer.panes import MARKS, TORQUE_STYLES, Holes, Levers, Turn, seat_pane
 from hdassist.explorer.screens import Confirm, Explain
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
@@ -32,7 +32,7 @@ from hdassist.mounting.trial import read_trial
 from hdassist.run.stops import STOPS, end_at_stops
 from hdassist.visible import visible
 
-LINES = ("head", "headline", "about", "looked-at", "trials", "advice-text", "command")
+LINE_WIDGETS = ("head", "headline", "about", "looked-at", "trials", "advice-text", "command")
 TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
 
 
@@ -74,7 +74,7 @@ class Explorer(Exporting):
         super().__init__(*args, **options)
         self.holes, self.levers, self.turn = Holes(id="holes"), Levers(id="levers"), Turn(id="turn", markup=False)
         self.seat, self.panes = Static(id="seat", markup=False), Horizontal(id="panes", classes="holes")
-        self.lines = {name: Static(id=name, markup=False) for name in LINES}
+        self.lines = {name: Static(id=name, markup=False) for name in LINE_WIDGETS}
         self.side, self.wanted = Vertical(id="side"), Input(placeholder="/ filters", id="filter", compact=True)
 
     def compose(self) -> ComposeResult:
@@ -169,7 +169,7 @@ class Explorer(Exporting):
         self.lines["headline"].update(words.headline(session, known, self.pinned))
         self.holes.show(session, shown.curve, behind.curve if behind else None, letters, trials)
         self.lines["looked-at"].update(self._looked_at())
-        self.seat.update(seat_text(session, letters))
+        self.seat.update(seat_pane(session, letters))
         self.holes.border_subtitle = words.stage(known, of_trials, self.busy)
         torque = self.torque % len(session.drive.operation.M_g)
         changed = {path for path, _ in session.changes}
@@ -208,7 +208,10 @@ class Explorer(Exporting):
             now = curve.F_ior_arcsec[1, :, curve.rotations_deg.index(0.0)]
             for k, value in enumerate(curve.F_ior_arcsec[1, :, place]):
                 change = f" {value / max(now[k], 1e-9) - 1:+.0%}" if turn else ""
-                text.append(f"  {session.drive.operation.M_g[k]:g} N·m {value:.1f}″{change}", TORQUES[k % len(TORQUES)])
+                text.append(
+                    f"  {session.drive.operation.M_g[k]:g} N·m {value:.1f}″{change}",
+                    TORQUE_STYLES[k % len(TORQUE_STYLES)],
+                )
             sure = curve.sure[place]
             at_zero = sure is not Sure.RANGE and unknowns(session.drive)
             text.append(f"  {MARKS[sure]} {sure}{', unknown as 0' if at_zero else ''}")
@@ -265,7 +268,7 @@ class Explorer(Exporting):
 
     def action_turn(self, by: int) -> None:
         """Look at the wheel so many positions further."""
-        self.show(state.turned(self.session, by))
+        self.show(state.turned_state(self.session, by))
 
     def action_look(self, where: str) -> None:
         """Look at the best position by now, or at where the wheel stands."""

@@ -17,8 +17,8 @@ from hdassist.error.trace import Trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.compute import (
     FULL,
-    Answer,
     Effort,
+    ExplorerAnswer,
     Headline,
     LeverEffects,
     SeatCurve,
@@ -33,13 +33,13 @@ from hdassist.explorer.service import Question, Service
 from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import Session, Step
 from hdassist.mounting.advice import Advice
-from hdassist.terminal.console import PLAIN, Style
+from hdassist.terminal.console import PLAIN_CHARACTERS, Style
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
 THEMES = ("textual-light", "textual-dark")
-SIGNS = PLAIN | str.maketrans("○●◌◆…°″±≤≥←→↑↓─━┄│", 'o@%#~d"~<><>^v---|')  # of one column each
+SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌◆…°″±≤≥←→↑↓─━┄│", 'o@%#~d"~<><>^v---|')  # of one column each
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Known:
     traced: tuple[float, float] | None = None  # turn of the wheel [deg] and torque [N*m] of the trace
     failed: Failed | None = None
 
-    def take(self, answer: Answer) -> None:
+    def take(self, answer: ExplorerAnswer) -> None:
         """Learn an answer."""
         match answer:
             case SeatCurve():

@@ -10,7 +10,7 @@ from hdassist.terminal import options as o
 
 
 @o.with_groups
-def command(
+def explore_command(
     preset: o.Preset,
     trials: Annotated[
         list[str] | None,
@@ -40,12 +40,12 @@ def command(
     import sys
 
     from hdassist.errors import UsageError
-    from hdassist.explorer.state import opened, rig_of, with_trials
+    from hdassist.explorer.state import opened_state, rig_of, with_trials
 
     if preset == "-":
         raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
     overrides = (*drives.overrides, *o.torque_overrides(drives.torque))
-    session = opened(preset, overrides, measuring)
+    session = opened_state(preset, overrides, measuring)
     rig_of(session)
     if trials:
         session = with_trials(session, " ".join(trials))

@@ -12,13 +12,13 @@ import numpy as np
 
 from hdassist.belief.prior import FieldPrior, prior_of
 from hdassist.belief.samples import ErrorBelief, Samples, errors_by_turn
-from hdassist.design.check import DRAWS, DesignCheck, OperatingPoint, check, drive_samples
+from hdassist.design.check import CHECK_DRAWS, DesignCheck, OperatingPoint, check, drive_samples
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.self_error import self_error
 from hdassist.error.trace import Trace, trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.failed import Failed
-from hdassist.explorer.levers import SETTINGS, step_of
+from hdassist.explorer.levers import SETTING_SECTIONS, step_of
 from hdassist.explorer.state import Session, rig_of
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import carried
@@ -42,7 +42,7 @@ from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 from hdassist.verdict import Verdict, verdict_by_probability
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
-LOW, MIDDLE, HIGH = 0.05, 0.5, 0.95  # percentiles
+LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
 
 
@@ -64,7 +64,7 @@ class Effort:
     """
 
     grid: int = 8
-    draws: int = DRAWS
+    draws: int = CHECK_DRAWS
     trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
 
@@ -142,8 +142,8 @@ class LeverEffects:
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
 
 
-Answer = SeatCurve | Headline | LeverEffects | Advice | TrialAdvice | Trace | Failed
-Tell = Callable[[Answer], None]
+ExplorerAnswer = SeatCurve | Headline | LeverEffects | Advice | TrialAdvice | Trace | Failed
+Tell = Callable[[ExplorerAnswer], None]
 
 
 def is_any_hole(drive: Drive) -> bool:
@@ -222,11 +222,11 @@ def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str
     """Plausible steps of the fields of a drive, the other way where the first leaves what is allowed."""
     for path, info in field_table().items():
         prior = priors.get(path)
-        is_setting = path.split(".")[0] in SETTINGS and not prior
+        is_setting = path.split(".")[0] in SETTING_SECTIONS and not prior
         if kind_of(info) != "number" or is_setting or drive.value(path) is None:
             continue
         if prior:
-            low, high = prior.value(np.array([MIDDLE - STEP, MIDDLE + STEP]))
+            low, high = prior.value(np.array([MIDDLE_SHARE - STEP, MIDDLE_SHARE + STEP]))
             step = float(f"{(high - low) / 2:.2g}")
         else:
             step = step_of(info, drive.number(path))
@@ -266,7 +266,10 @@ def _seat_curve(rotations_deg: tuple[float, ...], F_ior_arcsec: Array, sure: Sur
 
 def _statistics_curve(found: PositionStatistics) -> SeatCurve:
     rotations = tuple(sorted({0.0, *found.rotations_deg}))
-    values = [[found.quantile(share, found.place(at)) for at in rotations] for share in (LOW, MIDDLE, HIGH)]
+    values = [
+        [found.quantile(share, found.place(at)) for at in rotations]
+        for share in (LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN)
+    ]
     return SeatCurve(rotations, np.swapaxes(values, 1, 2), (Sure.RANGE,) * len(rotations))
 
 
@@ -331,5 +334,5 @@ def _typical(found: DesignCheck) -> Mapping[str, float]:
     if not found.samples:
         return {}
     values = found.samples.F_ior_arcsec[:, found.least_sure]
-    near = np.argmin(np.abs(values - found.samples.percentile(MIDDLE, found.least_sure)))
+    near = np.argmin(np.abs(values - found.samples.percentile(MIDDLE_SHARE, found.least_sure)))
     return found.samples.prior.values(found.samples.shares[[near]])[0]

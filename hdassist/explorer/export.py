@@ -10,21 +10,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hdassist.commands.card import CARD_SUFFIXES, SERIAL
 from hdassist.errors import HdassistError, UsageError
 from hdassist.explorer.asking import Asking
 from hdassist.explorer.compute import SEED
 from hdassist.explorer.screens import Confirm
 from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
-from hdassist.mounting import card_render
-from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.card import card_of
-from hdassist.mounting.card_command import KINDS, SERIAL
+from hdassist.pages import card_render
+from hdassist.pages import mount as mount_page
+from hdassist.pages import trials as trials_page
+from hdassist.pages.card import card_of
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
-from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
@@ -49,7 +49,7 @@ class Exporting(Asking):
         if advice is None or why_no_card(advice):
             self.notify(f"no card: {why_no_card(advice)}", severity="warning")
             return
-        hint = f"{', '.join(KINDS)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
+        hint = f"{', '.join(CARD_SUFFIXES)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
         fields = [("file", self.named("-card.html")), ("serial number", "")]
         self.fill_in(
             "assembly card", fields, hint, lambda v: self.write(v[0], partial(card, advice, *v)), _require_card
@@ -63,7 +63,9 @@ class Exporting(Asking):
         of_mount = isinstance(advice, Advice)
 
         def text() -> str:
-            found = mount_page.to_json(advice, SEED) if isinstance(advice, Advice) else trials_page.to_json(advice)
+            found = (
+                mount_page.mount_json(advice, SEED) if isinstance(advice, Advice) else trials_page.trials_json(advice)
+            )
             return json_text(found)
 
         fields = [("file", self.named("-mount.json" if of_mount else "-trials.json"))]
@@ -137,8 +139,8 @@ def card(advice: Advice | TrialAdvice, path: str, serial: str) -> str:
 def _require_card(values: tuple[str, ...]) -> None:
     """Raise UsageError for a name or a serial number that a card cannot have."""
     path, serial = values
-    if Path(path).suffix.lower() not in KINDS:
-        raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(KINDS)}")
+    if Path(path).suffix.lower() not in CARD_SUFFIXES:
+        raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
     if len(serial) > SERIAL or (serial and not serial.isprintable()):
         raise UsageError(f"a serial number has up to {SERIAL} printable characters")
 

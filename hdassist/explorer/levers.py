@@ -12,8 +12,14 @@ from pydantic.fields import FieldInfo
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import bounds_of, kind_of, plain, range_of, unit_of
 
-SETTINGS = ("mounting", "operation", "catalogue", "acceptance", "numerics")  # sections that are no part of the drive
-STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
+SETTING_SECTIONS = (
+    "mounting",
+    "operation",
+    "catalogue",
+    "acceptance",
+    "numerics",
+)  # sections that are no part of the drive
+LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,7 @@ def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
         source = drive.source.get(path)
         section, name = path.split(".")
         left_out = name not in getattr(drive, section).model_fields_set
-        by_default = left_out and section not in SETTINGS and drive.value(path) is not None
+        by_default = left_out and section not in SETTING_SECTIONS and drive.value(path) is not None
         assumed = source.kind == "assumed" if source is not None else by_default
         mark = "*" if path in changed else "?" if assumed else ""
         unit = unit_of(info)
@@ -64,7 +70,7 @@ def step_of(info: FieldInfo, value: float) -> float:
 
     By its unit only where that is at most a tenth of what the field may be: 5 deg of a phase, not of a pressure angle.
     """
-    bounds, natural = bounds_of(info), STEPS.get(unit_of(info), 0.0)
+    bounds, natural = bounds_of(info), LEVER_STEPS.get(unit_of(info), 0.0)
     if kind_of(info) == "count":
         return 1.0
     if 0 < 10 * natural <= bounds.get("le", inf) - bounds.get("ge", 0.0):

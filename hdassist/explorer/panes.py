@@ -15,21 +15,21 @@ from hdassist.explorer.compute import LeverEffects, SeatCurve, Sure
 from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
-from hdassist.mounting.seat_page import Hole, Seat, SeatMark, drawing
 from hdassist.mounting.trial import Trial
+from hdassist.pages.seat import Hole, Seat, SeatMark, drawing
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
 from hdassist.visible import visible
 
 MARKS = {Sure.COARSE: "·", Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
-TORQUES = ("cyan", "yellow", "magenta", "green")  # styles of the torques, one after the other
-LETTERS = {"B": "green bold", "W": "red bold", "?": "magenta bold", "◆": "magenta"}
-KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
+TORQUE_STYLES = ("cyan", "yellow", "magenta", "green")  # styles of the torques, one after the other
+LETTER_STYLES = {"B": "green bold", "W": "red bold", "?": "magenta bold", "◆": "magenta"}
+LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
 ORDERS = 5  # that a cam turn names, the greatest
-BAR = 10  # columns of a bar at least
+LEAST_BAR = 10  # columns of a bar at least
 
 
-class Table(DataTable[Text]):
+class LeverTable(DataTable[Text]):
     """Rows by key, put in place without losing the cursor."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -64,7 +64,7 @@ class Table(DataTable[Text]):
         return str(self.coordinate_to_cell_key(self.cursor_coordinate).row_key.value) if self.row_count else ""
 
 
-class Holes(Table):
+class Holes(LeverTable):
     """F'_ior in each position of the fixed wheel: numbers, and a bar from its 5th to its 95th percentile."""
 
     def show(
@@ -97,8 +97,8 @@ class Holes(Table):
             measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - rotation) < 1e-6]
             head = Text.assemble((f"{hole:>4} ", "bold" if rotation == session.turn_deg else ""))
             for sign in f"{signs}{'◆' * bool(measured)}"[:4].ljust(4):
-                head.append(sign, LETTERS.get(sign, "bold"))
-            bar = _bar(max(width, BAR), top, rotation, found, behind, limits, measured)
+                head.append(sign, LETTER_STYLES.get(sign, "bold"))
+            bar = _bar(max(width, LEAST_BAR), top, rotation, found, behind, limits, measured)
             rows[f"{rotation}"] = (head, Text.assemble(" ", numbers, " "), bar)
         self.fill(rows)
         self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
@@ -115,7 +115,7 @@ def _values(found: SeatCurve | None, rotation_deg: float) -> Text:
     for k, (low, _, high) in enumerate(found.F_ior_arcsec[:, :, place].T.tolist()):
         words = f"{low:.1f}…{high:.1f}" if high > low else f"{low:.2f}"
         words = f"~{low:.0f}" if found.sure[place] is Sure.COARSE else words
-        text.append(f"{words:>6} ", TORQUES[k % len(TORQUES)])
+        text.append(f"{words:>6} ", TORQUE_STYLES[k % len(TORQUE_STYLES)])
     return text
 
 
@@ -141,7 +141,7 @@ def _bar(
         if curve_ is None or place is None:
             continue
         for k, (low, middle, high) in enumerate(curve_.F_ior_arcsec[:, :, place].T.tolist()):
-            style = TORQUES[k % len(TORQUES)] if is_shown else "dim"
+            style = TORQUE_STYLES[k % len(TORQUE_STYLES)] if is_shown else "dim"
             for step in range(width if high > low and is_shown else 0):
                 if low <= step / (width - 1) * top <= high:
                     put(step / (width - 1) * top, "─", style)
@@ -151,20 +151,20 @@ def _bar(
     return Text.assemble(*signs)
 
 
-def seat_text(session: Session, letters: Mapping[float, str]) -> Text:
+def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
     """The seat from the cam side: holes by number, letters of positions, and a pointer to the one looked at."""
     mounting = session.drive.mounting
     first, holes = mounting.first_hole, mounting.holes
     usable = [mounting.allowed == "all" or k in mounting.allowed for k in range(holes)]
-    named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in KINDS]
+    named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in LETTER_KINDS]
     seat = Seat(
         "", tuple(Hole(k, first + 360 * k / holes, usable[k]) for k in range(holes)), first, session.turn_deg,
-        tuple(SeatMark(KINDS[sign], first + at, sign, "") for at, sign in named),
+        tuple(SeatMark(LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
         (SeatMark("now", first + session.turn_deg, "o", ""),), "x", "",
     )  # fmt: skip
     text = Text(drawing(seat))
     for letter in "BW?":
-        text.highlight_words([letter], LETTERS[letter])
+        text.highlight_words([letter], LETTER_STYLES[letter])
     return text
 
 
@@ -176,7 +176,7 @@ class Turn(Static):
         if found is None:
             self.update(Text("computing …", "dim"))
             return
-        if style.width < BAR:
+        if style.width < LEAST_BAR:
             return
         error = found.error
         drawn = curve(
@@ -188,7 +188,7 @@ class Turn(Static):
         self.update(Text.assemble(drawn.lstrip("\n"), ("\n" + "\n".join(lines), "dim"), no_wrap=True, overflow="crop"))
 
 
-class Levers(Table):
+class Levers(LeverTable):
     """The fields of the preset with their values and what a plausible step of each does."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

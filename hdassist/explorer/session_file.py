@@ -17,10 +17,10 @@ from hdassist.preset.kinds import CLOSED
 from hdassist.preset.library import preset_names
 from hdassist.terminal.files import put_text
 from hdassist.terminal.options import TrialOptions
-from hdassist.textfile import is_there, read_bytes, reason
+from hdassist.textfile import is_there, os_reason, read_bytes
 
-SCHEMA = "hdassist.session/1"
-MAX_BYTES = 1_000_000  # of a session's file
+SESSION_SCHEMA = "hdassist.session/1"
+MOST_SESSION_BYTES = 1_000_000  # of a session's file
 
 
 def state_folder() -> Path:
@@ -62,7 +62,7 @@ class SessionFile:
         """
         if not is_there(self.path):
             return None
-        self._before = read_bytes(self.path, MAX_BYTES)[0]
+        self._before = read_bytes(self.path, MOST_SESSION_BYTES)[0]
         try:
             kept = KeptSession.model_validate_json(self._before)
             there = at_step(replace(opened, rig=kept.rig), Step(kept.changes, kept.trials))
@@ -80,7 +80,7 @@ class SessionFile:
 
     def write(self, session: Session) -> None:
         """Keep a session in place of the one that was kept. Raises DataError: the file cannot be written."""
-        head = {"schema": SCHEMA, "preset": self._preset, "sha256": _digest(session)}
+        head = {"schema": SESSION_SCHEMA, "preset": self._preset, "sha256": _digest(session)}
         changes = [text.partition("=")[::2] for text in session.overrides]
         self._put(json.dumps({**head, "changes": changes, "trials": session.trials, "rig": asdict(session.rig)}))
 
@@ -97,7 +97,7 @@ class SessionFile:
         try:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
-            raise DataError(f"cannot keep the session: {self.path.parent}: {reason(error)}") from None
+            raise DataError(f"cannot keep the session: {self.path.parent}: {os_reason(error)}") from None
         put_text(str(self.path), text)
 
     def _refusal(self, words: str) -> DataError:

@@ -17,13 +17,13 @@ from hdassist.trials.prior import Rig
 
 MOST_PAST = 200  # steps that can be undone
 USUAL = TrialOptions()
-TEETH = ("gears.z_g", "gears.z_b")  # change together
+TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # change together
 
 Change = tuple[str, str]  # path of a field, and its value as --set takes it
 
 
 @dataclass(frozen=True)
-class Source:
+class StateSource:
     """A preset as it was opened: the name that was asked for, its text, its name in messages, overrides on top."""
 
     name: str
@@ -54,7 +54,7 @@ class Session:
     for undo and redo.
     """
 
-    source: Source
+    source: StateSource
     drive: Drive
     rig: TrialOptions = USUAL
     step: Step = Step()
@@ -120,10 +120,10 @@ def _last_of_each(overrides: tuple[str, ...]) -> tuple[str, ...]:
     return tuple({text.partition("=")[0]: text for text in overrides}.values())
 
 
-def opened(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL) -> Session:
+def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL) -> Session:
     """A session of a preset. Raises what loading it raises."""
     text, file = read_preset(name)
-    source = Source(name, text, file, overrides)
+    source = StateSource(name, text, file, overrides)
     return Session(source, source.drive(), rig)
 
 
@@ -142,12 +142,12 @@ def edited(session: Session, path: str, value: str) -> Session:
         raise UsageError(f"no field {path}")
     value = value.strip()
     values = {path: value}
-    if path in TEETH:
-        other = TEETH[path == TEETH[0]]
+    if path in TEETH_FIELDS:
+        other = TEETH_FIELDS[path == TEETH_FIELDS[0]]
         follows = session.drive.value(other) - session.drive.value(path)
         values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
         if "/" in value:
-            values = dict(zip(TEETH, map(str.strip, value.split("/", 1)), strict=True))
+            values = dict(zip(TEETH_FIELDS, map(str.strip, value.split("/", 1)), strict=True))
     changes = {key: text for key, text in session.changes if key not in values}
     changes |= {key: text for key, text in values.items() if text}
     return _stepped(session, replace(session.step, changes=tuple(changes.items())))
@@ -170,7 +170,7 @@ def without_trial(session: Session) -> Session:
     return _stepped(session, replace(session.step, trials=session.trials[:-1]))
 
 
-def turned(session: Session, by: int) -> Session:
+def turned_state(session: Session, by: int) -> Session:
     """The session with the wheel looked at so many positions further, counter-clockwise."""
     positions = session.positions
     here = min(range(len(positions)), key=lambda k: abs((positions[k] - session.turn_deg + 180) % 360 - 180))

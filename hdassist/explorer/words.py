@@ -11,19 +11,19 @@ from hdassist.explorer.compute import is_any_hole
 from hdassist.explorer.state import Session
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknowns
-from hdassist.mounting import page as mount_page
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import hole_words
+from hdassist.pages import mount as mount_page
+from hdassist.pages import trials as trials_page
 from hdassist.terminal.texts import texts
-from hdassist.trials import page as trials_page
 from hdassist.trials.advice import TrialAdvice
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
 
-VERDICTS = {Verdict.PASS: "green bold", Verdict.FAIL: "red bold", Verdict.INCONCLUSIVE: "yellow bold"}
+VERDICT_STYLES = {Verdict.PASS: "green bold", Verdict.FAIL: "red bold", Verdict.INCONCLUSIVE: "yellow bold"}
 
 
-def is_settled(advice: Advice | TrialAdvice) -> bool:
+def is_order_settled(advice: Advice | TrialAdvice) -> bool:
     """Whether an advice orders something: only then there is a card."""
     return advice.order != "none" if isinstance(advice, Advice) else advice.settled
 
@@ -35,7 +35,7 @@ def best_deg(advice: Advice | TrialAdvice) -> float:
 
 def next_deg(advice: Advice | TrialAdvice) -> float | None:
     """The turn [deg] at which to measure next; None where it is settled."""
-    if is_settled(advice):
+    if is_order_settled(advice):
         return None
     return advice.to_try[0].rotation_deg if isinstance(advice, Advice) else advice.to_measure_next[0]
 
@@ -44,7 +44,7 @@ def why_no_card(advice: Advice | TrialAdvice | None) -> str:
     """Why there is no card; empty where there is one."""
     if advice is None:
         return "nothing is ordered before it is proven"
-    if is_settled(advice):
+    if is_order_settled(advice):
         return ""
     return "unknown inputs could change the order" if isinstance(advice, Advice) else "the trials do not settle it"
 
@@ -81,7 +81,7 @@ def headline(session: Session, known: Known, pinned: Known | None) -> Text:
         text.append(f"\n{row.M_g:g} N·m {_values((row.p5, row.p50, row.p95))}", "dim" if is_old else "")
         if row.limit_arcsec is not None:
             kept = f": kept {100 * row.probability:.0f} %" if row.probability is not None else ""
-            text.append(f", limit {row.limit_arcsec:g}{kept}, ").append(row.verdict, VERDICTS[row.verdict])
+            text.append(f", limit {row.limit_arcsec:g}{kept}, ").append(row.verdict, VERDICT_STYLES[row.verdict])
             text.append(f" ({row.margin_arcsec:+.2f}″ to the limit)", "dim")
         if row.M_g in before:
             text.append(f"; {'pinned' if session.pinned else 'preset'} {row.p50 - before[row.M_g].p50:+.2f}″", "cyan")
@@ -125,13 +125,13 @@ def advice_text(known: Known, of_trials: Known | None, any_hole: bool) -> Text:
         text.append(visible(failed.message), "red")
         notes.append(failed.hint)
     elif isinstance(advice := here.advice, Advice):
-        text.append(visible(mount_page.what_to_do(advice)), "bold" * is_settled(advice))
+        text.append(visible(mount_page.what_to_do(advice)), "bold" * is_order_settled(advice))
         notes += [f"{label}: {fact}" for label, fact in mount_page.gain_lines(advice)]
-        notes += mount_page.warnings(advice)
+        notes += mount_page.mount_warnings(advice)
     elif advice:
-        text.append(visible(trials_page.instruction(advice)), "bold" * is_settled(advice))
+        text.append(visible(trials_page.trials_instruction(advice)), "bold" * is_order_settled(advice))
         notes.append(f"P(good) {advice.losses.chosen[1]:.0%}, {advice.needed:.0%} wanted")
-        notes += trials_page.warnings(advice, texts())
+        notes += trials_page.trials_warnings(advice, texts())
     elif of_trials is not None:
         text.append("Weighing the trials …", "dim")
     elif any_hole:

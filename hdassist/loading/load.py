@@ -16,8 +16,8 @@ from hdassist.preset.deviations import Harmonics
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
+    PRESET_SCHEMA,
     REMOVED,
-    SCHEMA,
     Drive,
     Origin,
     field_table,
@@ -28,7 +28,7 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.plausible import remarks
-from hdassist.preset.yamltext import OVERRIDE, Document, Path, Unread, in_order, near, shown
+from hdassist.preset.yamltext import OVERRIDE, Document, Path, Unread, in_order, near_miss, shown
 
 
 def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
@@ -50,14 +50,14 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
-    document = yamltext.read(text, file)
+    document = yamltext.read_yaml(text, file)
     if document.complete:
         sets.apply(document, parsed)
     drive = _drive(document)
     if document.findings or drive is None:
         found = in_order(document.findings)
         if not all(finding.file == OVERRIDE for finding in found):
-            own = yamltext.read(text, file)
+            own = yamltext.read_yaml(text, file)
             if not overrides or not _drive(own) or own.findings:
                 raise PresetError(found)
         raise UsageError("\n".join(map(str, found)))
@@ -117,9 +117,9 @@ def _follows_coupling(drive: Drive, document: Document) -> bool:
 
 def _check_schema(document: Document, data: dict[str, Any]) -> None:
     if "schema" not in data:
-        document.add(("schema",), "missing key", f"write schema: {SCHEMA}")
-    elif not isinstance(given := data.pop("schema"), Unread) and given != SCHEMA:
-        document.add(("schema",), f"must be {SCHEMA}")
+        document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
+    elif not isinstance(given := data.pop("schema"), Unread) and given != PRESET_SCHEMA:
+        document.add(("schema",), f"must be {PRESET_SCHEMA}")
 
 
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
@@ -169,7 +169,7 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
         document.add(path, "must be a table of keys")
     elif kind == "literal_error" and info is not None:
         choices = choices_of(info)
-        document.add(path, f"must be one of {', '.join(choices)}", near(str(value), choices))
+        document.add(path, f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
     elif kind == "string_type":
         document.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
     elif path == ("name",) and kind == "value_error":
@@ -198,7 +198,7 @@ def _unknown_hint(path: Path, value: Any) -> str:
     options = ["schema", *Drive.model_fields]
     if len(path) > 1:
         options = list((BY_PATH[table] if table in BY_PATH else dict(sections())[table]).model_fields)
-    return near(key, options) or f"known: {', '.join(options)}"
+    return near_miss(key, options) or f"known: {', '.join(options)}"
 
 
 def _missing(path: Path) -> tuple[str, str]:

@@ -16,10 +16,10 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
 from hdassist.preset.catalogue import of_catalogue
-from hdassist.preset.fields import SCHEMA, Drive, Source, field_table, fields, sections
+from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, fields, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain, unit_of
 from hdassist.preset.overrides import path_of
-from hdassist.preset.similarity import Entry, Wish, similar
+from hdassist.preset.similarity import SimilarValue, Wish, similar
 from hdassist.preset.yamltext import resolve
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def new_preset(name: str) -> str:
         "# A preset to start from. EVERY NUMBER BELOW IS AN EXAMPLE: put in those of your drive.",
         '# A bare number is in the unit beside it; a text with a unit, such as "75 um", is converted.',
         "# Lines that are commented out show what else can be given, with the value used without them.",
-        f"schema: {SCHEMA}",
+        f"schema: {PRESET_SCHEMA}",
         f"name: {_name(name)}",
         "description: Example numbers, not yet those of a drive.",
     ]
@@ -114,7 +114,7 @@ def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") ->
     return text
 
 
-def _similar_lines(name: str, like: Drive, entries: Mapping[str, Entry], description: str) -> Iterator[str]:
+def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
     kinds = [entry.kind for path, entry in entries.items() if not of_catalogue(path)]
     sure = kinds.count("given")
@@ -122,7 +122,7 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, Entry], descrip
     yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(kinds) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
-    yield f"schema: {SCHEMA}"
+    yield f"schema: {PRESET_SCHEMA}"
     yield f"name: {_name(name)}"
     words = description or (
         f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
@@ -147,7 +147,7 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, Entry], descrip
         yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {_quoted(entry.ref)}}}"
 
 
-def _similar_section(section: str, model: type[Section], written: Mapping[str, Entry]) -> Iterator[str]:
+def _similar_section(section: str, model: type[Section], written: Mapping[str, SimilarValue]) -> Iterator[str]:
     yield f"{section}:"
     for field, info in model.model_fields.items():
         if field in written:

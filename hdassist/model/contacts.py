@@ -33,7 +33,7 @@ FREEDOMS = (
     "cam y",
 )
 RIGID, FLEX, ROTATION, RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
-ORDERS = (2, 3, 4)  # of the teeth's deviations beyond the first
+TOOTH_ORDERS = (2, 3, 4)  # of the teeth's deviations beyond the first
 TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: theta_x1 = theta + pi/2
 
 
@@ -135,8 +135,8 @@ class ContactSystem:
         """Change of the gaps by a unit of each deviation scalar (deviations.py), the same at a place, shape (M, 12)."""
         flanks, x1 = self.flanks, self.flanks.theta + TO_X1
         along, n = flanks.side * np.cos(flanks.alpha), self.n_flanks
-        change = np.zeros((len(self.delta_p), 6 + 2 * len(ORDERS)))
-        for column, order in zip((0, 6, 8, 10), (1, *ORDERS), strict=True):
+        change = np.zeros((len(self.delta_p), 6 + 2 * len(TOOTH_ORDERS)))
+        for column, order in zip((0, 6, 8, 10), (1, *TOOTH_ORDERS), strict=True):
             change[:n, column : column + 2] = -along[:, None] * _radial(order * x1)[:, ::-1]
         change[self.balls, 2:4] = -_radial(self.ball_theta + TO_X1)
         change[:n, 4:6] = _normal(flanks) @ np.array([[0.0, 1.0], [-1.0, 0.0]])  # x1 points along -y, y1 along x

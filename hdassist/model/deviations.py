@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import ORDERS, ContactSystem, StateGaps
+from hdassist.model.contacts import TOOTH_ORDERS, ContactSystem, StateGaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
 
 MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
-Value = Callable[[str], Array | float]
+FieldValue = Callable[[str], Array | float]
 
 
 def tooth_phases(drive: Drive) -> tuple[float, float]:
@@ -62,16 +62,16 @@ def deviations_of(mark_kind: str) -> tuple[Deviation, ...]:
     )
 
 
-TEETH, CAM, SHIFT = 0, 2, 4  # first columns; those of the orders follow
-ODD = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
-_COLUMN = {order: 6 + 2 * place for place, order in enumerate(ORDERS)}
+TEETH, CAM_COLUMNS, SHIFT = 0, 2, 4  # first columns; those of the orders follow
+ODD_COLUMNS = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
+_COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
 _OTHERS = (
-    Deviation("tolerances.e_hh", "phases.phi_hh", CAM, "h"),
-    Deviation("tolerances.e_hg", "phases.phi_hg", CAM, "g"),
-    Deviation("tolerances.e_hb", "phases.phi_hb", CAM, "b"),
+    Deviation("tolerances.e_hh", "phases.phi_hh", CAM_COLUMNS, "h"),
+    Deviation("tolerances.e_hg", "phases.phi_hg", CAM_COLUMNS, "g"),
+    Deviation("tolerances.e_hb", "phases.phi_hb", CAM_COLUMNS, "b"),
     Deviation("tolerances.e_b", "phases.phi_eb", SHIFT, "b"),
-    *(Deviation(f"harmonics.a_g{n}", f"harmonics.xi_g{n}", _COLUMN[n], "g", n) for n in ORDERS),
-    *(Deviation(f"harmonics.a_b{n}", f"harmonics.xi_b{n}", _COLUMN[n], "b", n, factor=-1.0) for n in ORDERS),
+    *(Deviation(f"harmonics.a_g{n}", f"harmonics.xi_g{n}", _COLUMN[n], "g", n) for n in TOOTH_ORDERS),
+    *(Deviation(f"harmonics.a_b{n}", f"harmonics.xi_b{n}", _COLUMN[n], "b", n, factor=-1.0) for n in TOOTH_ORDERS),
     Deviation("harmonics.a_s2", "harmonics.xi_s2", _COLUMN[2], "b", 2, factor=-1.0),
 )
 
@@ -85,8 +85,8 @@ def standing_offset(drive: Drive) -> tuple[str, str]:
 def carried(drive: Drive) -> tuple[str, ...]:
     """Directions that turn with the fixed wheel where it is turned on its seat; what its seat does stands still."""
     if drive.mounting.fixed == "rigid":
-        return ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{n}" for n in ORDERS))
-    return ("phases.xi_g", *(f"harmonics.xi_g{n}" for n in ORDERS))
+        return ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{n}" for n in TOOTH_ORDERS))
+    return ("phases.xi_g", *(f"harmonics.xi_g{n}" for n in TOOTH_ORDERS))
 
 
 def is_half_turn_symmetric(drive: Drive) -> bool:
@@ -106,7 +106,7 @@ def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
     return scalars_of(drive.number, drive.mounting.mark_kind, alpha_g, alpha_b)
 
 
-def scalars_of(value: Value, mark_kind: str, alpha_g: Array, alpha_b: Array) -> Array:
+def scalars_of(value: FieldValue, mark_kind: str, alpha_g: Array, alpha_b: Array) -> Array:
     """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, or the first 6, or all 12 of them.
 
     Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are;
@@ -115,7 +115,7 @@ def scalars_of(value: Value, mark_kind: str, alpha_g: Array, alpha_b: Array) -> 
     waves: dict[tuple[int, str, int], Array] = {}  # amplitudes at angle 0, by column, part and order
     for each in deviations_of(mark_kind):
         size = np.asarray(value(each.size)) * each.factor * 1e-3
-        if size.any() or each.column in (TEETH, CAM):
+        if size.any() or each.column in (TEETH, CAM_COLUMNS):
             wave = size * np.exp(1j * each.order * np.radians(value(each.direction) + each.mark))
             key = each.column, each.part, each.order
             waves[key] = waves.get(key, 0) + wave
@@ -124,12 +124,12 @@ def scalars_of(value: Value, mark_kind: str, alpha_g: Array, alpha_b: Array) -> 
     for (column, part, order), wave in waves.items():
         sums[column] = sums.get(column, 0) + wave * once[part] ** order
     last = max(sums)
-    columns = range(0, (4 if last <= CAM else 6 if last == SHIFT else 6 + 2 * len(ORDERS)), 2)
+    columns = range(0, (4 if last <= CAM_COLUMNS else 6 if last == SHIFT else 6 + 2 * len(TOOTH_ORDERS)), 2)
     pairs = np.zeros((*np.broadcast_shapes(*(each.shape for each in sums.values())), 2 * len(columns)))
     for column, wave in sums.items():
         # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y
         pairs[..., column] = wave.real
-        pairs[..., column + 1] = wave.imag if column in (CAM, SHIFT) else -wave.imag
+        pairs[..., column + 1] = wave.imag if column in (CAM_COLUMNS, SHIFT) else -wave.imag
     return pairs
 
 
@@ -161,7 +161,7 @@ class ToothDeviations:
 
 
 IN_TEETH = {  # what measured teeth hold already
-    wheel: (f"tolerances.F_i{k}", *(f"harmonics.a_{wheel}{n}" for n in ORDERS)) for k, wheel in enumerate("gb", 1)
+    wheel: (f"tolerances.F_i{k}", *(f"harmonics.a_{wheel}{n}" for n in TOOTH_ORDERS)) for k, wheel in enumerate("gb", 1)
 }
 
 

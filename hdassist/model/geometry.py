@@ -18,8 +18,8 @@ from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
 EVERY = 20  # of them looked at first
-ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
-CONVERGED = 1e-15  # of a radius, its last change
+RADIUS_ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
+RADIUS_CONVERGED = 1e-15  # of a radius, its last change
 ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
 
 
@@ -213,11 +213,11 @@ def _lowest_active_radius(
     reaches = flank_point(geometry, high, theta, side, shape)[0] >= geometry.r_ab
     inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
     radius = high
-    for _ in range(ROUNDS):
+    for _ in range(RADIUS_ROUNDS):
         before, radius = (
             radius,
             np.clip(radius + geometry.r_ab - flank_point(geometry, radius, theta, side, shape)[0], low, high),
         )
-        if np.max(np.abs(radius - before)) <= CONVERGED * geometry.r_ag:
+        if np.max(np.abs(radius - before)) <= RADIUS_CONVERGED * geometry.r_ag:
             break
     return np.where(inside, low, radius), reaches

@@ -19,8 +19,8 @@ Shape = tuple[Array, Array, Array]
 
 HARMONICS = 32  # that the arc length is sampled for
 KEPT = 8  # of them: the eighth is below 1e-16 of the first for any wave a drive could have
-ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
-CONVERGED = 1e-15  # rad, the last change of an angle
+ANGLE_ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
+ANGLE_CONVERGED = 1e-15  # rad, the last change of an angle
 
 
 def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "linear") -> Shape:
@@ -44,10 +44,10 @@ def _inextensible(theta: Array, W_0: float, r_m: float) -> Shape:
     r_0, wave, ripple = _closed_curve(W_0, r_m)
     k = 2 * np.arange(1, KEPT + 1)
     phi = np.asarray(theta, dtype=float)
-    for _ in range(ROUNDS):
+    for _ in range(ANGLE_ROUNDS):
         # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
         before, phi = phi, theta - np.sin(phi[..., None] * k) @ ripple / r_m
-        if np.max(np.abs(phi - before), initial=0) < CONVERGED:
+        if np.max(np.abs(phi - before), initial=0) < ANGLE_CONVERGED:
             break
     radius, slope = r_0 + wave * np.cos(2 * phi), -2 * wave * np.sin(2 * phi)
     return radius - r_m, r_m * (phi - theta), -np.arctan2(slope, radius)
@@ -58,12 +58,12 @@ def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
     """Mean radius and wave of the inextensible curve [mm], and the sine series of its arc length [mm]."""
     phi = np.pi * np.arange(2 * HARMONICS) / (2 * HARMONICS)  # a half turn, its period
     shrink = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(ANGLE_ROUNDS):
         r_0, wave = r_m - shrink, W_0 + shrink
         speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
         excess = float(speed.mean()) - r_m
         shrink += excess
-        if abs(excess) < CONVERGED * r_m:
+        if abs(excess) < ANGLE_CONVERGED * r_m:
             break
     series = np.fft.rfft(speed).real / HARMONICS
     return r_0, wave, series[1 : KEPT + 1] / (2 * np.arange(1, KEPT + 1))

@@ -25,9 +25,9 @@ TIPS = (*PROFILES, "cam.W_0")
 ROOTS = (*PROFILES, "gears.h_f", "cam.W_0")
 FLANKS = (*PROFILES, "gears.alpha")
 WARMTH = ("material.alpha_T", "operation.dT")
-MESH = (*ROOTS, *WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
-RIM = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
-BEARING = (*RIM, "bearing.ring_h", "bearing.d_ball", "bearing.N")
+MESH_FIELDS = (*ROOTS, *WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
+RIM_FIELDS = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
+BEARING_FIELDS = (*RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 
 FoundConflict = tuple[Conflict, tuple[str, ...]]
 
@@ -45,7 +45,7 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[FoundConflict]:
     Result: each conflict with the paths of the fields that its rule has looked at.
     """
     yield from field_conflicts(values)
-    if not {*MESH, "bearing.ring_h"} <= values.keys():
+    if not {*MESH_FIELDS, "bearing.ring_h"} <= values.keys():
         return
     meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # nothing more can be said of other teeth
     tables: dict[str, dict[str, Any]] = {section: {} for section, _ in sections()}
@@ -54,12 +54,12 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[FoundConflict]:
         tables[section][name] = value
     valid: dict[str, Any] = {section: model.model_construct(**tables[section]) for section, model in sections()}
     geometry = Geometry.of(Drive.model_construct(**valid))
-    for rule, paths in RULES.items():
+    for rule, paths in MODEL_RULES.items():
         if meshes or "gears.z_b" not in paths:
             yield from ((conflict, paths) for conflict in rule(geometry))
     if {"bearing.d_ball", "bearing.N"} <= values.keys():
         fits = bearing_fits(geometry, values["bearing.d_ball"], values["bearing.N"])
-        yield from ((conflict, BEARING) for conflict in fits)
+        yield from ((conflict, BEARING_FIELDS) for conflict in fits)
 
 
 def teeth_reach(geometry: Geometry) -> Iterator[Conflict]:
@@ -173,11 +173,11 @@ def bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[C
             yield Conflict("bearing.d_ball", f"no room for {N} balls in the bearing", f"{d_ball:g} mm", hint)
 
 
-RULES: dict[Callable[[Geometry], Iterator[Conflict]], tuple[str, ...]] = {
+MODEL_RULES: dict[Callable[[Geometry], Iterator[Conflict]], tuple[str, ...]] = {
     teeth_reach: TIPS,
     tips_come_free: TIPS,
     roots_have_room: ROOTS,
     flanks_exist: FLANKS,
-    teeth_mesh: MESH,
-    rim_is_thin: RIM,
+    teeth_mesh: MESH_FIELDS,
+    rim_is_thin: RIM_FIELDS,
 }

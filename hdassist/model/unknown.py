@@ -17,7 +17,7 @@ from hdassist.preset.knowledge import F_p
 CLASS = 9  # of ISO 1328-1:2013: F_p of the coarsest teeth that a drive is taken to have; the paper's drive is there
 # of the pitch diameter, um/mm, as the drive of Lyuminarsky et al. (2019) has them: 80 and 30 um at 160 mm
 STANDING, TURNING = 0.5, 0.2
-PILOT = 0.06  # of the pitch diameter, um/mm: 10 um at 160 mm, assumed
+PILOT_PLAY = 0.06  # of the pitch diameter, um/mm: 10 um at 160 mm, assumed
 # of half of F'_i, of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that catalogues promise
 # of size 20, half as much makes the one recorded drive one in fifty (docs/validation.md)
 EVEN, ODD = 0.08, 0.04
@@ -105,13 +105,13 @@ def listed(drive: Drive, columns: Mapping[str, Array], count: int) -> list[Drive
     return [drive.with_values({path: float(values[k]) for path, values in columns.items()}) for k in range(count)]
 
 
-def told(drive: Drive) -> tuple[str, ...]:
+def unknown_notes(drive: Drive) -> tuple[str, ...]:
     """A warning for what computes with 0 where a deviation is not known; none where all are."""
     open_ = unknowns(drive)
-    return (f"not known, and computed as 0: {names(open_)}",) if open_ else ()
+    return (f"not known, and computed as 0: {unknown_names(open_)}",) if open_ else ()
 
 
-def names(fields: Sequence[Unknown], most: int = 4) -> str:
+def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
     """Paths of some fields, and how many more there are."""
     paths = ", ".join(u.path for u in fields[:most])
     return f"{paths} and {len(fields) - most} more" if len(fields) > most else paths
@@ -133,7 +133,7 @@ def _most(drive: Drive, each: Deviation) -> tuple[float, str]:
         share = STANDING if still else TURNING
         return share * d, f"assumed: {share:g} um for each mm of the pitch diameter"
     if name == "e_b":
-        return PILOT * d, f"assumed: {PILOT:g} um for each mm of the pitch diameter"
+        return PILOT_PLAY * d, f"assumed: {PILOT_PLAY:g} um for each mm of the pitch diameter"
     whole = "tolerances.F_i1" if each.part == "g" else "tolerances.F_i2"
     share = EVEN if each.order == 2 else ODD
     reach = drive.value(whole)

@@ -19,20 +19,20 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import curve_states, mounting_curve
-from hdassist.mounting.losses import LEAST_GAIN, Criterion, PositionStatistics
+from hdassist.mounting.losses import LEAST_TURNED_GAIN, Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
-DRAWS = 64  # effective samples, at least
+MOUNT_DRAWS = 64  # effective samples, at least
 GAIN_DRAWS = (
     4  # times as many, after which a gain that chance alone leaves open stays so: four times more halve its interval
 )
-TRIALS = 3  # positions to begin trials with
+FIRST_TRIALS = 3  # positions to begin trials with
 TURNED_STATES = 700  # that a sample solves for a further position, about
 
-Order = str  # turn, leave; or none, where what is not known could reverse it
+MountingOrder = str  # turn, leave; or none, where what is not known could reverse it
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Advice:
         return not self.any_hole or self.drive.value(standing_offset(self.drive)[0]) is not None
 
     @cached_property
-    def order(self) -> Order:
+    def order(self) -> MountingOrder:
         """Order on the wheel: turn, leave, or none, where what is not known could reverse it.
 
         A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; the wheel is left
@@ -121,7 +121,7 @@ class Advice:
         if forbidden:
             return "turn"
         if self.gain_probability is None:
-            return "turn" if self.gain > LEAST_GAIN else "leave"
+            return "turn" if self.gain > LEAST_TURNED_GAIN else "leave"
         verdict = verdict_by_probability(self.gain_probability.low, self.gain_probability.high, self.needed)
         if verdict is Verdict.PASS and self._best_deg:
             return "turn"
@@ -132,7 +132,7 @@ class Advice:
     def to_try(self) -> tuple[Position, ...]:
         """Usable positions, three that lie apart as far as they can, in which trials would tell."""
         usable = sorted(self.choice.ranked, key=lambda p: p.rotation_deg)
-        wanted = [120.0 * k for k in range(TRIALS)]
+        wanted = [120.0 * k for k in range(FIRST_TRIALS)]
         near = [min(usable, key=lambda p: abs((p.rotation_deg - at + 180) % 360 - 180)) for at in wanted]
         return tuple({p.rotation_deg: p for p in near}.values())
 
@@ -176,10 +176,10 @@ class Advice:
         """Measurements that would settle the order, by how much more often it would be right; empty where settled."""
         if self.order != "none" or self.samples is None or self._log_ratios is None:
             return ()
-        return gains_for(self.samples, self._log_ratios, np.log(1 - LEAST_GAIN))
+        return gains_for(self.samples, self._log_ratios, np.log(1 - LEAST_TURNED_GAIN))
 
 
-def estimate_states(
+def advice_states(
     drive: Drive,
     torques: Sequence[float],
     rotations: Sequence[float],
@@ -203,7 +203,7 @@ def advise(
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     weights: Sequence[float] | None = None,
-    draws: int = DRAWS,
+    draws: int = MOUNT_DRAWS,
     criterion: str = "expected",
     needed: float = SURE,
     run: Run = Run(),

@@ -25,10 +25,10 @@ from hdassist.run.stops import until_interrupted
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 
-SAMPLE = 1  # random states solved again at each position, besides those of the extremes
+SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
 AGAIN = 12  # positions of which one task solves states again
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
-GROUP = 6  # positions that one task searches
+POSITIONS_A_TASK = 6  # positions that one task searches
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
 HOLES = 24  # positions of which every state is solved
 PROVEN = 2  # positions where every state is solved
@@ -131,7 +131,7 @@ class _Job:
     def search(self) -> None:
         """Search the extremes at every position."""
         order = _coarse_first(len(self.rotations))
-        groups = [order[first : first + GROUP] for first in range(0, len(order), GROUP)]
+        groups = [order[first : first + POSITIONS_A_TASK] for first in range(0, len(order), POSITIONS_A_TASK)]
         places = [(t, group) for group in groups for t in range(len(self.torques))]
         tasks = [(self.drive, self.torques[t], self.rotations[group]) for t, group in places]
         for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
@@ -265,7 +265,7 @@ def _bottom(
 def _solved(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
     """F'_ior [arcsec], and the error at the states that another solver is to solve again, with the proof of all."""
     error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
-    return error.F_ior_arcsec, error.sampled(SAMPLE, run.seed)
+    return error.F_ior_arcsec, error.sampled(SAMPLED_STATES, run.seed)
 
 
 def _again(solved: Sequence[tuple[Drive, ToothDeviations | None, KinematicError]], run: Run) -> list[CrossCheck]:

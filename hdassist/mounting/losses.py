@@ -16,7 +16,7 @@ from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 
 GOOD = 0.05  # loss against the best position below which a position is as good
-LEAST_GAIN = 0.01  # of the error: a smaller one is not worth a turn
+LEAST_TURNED_GAIN = 0.01  # of the error: a smaller one is not worth a turn
 TIE = 0.999  # of the merit: positions this near to the best of a sample share it
 
 
@@ -168,7 +168,7 @@ class PositionStatistics:
 
     def probability_gain(self, place: int) -> Probability:
         """Probability that a position is better than rotation 0 by more than LEAST_GAIN."""
-        return probability_of(self.gains(place) > LEAST_GAIN, self.sample_weights)
+        return probability_of(self.gains(place) > LEAST_TURNED_GAIN, self.sample_weights)
 
     def probability_close(self, place: int) -> Probability:
         """Probability that a position loses less than GOOD against the best one."""

@@ -16,7 +16,11 @@ SUPPORTS = {
     # the cam's 8 N*m at 15 mm press the slides by 530 N: friction of 0.08 of that over an offset of 80 um is 500 N/mm
     "oldham": (0.0, 0.0, 500.0, "self-aligning; what friction of its slides adds is a guess"),
 }
-BEARING = (5e3, 2e3, 1e4)  # N/mm for each mm of its bore: radial stiffness of a shaft's bearing, and its range; a guess
+SHAFT_BEARING = (
+    5e3,
+    2e3,
+    1e4,
+)  # N/mm for each mm of its bore: radial stiffness of a shaft's bearing, and its range; a guess
 
 
 def with_cam_support(drive: Drive) -> Drive:
@@ -41,5 +45,5 @@ def _support(drive: Drive) -> tuple[float, float, float, str] | None:
         return None
     else:  # equation (2a)
         shaft = 3 * drive.material.E * pi * cam.shaft_d**4 / 64 / cam.overhang**3
-        value, low, high = (float(f"{1 / (1 / shaft + 1 / (k * cam.shaft_d)):.4g}") for k in BEARING)
+        value, low, high = (float(f"{1 / (1 / shaft + 1 / (k * cam.shaft_d)):.4g}") for k in SHAFT_BEARING)
     return value, low, high, why

@@ -20,7 +20,7 @@ from hdassist.preset.catalogue import Catalogue
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
     CLOSED,
-    Line,
+    OneLine,
     PerOrder,
     PerTorque,
     Section,
@@ -33,7 +33,7 @@ from hdassist.preset.kinds import (
 from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
 from hdassist.preset.yamltext import MAX_FINDINGS, Unread
 
-SCHEMA = "hdassist.preset/1"
+PRESET_SCHEMA = "hdassist.preset/1"
 
 
 class Gears(Section):
@@ -220,7 +220,7 @@ class Drive(BaseModel):
 
     model_config = CLOSED
 
-    name: Line = field("name of the drive", min_length=1, max_length=200)
+    name: OneLine = field("name of the drive", min_length=1, max_length=200)
     description: str = field("what the drive is, and how its numbers were found", default="")
     gears: Gears
     material: Material = Material()

@@ -22,9 +22,9 @@ from pydantic_core import InitErrorDetails
 
 from hdassist.numerals import NUMBER
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import Unread, near
+from hdassist.preset.yamltext import Unread, near_miss
 
-Kind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
+FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -35,7 +35,7 @@ def _one_line(text: str) -> str:
     return text
 
 
-Line = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
+OneLine = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
 
 
 class Section(BaseModel):
@@ -86,9 +86,9 @@ def is_number(key: str) -> bool:
 
 
 PER_ORDER = "by orders per cam turn"
-Limit = Annotated[float, Field(gt=0, le=1e6)]
-PerTorque = dict[str, Limit]
-PerOrder = Annotated[dict[str, Limit], PER_ORDER]
+LimitArcsec = Annotated[float, Field(gt=0, le=1e6)]
+PerTorque = dict[str, LimitArcsec]
+PerOrder = Annotated[dict[str, LimitArcsec], PER_ORDER]
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
@@ -99,7 +99,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     if isinstance(value, str) and may_be_unknown(info):
         if value == UNKNOWN:
             return None
-        if meant := near(value, [UNKNOWN]):
+        if meant := near_miss(value, [UNKNOWN]):
             return Unread("must be a number", meant)
     if value is None and not info.is_required() and kind not in ("numbers", "holes"):
         what = "a whole number" if kind == "count" else "a number"
@@ -172,7 +172,7 @@ def unit_of(info: FieldInfo) -> str:
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
-def kind_of(info: FieldInfo) -> Kind:
+def kind_of(info: FieldInfo) -> FieldKind:
     """What a field takes: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
     union = get_origin(info.annotation) in (Union, UnionType)
     parts = get_args(info.annotation) if union else (info.annotation,)

@@ -9,7 +9,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault
-from hdassist.textfile import STDIN, open_at_once, reason, standard_input
+from hdassist.textfile import STDIN, open_at_once, os_reason, standard_input
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
@@ -41,7 +41,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     except IsADirectoryError:
         raise DataError(f"{name_or_path} is a directory, not a preset", "", Fault.FILE_UNREADABLE) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
-        raise DataError(f"cannot read {name_or_path}: {reason(error)}", "", Fault.FILE_UNREADABLE) from None
+        raise DataError(f"cannot read {name_or_path}: {os_reason(error)}", "", Fault.FILE_UNREADABLE) from None
 
 
 @cache  # a lot asks for it with each of its rows

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from hdassist.errors import Finding, UsageError
 from hdassist.preset.fields import BY_PATH, Drive, fields
 from hdassist.preset.kinds import kind_of, plain
-from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read, shown
+from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read_yaml, shown
 
 PER_TORQUE = [tuple(path.split(".")) for path, info in fields() if kind_of(info) == "limits"]
 
@@ -34,7 +34,7 @@ def parse(text: str, index: int) -> Override:
             f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
             f"like {OVERRIDE} gears.j_n=6",
         )
-    document = read(value, OVERRIDE)
+    document = read_yaml(value, OVERRIDE)
     own, start = Mark(index, 1), len(key) + 1
 
     def moved(mark: Mark) -> Mark:

@@ -9,10 +9,10 @@ from hdassist.preset.knowledge import PROPORTIONS, TORQUE_DENSITY
 
 SLACK = 1e-9  # of a bound: what rounding may take
 
-Remark = tuple[str, str, str]  # path of the field to look at, message with its number, what is usual
+PlausibleRemark = tuple[str, str, str]  # path of the field to look at, message with its number, what is usual
 
 
-def remarks(drive: Drive) -> Iterator[Remark]:
+def remarks(drive: Drive) -> Iterator[PlausibleRemark]:
     """What is hardly meant in a drive."""
     for each in PROPORTIONS:
         value, base = drive.value(each.path), each.base(drive)
@@ -23,7 +23,7 @@ def remarks(drive: Drive) -> Iterator[Remark]:
     yield from _torques(drive)
 
 
-def _torques(drive: Drive) -> Iterator[Remark]:
+def _torques(drive: Drive) -> Iterator[PlausibleRemark]:
     """The torques are those of a drive of this size."""
     most, rated, d = max(map(abs, drive.operation.M_g)), drive.operation.rated, drive.gears.m * drive.gears.z_g
     limit = TORQUE_DENSITY[1] * d**3

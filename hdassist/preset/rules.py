@@ -34,7 +34,7 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
     Result: each conflict with the paths of the fields that its rule has looked at.
     """
     paths = {path.rpartition(".")[2]: path for path in values}
-    for rule in RULES:
+    for rule in PRESET_RULES:
         names = _parameters(rule)
         if all(name in paths for name in names):
             involved = tuple(paths[name] for name in names)
@@ -164,7 +164,7 @@ def window_holds_teeth(window: float, z_g: int) -> Iterator[Conflict]:
         yield Conflict("numerics.window", "holds no full tooth pitch", f"{window:g} deg", f"at least {pitch:.3g} deg")
 
 
-RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
+PRESET_RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     teeth_difference,
     shell_behind_teeth,
     rolling_needs_balls,

@@ -8,15 +8,15 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.catalogue import of_catalogue
-from hdassist.preset.fields import SCHEMA, Drive, fields, measures, sections, sized
+from hdassist.preset.fields import PRESET_SCHEMA, Drive, fields, measures, sections, sized
 from hdassist.preset.kinds import UNKNOWN, Section, bounds_of, choices_of, is_optional, kind_of, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
 Schema = dict[str, Any]
-NUMBER = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
+NUMBER_PATTERN = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
 BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum"}
-KEYS = {"limits": rf"^(all|[-+]?{NUMBER})$", "orders": rf"^[+]?{NUMBER}(@[-+]?{NUMBER})?$"}
+KEYS = {"limits": rf"^(all|[-+]?{NUMBER_PATTERN})$", "orders": rf"^[+]?{NUMBER_PATTERN}(@[-+]?{NUMBER_PATTERN})?$"}
 
 
 def preset_schema() -> Schema:
@@ -26,7 +26,7 @@ def preset_schema() -> Schema:
     """
     schema = Drive.model_json_schema()
     tables = dict(sections())
-    properties: Schema = {"schema": {"const": SCHEMA, "description": "form of this file"}}
+    properties: Schema = {"schema": {"const": PRESET_SCHEMA, "description": "form of this file"}}
     for name, info in Drive.model_fields.items():
         said = _without(("title", "unit", "default", "items"), schema["properties"][name])
         properties[name] = _section(tables[name], info) if name in tables else said

@@ -18,9 +18,9 @@ from hdassist.preset.knowledge import CATALOGUE_K3, LAWS, REFERENCE, TORQUE_DENS
 
 FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
-CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
+ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
 WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING)  # by the drive to be like; else left to their defaults
-WORDS = {
+SIMILAR_WORDS = {
     "same": "as {like}",
     "d": "{like} x {s:.4g}, as d",
     "1/d": "{like} / {s:.4g}, as 1/d",
@@ -30,7 +30,7 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class SimilarValue:
     """Value of a field in its unit, how sure it is, its source, and its plausible range."""
 
     value: Any
@@ -53,7 +53,7 @@ class Wish:
     stiffness: tuple[float, float, float] | None = None
     derived: bool = False
     said: Mapping[str, str] = field(default_factory=dict)
-    others: Mapping[str, Entry] = field(default_factory=dict)
+    others: Mapping[str, SimilarValue] = field(default_factory=dict)
 
     def source(self, what: str) -> str:
         """Where a thing that is given comes from."""
@@ -122,7 +122,7 @@ def _require_torque(d: float, T: float) -> None:
         )
 
 
-def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
+def similar(like: Drive, wish: Wish) -> dict[str, SimilarValue]:
     """Fields of a drive that is like another one, by path: what is given of it as given, the rest as assumed.
 
     Deviations but F'_i, offsets and all phases are not known and left out.
@@ -135,9 +135,9 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     sure = "given" if wish.z_g else "assumed"
     teeth = wish.source("teeth") if wish.z_g else f"as {like.name}"
     entries = {
-        "gears.z_g": Entry(z_g, sure, teeth),
-        "gears.z_b": Entry(z_g + 2, sure, teeth),
-        "gears.m": Entry(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
+        "gears.z_g": SimilarValue(z_g, sure, teeth),
+        "gears.z_b": SimilarValue(z_g + 2, sure, teeth),
+        "gears.m": SimilarValue(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
     }
     known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
     known = {path: law for path, law in known.items() if path not in WHERE_GIVEN or path in _given(like)}
@@ -146,9 +146,11 @@ def similar(like: Drive, wish: Wish) -> dict[str, Entry]:
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)
     entries |= _load(like, wish, s, d)
-    entries |= {path: Entry(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
+    entries |= {path: SimilarValue(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
     K = wish.stiffness or ()
-    entries |= {f"catalogue.K_{k}": Entry(value, "given", wish.source("stiffness")) for k, value in enumerate(K, 1)}
+    entries |= {
+        f"catalogue.K_{k}": SimilarValue(value, "given", wish.source("stiffness")) for k, value in enumerate(K, 1)
+    }
     entries |= wish.others
     if "cam.coupling" in entries:
         del entries["supports.C_3"]  # it follows from that
@@ -173,7 +175,7 @@ def _choices(like: Drive) -> list[str]:
     return [path for path in differs if like.value(path) != field_table()[path].default]
 
 
-def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> Entry:
+def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
     """A field by its law, s times as large, of a module m [mm], stiffer than others of its size."""
     value, ratio = like.value(path), m / like.gears.m
     factor = growth(law.by, s, ratio)
@@ -182,13 +184,13 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     if isinstance(value, float):
         value = rounded(value * factor * elastic)
     in_modules = like.value(path) / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
-    words = WORDS[law.by].format(like=like.name, s=s, root=s**0.5, value=in_modules)
+    words = SIMILAR_WORDS[law.by].format(like=like.name, s=s, root=s**0.5, value=in_modules)
     if elastic != 1 and factor:
         words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
     bounds = None
     if isinstance(value, float) and (found := law.range_at(s * like.gears.m * like.gears.z_g, m, value)):
         bounds = _around(like, path, value, *map(rounded, found))
-    return Entry(value, "assumed", f"{words}; {law.why}" if law.why else words, bounds)
+    return SimilarValue(value, "assumed", f"{words}; {law.why}" if law.why else words, bounds)
 
 
 def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
@@ -197,7 +199,7 @@ def _around(like: Drive, path: str, value: float, low: float, high: float) -> tu
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
 
 
-def _shifts(like: Drive, entries: Mapping[str, Entry], d: float) -> dict[str, Entry]:
+def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[str, SimilarValue]:
     """Profile shifts that keep the bore in proportion to the pitch diameter, and the tips as far apart in modules."""
     g = like.gears
     bore = (g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) - 2 * like.flexspline.h_1) / (g.m * g.z_g)
@@ -205,31 +207,35 @@ def _shifts(like: Drive, entries: Mapping[str, Entry], d: float) -> dict[str, En
     x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 3)
     apart = round(g.x_b - g.x_g, 4)
     return {
-        "gears.x_g": Entry(x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"),
-        "gears.x_b": Entry(round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come free"),
+        "gears.x_g": SimilarValue(
+            x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"
+        ),
+        "gears.x_b": SimilarValue(round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come free"),
     }
 
 
-def _tolerances(d: float, m: float) -> dict[str, Entry]:
-    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in CLASSES)
-    ref = f"F_p of class {CLASSES[0]}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {CLASSES[1]}"
+def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
+    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in ASSUMED_CLASSES)
+    ref = (
+        f"F_p of class {ASSUMED_CLASSES[0]}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {ASSUMED_CLASSES[1]}"
+    )
     if m < 1:
         ref += "; GOST 9178-81 is the Russian series for such modules"
-    return {f"tolerances.{name}": Entry(usual, "assumed", ref, (0.0, coarse)) for name in ("F_i1", "F_i2")}
+    return {f"tolerances.{name}": SimilarValue(usual, "assumed", ref, (0.0, coarse)) for name in ("F_i1", "F_i2")}
 
 
-def _load(like: Drive, wish: Wish, s: float, d: float) -> dict[str, Entry]:
+def _load(like: Drive, wish: Wish, s: float, d: float) -> dict[str, SimilarValue]:
     own = rated_of(like)
     rated = rounded(own * s**3, 3) if wish.torque is None else wish.torque
     shares = tuple(rounded(torque / own * rated, 3) for torque in like.operation.M_g)
     if wish.torque is None:
         bounds = [rounded(density * d**3, 2) for density in TORQUE_DENSITY]
         ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
-        rating = Entry(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
+        rating = SimilarValue(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
     else:
-        rating = Entry(rated, "given", wish.source("torque"))
+        rating = SimilarValue(rated, "given", wish.source("torque"))
     return {
-        "operation.M_g": Entry(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
+        "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
         "operation.rated": rating,
     }
 

@@ -86,7 +86,9 @@ _SIGN = r"(?:±|\+/-|\+-)"
 _SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 _SMALLEST = 1e-290
-LONGEST = 400  # characters of a number with its unit and uncertainty; time to match them grows faster than they do
+LONGEST_NUMBER = (
+    400  # characters of a number with its unit and uncertainty; time to match them grows faster than they do
+)
 
 
 class UnitError(ValueError):
@@ -124,7 +126,7 @@ def convert(text: str, unit: str) -> float:
 
 def _is_long(text: str) -> bool:
     """Whether a text is too long to be a number."""
-    return len(text.strip()) > LONGEST
+    return len(text.strip()) > LONGEST_NUMBER
 
 
 def is_spread(text: str) -> bool:

@@ -8,9 +8,9 @@ from math import isfinite
 from hdassist.errors import UsageError
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import choices_of, plain
-from hdassist.preset.similarity import Entry, Wish, teeth_of_ratio
+from hdassist.preset.similarity import SimilarValue, Wish, teeth_of_ratio
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Unread, near, resolve, shown
+from hdassist.preset.yamltext import Unread, near_miss, resolve, shown
 
 
 def read_wish(
@@ -52,7 +52,7 @@ def read_wish(
     T = None if torque is None else _measure("--torque", torque, "N*m")
     K = None if stiffness is None else _stiffnesses(stiffness)
     limits = {
-        f"catalogue.{name}": Entry(_measure(option, text, "arcsec"), "given", f"{option} {text}")
+        f"catalogue.{name}": SimilarValue(_measure(option, text, "arcsec"), "given", f"{option} {text}")
         for name, option, text in (("lost_motion", "--lost-motion", lost_motion), ("accuracy", "--accuracy", accuracy))
         if text is not None
     }
@@ -66,7 +66,7 @@ def read_wish(
     return Wish(z_g, d, T, K, said=said, others=_coupling(coupling, shaft) | limits)
 
 
-def _coupling(coupling: str | None, shaft: str | None) -> dict[str, Entry]:
+def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
     """Fields of the cam's coupling, by path."""
     if (coupling == "overhung") != (shaft is not None):
         raise UsageError("--coupling overhung and --shaft belong together", "like --coupling overhung --shaft 14x30")
@@ -74,7 +74,7 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, Entry]:
         return {}
     if coupling not in (words := choices_of(field_table()["cam.coupling"])):
         raise UsageError(
-            f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near(coupling, words)
+            f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near_miss(coupling, words)
         )
     sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft or "")
     if shaft and sizes is None:
@@ -82,9 +82,9 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, Entry]:
     kind, ref = "given" if coupling != "unknown" else "assumed", f"--coupling {coupling}"
     both = dict(zip(("cam.shaft_d", "cam.overhang"), sizes.groups() if sizes else (), strict=False))
     measured = {
-        path: Entry(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}") for path, text in both.items()
+        path: SimilarValue(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}") for path, text in both.items()
     }
-    return {"cam.coupling": Entry(coupling, kind, ref), **measured}
+    return {"cam.coupling": SimilarValue(coupling, kind, ref), **measured}
 
 
 def _teeth(text: str) -> int:

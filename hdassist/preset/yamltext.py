@@ -19,7 +19,7 @@ from hdassist.errors import Finding
 from hdassist.numerals import NUMBER
 from hdassist.visible import escaped
 
-MAX_BYTES = 256 * 1024
+MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
 MAX_DIGITS = 300  # a longer whole number is read as a float
 MAX_FINDINGS = 100
@@ -37,7 +37,7 @@ class Unread:
     at_key: bool = False
 
 
-BROKEN = Unread()
+BROKEN_VALUE = Unread()
 
 
 class Mark(NamedTuple):
@@ -144,7 +144,7 @@ def shown(text: str, width: int = 60) -> str:
     return "".join(c if c.isprintable() else escaped(c) for c in text)
 
 
-def read(text: bytes | str, file: str) -> Document:
+def read_yaml(text: bytes | str, file: str) -> Document:
     """Read YAML text; what is wrong with it ends up in the findings, nothing is raised.
 
     Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear.
@@ -168,8 +168,10 @@ class _EndError(Exception):
 
 def _decode(text: bytes | str) -> str:
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
-    if len(data) > MAX_BYTES:
-        raise _EndError(Mark(1, 1), f"the file is larger than {MAX_BYTES // 1024} KiB", hint="is this a preset?")
+    if len(data) > MOST_PRESET_BYTES:
+        raise _EndError(
+            Mark(1, 1), f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB", hint="is this a preset?"
+        )
     data = data.removeprefix(BOM_UTF8)
     try:
         decoded = data.decode()
@@ -226,12 +228,12 @@ class _Builder:
         """Value that begins with an event; key, where its key stands; places, which it is added to."""
         mark = _mark(event.start_mark)
         text, quoted = "", False
-        value: Any = BROKEN
+        value: Any = BROKEN_VALUE
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
             self._find(mark, path, "aliases are not allowed", shown(text), "write the value out")
             places[path] = SourceSpan(self.file, key or mark, mark, text)
-            return BROKEN
+            return BROKEN_VALUE
         if len(path) >= MAX_DEPTH:
             raise _EndError(mark, f"nested deeper than {MAX_DEPTH} levels")
         if event.anchor is not None:
@@ -251,7 +253,7 @@ class _Builder:
             else:
                 value = text if quoted else resolve(text)
         places[path] = SourceSpan(self.file, key or mark, mark, text, quoted)
-        return BROKEN if event.tag is not None else value
+        return BROKEN_VALUE if event.tag is not None else value
 
     def _table(self, path: Path, places: dict[Path, SourceSpan]) -> dict[str, Any]:
         table: dict[str, Any] = {}
@@ -260,7 +262,7 @@ class _Builder:
             word = isinstance(event, yaml.ScalarEvent)
             name = str(event.value) if word else ""
             at, of_key = (*path, name), dict[Path, SourceSpan]()
-            broken = self._value(event, at, mark, of_key) is BROKEN
+            broken = self._value(event, at, mark, of_key) is BROKEN_VALUE
             if not word and len(self.document.findings) == known:
                 self._find(mark, path, "a key must be a single word", of_key[at].text)
             if name in table:
@@ -323,7 +325,7 @@ def in_order(items: Iterable[Finding]) -> list[Finding]:
     return ordered
 
 
-def near(word: str, options: Iterable[str]) -> str:
+def near_miss(word: str, options: Iterable[str]) -> str:
     """A hint "did you mean ...?" if an option looks like the word, else an empty text."""
     known = {option.lower(): option for option in options}
     close = difflib.get_close_matches(word[:60].lower(), known, 1, 0.6)

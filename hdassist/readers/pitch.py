@@ -36,7 +36,7 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import PitchFile
 from hdassist.preset.units import UnitError
-from hdassist.preset.yamltext import near
+from hdassist.preset.yamltext import near_miss
 from hdassist.readers.table import NumberTable, few, read_numbers
 from hdassist.readers.words import (
     AMBIGUOUS,
@@ -147,7 +147,7 @@ class _Statements:
             self._require_readable(remark.number, remark.remark, word)
             if key := PITCH_KEYS.get(word):
                 self.stated[key].append(_Statement(_meant(key, text), text, remark.number, column))
-            elif hint := near(word, PITCH_KEYS):
+            elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {remark.number}: "{word}" is passed over; {hint}')
 
     def _require_readable(self, line: int, column: int, name: str) -> None:

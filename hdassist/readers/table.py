@@ -23,8 +23,8 @@ from hdassist.numerals import NUMBER
 from hdassist.preset.yamltext import MAX_FINDINGS, in_order, shown
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
-MAX_BYTES = 5_000_000
-SAMPLE = 300  # lines that settle what a file is like
+MOST_TABLE_BYTES = 5_000_000
+SAMPLED_LINES = 300  # lines that settle what a file is like
 GREATEST = 1e30  # of a number, to either side: nothing is measured beyond, and what is computed of it is still finite
 MAX_REMARKS = 1000  # that are kept: more of them are no header
 _QUOTED = r'"(?:[^"]|"")*"'
@@ -40,7 +40,7 @@ _CELLS[" "] = re.compile(rf"({_QUOTED}(?!\S)|\S+)")
 _WRITTEN = {".": re.compile(NUMBER), ",": re.compile(NUMBER.replace(r"\.", ","))}
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 
-Array = NDArray[np.float64]
+Cells = NDArray[np.float64]
 
 
 class Cell(NamedTuple):
@@ -50,7 +50,7 @@ class Cell(NamedTuple):
     column: int
 
 
-class Line(NamedTuple):
+class TableLine(NamedTuple):
     """A line that is not blank: its number, its text, and the column at which a remark's words begin; 0 for none."""
 
     number: int
@@ -82,8 +82,8 @@ class NumberTable:
     names_line: int = 1
     names_in_remark: bool = False
     lines: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    values: Array = field(default_factory=lambda: np.empty((0, 0)))
-    remarks: list[Line] = field(default_factory=list)
+    values: Cells = field(default_factory=lambda: np.empty((0, 0)))
+    remarks: list[TableLine] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     sha256: str = ""
@@ -108,7 +108,7 @@ class NumberTable:
 
 
 @dataclass(frozen=True)
-class TextTable:
+class CellTable:
     """A table of text: SHA-256 of its file, separator, names and their line, rows, and the lines that are remarks.
 
     rows: number of the line and its cells, as many as the line has.
@@ -128,7 +128,7 @@ class TextTable:
         return _DECIMAL_COMMA.sub(".", text) if free else text
 
 
-def read_texts(source: Readable, at_most: int = MAX_BYTES, name: str = "") -> TextTable:
+def read_texts(source: Readable, at_most: int = MOST_TABLE_BYTES, name: str = "") -> CellTable:
     """Read a table of text under a line of names, separated by semicolons, tabs or commas.
 
     Arguments: source, a path, stream or bytes; at_most, the bytes it may have; name of bytes and streams in messages.
@@ -151,10 +151,12 @@ def read_texts(source: Readable, at_most: int = MAX_BYTES, name: str = "") -> Te
         )
     separator = next((mark for mark in ";\t," if mark in lines[0].text), ";")
     names, *rows = ((line.number, tuple(split(line.text, separator))) for line in lines)
-    return TextTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks))
+    return CellTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks))
 
 
-def read_numbers(source: Readable, needs: Sequence[str] = (), at_most: int = MAX_BYTES, name: str = "") -> NumberTable:
+def read_numbers(
+    source: Readable, needs: Sequence[str] = (), at_most: int = MOST_TABLE_BYTES, name: str = ""
+) -> NumberTable:
     """Read a table of numbers; what is wrong with its text ends up in the findings.
 
     Arguments: source, a path, stream or bytes; needs, what the columns are to hold, at least as many as there must be;
@@ -184,8 +186,8 @@ class _Rows:
     def __init__(self, table: NumberTable, needs: Sequence[str]) -> None:
         self.table, self.needs = table, needs
         self.separator, self.decimal, self.width = "", "", 0  # not settled yet
-        self.waiting: list[Line] = []  # for the lines that settle it
-        self.above: Line | None = None  # the last remark above the first other line that is no entry
+        self.waiting: list[TableLine] = []  # for the lines that settle it
+        self.above: TableLine | None = None  # the last remark above the first other line that is no entry
         self.values, self.lines = array("d"), array("q")  # which grow in place, as lists of parts do not
 
     def take(self, first: int, part: str) -> None:
@@ -206,7 +208,7 @@ class _Rows:
             self._read(lines)
             return
         self.waiting += lines
-        if len(self.waiting) >= SAMPLE:
+        if len(self.waiting) >= SAMPLED_LINES:
             self._settle()
 
     def end(self) -> None:
@@ -221,11 +223,11 @@ class _Rows:
 
         Raises PresetError for what leaves no row readable.
         """
-        sample = self.waiting[:SAMPLE]
+        sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
         cells = [split(line.text, separator) for line in sample]
         rows = [row for row in cells if _has_numbers(row)]
-        first = sample[0] if sample else Line(1, "", 0)
+        first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
             hint = f"rows of {', '.join(self.needs)}" if self.needs else "is this the file with the table?"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
@@ -252,7 +254,7 @@ class _Rows:
             self.table.add(line, 1, "", message, got, hint)
         raise PresetError([])
 
-    def _name(self, line: Line | None, separator: str, written: bool) -> None:
+    def _name(self, line: TableLine | None, separator: str, written: bool) -> None:
         """Take the names of the columns from a line or, where none is written, from a remark that fits."""
         names = names_in(line.text if written else line.words, self.width, separator) if line else None
         if line and names:
@@ -262,7 +264,7 @@ class _Rows:
             hint = "one name for each column, separated as the rows are"
             self.table.add(line.number, 1, "", message, line.text.strip(), hint)
 
-    def _read(self, lines: Sequence[Line]) -> None:
+    def _read(self, lines: Sequence[TableLine]) -> None:
         """Read lines that are neither blank nor remarks."""
         numbers = np.array([line.number for line in lines], np.int64)
         values = self._plain("\n".join(line.text for line in lines))
@@ -275,11 +277,11 @@ class _Rows:
             values = np.array([row for row in read if row is not None]).reshape(-1, self.width)
         self._keep(values, numbers)
 
-    def _keep(self, values: Array, lines: NDArray[np.int64]) -> None:
+    def _keep(self, values: Cells, lines: NDArray[np.int64]) -> None:
         self.values.frombytes(values.tobytes())
         self.lines.frombytes(lines.tobytes())
 
-    def _plain(self, part: str) -> Array | None:
+    def _plain(self, part: str) -> Cells | None:
         """Rows of a part that is nothing but rows as they are settled, shape (rows, columns); None for any other.
 
         It reads the same numbers as `_row` does, only faster: whatever is not plain is left to that.
@@ -334,7 +336,7 @@ class _Rows:
         return value
 
 
-def _lines(first: int, part: str, table: NumberTable) -> Iterator[Line]:
+def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:
     """Lines of a part of a text that are not blank; one that is too long is added to the findings of the table."""
     for number, line in enumerate(part.split("\n"), first):
         if not line.strip(' ;,\t"\x1a'):
@@ -343,7 +345,7 @@ def _lines(first: int, part: str, table: NumberTable) -> Iterator[Line]:
             table.add(number, 1, "", f"a line of {len(line)} characters", line, "one row on each line")
         else:
             mark = _REMARK.match(line)
-            yield Line(number, line, mark.end() + 1 if mark else 0)
+            yield TableLine(number, line, mark.end() + 1 if mark else 0)
 
 
 def split(line: str, separator: str) -> list[Cell]:

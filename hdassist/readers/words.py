@@ -7,7 +7,7 @@ from collections.abc import Container
 from math import pi
 
 from hdassist.preset.units import UnitError, convert
-from hdassist.preset.yamltext import near
+from hdassist.preset.yamltext import near_miss
 
 ANGLES = {  # size in arcsec
     "deg": 3600.0, "rad": 648000 / pi, "arcsec": 1.0, "arcmin": 60.0, "mdeg": 3.6, "mrad": 648 / pi,
@@ -101,7 +101,7 @@ def plain_unit(unit: str) -> str:
 
 def angle_fault(unit: str) -> str:
     """What is wrong with a unit that is to be one of an angle, as a hint; empty if nothing is."""
-    return "" if plain_unit(unit) in ANGLES else near(unit, ANGLES) or f"one of {', '.join(ANGLES)}"
+    return "" if plain_unit(unit) in ANGLES else near_miss(unit, ANGLES) or f"one of {', '.join(ANGLES)}"
 
 
 def micrometres(unit: str) -> float:

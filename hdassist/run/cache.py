@@ -20,7 +20,7 @@ from platformdirs import user_cache_path
 from hdassist.textfile import in_place_of, is_file
 
 FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether answers are not kept
-LARGEST = 1 << 24  # bytes of a file
+LARGEST_FILE = 1 << 24  # bytes of a file
 MOST = 1 << 26  # bytes of all files: above it the oldest go
 _OLDEST_LEFT = 0.75  # of MOST, that is left then
 
@@ -51,7 +51,7 @@ def cached(kind: str, key: str, folder: Path | None = None) -> bytes | None:
     """What was kept of a kind by a key (SHA-256); None where there is nothing, or it does not hold."""
     path = _path(kind, key, folder)
     with suppress(OSError, ValueError):
-        if is_file(path) and path.stat().st_size <= LARGEST:
+        if is_file(path) and path.stat().st_size <= LARGEST_FILE:
             first, _, data = path.read_bytes().partition(b"\n")
             if first == _first_line(key, data):
                 os.utime(path)  # the oldest go first
@@ -62,7 +62,7 @@ def cached(kind: str, key: str, folder: Path | None = None) -> bytes | None:
 def keep(kind: str, key: str, data: bytes, folder: Path | None = None) -> None:
     """Keep data of a kind by a key (SHA-256), in place of what was there; nothing where that cannot be written."""
     path, line = _path(kind, key, folder), _first_line(key, data)
-    if len(line) + len(data) >= LARGEST:
+    if len(line) + len(data) >= LARGEST_FILE:
         return
     with suppress(OSError, ValueError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 WAIT = 5.0  # s for a scheduler to answer
 WORKERS_WAIT = 10.0  # s for it to have a worker
-PARTS = ("numpy", "scipy", "cvxpy", "daqp")  # whose versions decide the digits of an answer
+DECISIVE_PACKAGES = ("numpy", "scipy", "cvxpy", "daqp")  # whose versions decide the digits of an answer
 _ALONE = threading.Lock()  # a worker may have threads; solvers are made for one
 
 Pool = Callable[[], AbstractContextManager[tuple[Executor, int]]]
@@ -93,7 +93,7 @@ def _checked(wanted: dict[str, str], task: Callable[..., Any], *args: Any, **mor
 
 def versions() -> dict[str, str]:
     """What decides the digits of an answer, beside the processor: versions, and threads of linear algebra."""
-    parts = {name: version(name) for name in PARTS}
+    parts = {name: version(name) for name in DECISIVE_PACKAGES}
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "not 1")
     return {"hdassist": __version__, "Python": platform.python_version(), **parts, "OPENBLAS_NUM_THREADS": threads}
 

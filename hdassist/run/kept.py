@@ -29,9 +29,9 @@ from hdassist.textfile import PART, in_place_of, is_file, is_there
 from hdassist.version import __version__
 from hdassist.visible import printable
 
-SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
-LONGEST = 1 << 26  # bytes of a line
-PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
+KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
+LONGEST_LINE = 1 << 26  # bytes of a line
+LOCK_PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
 _SEAL = b',"checksum":"'
 _DIGITS = 16  # of a checksum
 
@@ -48,13 +48,13 @@ class ClosedRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Owner(ClosedRecord):
+class KeptOwner(ClosedRecord):
     """What decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
 
     preset: name of the drive, empty where there are several.
     """
 
-    schema: Literal["hdassist.kept/1"] = SCHEMA
+    schema: Literal["hdassist.kept/1"] = KEPT_SCHEMA
     version: str = __version__
     command: str
     preset: str = ""
@@ -62,7 +62,7 @@ class Owner(ClosedRecord):
     options: Mapping[str, Any] = field(default_factory=dict)
     seed: int | None = None
 
-    def require_same(self, now: Owner, path: str, *, any_inputs: bool) -> None:
+    def require_same(self, now: KeptOwner, path: str, *, any_inputs: bool) -> None:
         """Raise UsageError, with what differs, where the records of a file are not those of the owner now."""
         before, after = (_flat(json.loads(json.dumps(asdict(owner)))) for owner in (self, now))
         differences = [
@@ -74,7 +74,7 @@ class Owner(ClosedRecord):
             raise UsageError(f"{path} holds the work of another run: {'; '.join(differences)}", _OTHER_FILE)
 
 
-_OWNER = TypeAdapter(Owner)
+_OWNER = TypeAdapter(KeptOwner)
 _OTHER_FILE = "name another file, or remove this one"
 
 
@@ -118,7 +118,7 @@ class RecordKind(Generic[RecordT]):
 class Kept(Generic[RecordT]):
     """An open file of records, made by `open_kept`."""
 
-    def __init__(self, path: str | None, descriptor: int, owner: Owner, kind: RecordKind[RecordT]) -> None:
+    def __init__(self, path: str | None, descriptor: int, owner: KeptOwner, kind: RecordKind[RecordT]) -> None:
         self._done = 0
         self._path, self._descriptor, self._owner, self._kind = path, descriptor, owner, kind
         self._size = self._begin = 0
@@ -227,7 +227,7 @@ class Kept(Generic[RecordT]):
 
 @contextmanager
 def open_kept(
-    path: str | None, owner: Owner, kind: RecordKind[RecordT], *, force: bool = False, any_inputs: bool = False
+    path: str | None, owner: KeptOwner, kind: RecordKind[RecordT], *, force: bool = False, any_inputs: bool = False
 ) -> Iterator[Kept[RecordT]]:
     """A file to which records are added, behind those that a run before it has left there; one run at a time holds it.
 
@@ -283,7 +283,7 @@ def _locked(path: str | None) -> int:
                 if os.path.samestat(os.fstat(descriptor), Path(path).stat()):
                     return descriptor
         except BlockingIOError:
-            if time.monotonic() - begun > PATIENCE:
+            if time.monotonic() - begun > LOCK_PATIENCE:
                 words = f"{path} is being written by another run"
                 raise UsageError(words, "wait for it to end, or name another file") from None
             time.sleep(0.05)
@@ -313,7 +313,7 @@ def _lines(descriptor: int, at: int) -> Iterator[bytes]:
         at += len(part)
         *whole, rest = (rest + part).split(b"\n")
         yield from (line + b"\n" for line in whole)
-        if len(rest) > LONGEST:
+        if len(rest) > LONGEST_LINE:
             break
     if rest:
         yield rest
@@ -322,7 +322,7 @@ def _lines(descriptor: int, at: int) -> Iterator[bytes]:
 def _is_unfinished(line: bytes, begin: bytes) -> bool:
     """Whether a line is the start of one that begins so: zeros stand where power was lost before data came to disk."""
     start = line.rstrip(b"\0")[: len(begin)]
-    return not line.endswith(b"\n") and len(line) <= LONGEST and begin.startswith(start)
+    return not line.endswith(b"\n") and len(line) <= LONGEST_LINE and begin.startswith(start)
 
 
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
@@ -349,12 +349,12 @@ def _digest(text: bytes, above: bytes) -> bytes:
     return hashlib.sha256(above + text).hexdigest()[:_DIGITS].encode()
 
 
-def _owner_of(line: bytes, name: str) -> tuple[Owner, bytes]:
+def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
     """The owner in the first line of a file, and its checksum.
 
     Raises UsageError: the file is not of this form; DataError: it is, and was changed.
     """
-    if not line.startswith(b'{"schema":"%s",' % SCHEMA.encode()):
+    if not line.startswith(b'{"schema":"%s",' % KEPT_SCHEMA.encode()):
         raise UsageError(f"{name} exists, and holds no work that hdassist has kept", _OTHER_FILE)
     try:
         fields, checksum = _unsealed(line, b"")

@@ -14,8 +14,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TypeVar
 
-WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
-STOPS = tuple(getattr(signal, name) for name in WORDS if hasattr(signal, name))
+STOP_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
+STOPS = tuple(getattr(signal, name) for name in STOP_WORDS if hasattr(signal, name))
 
 ItemT = TypeVar("ItemT")
 
@@ -96,7 +96,7 @@ def _end(number: int, _: FrameType | None) -> None:
     for other in STOPS:
         if signal.getsignal(other) is _end:
             signal.signal(other, signal.SIG_DFL)  # one more ends it, whatever hangs below
-    said = [WORDS[signal.Signals(number).name]]
+    said = [STOP_WORDS[signal.Signals(number).name]]
     for action in reversed(_at_stop):
         with suppress(Exception):
             said += filter(None, [action()])

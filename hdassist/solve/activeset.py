@@ -40,7 +40,7 @@ class ActiveSet:
         *,
         compiled: bool = True,
     ) -> None:
-        self._solve_near = walk.near if compiled and walk.library()[0] else solve_near
+        self._solve_near = walk.walk_near_state if compiled and walk.walk_library()[0] else solve_near
         self._formulation = formulation
         rows, n = formulation.A.shape
         self.contact = np.ones(n, dtype=bool) if contact is None else contact

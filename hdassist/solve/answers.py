@@ -16,7 +16,7 @@ from hdassist.solve.certificate import TOLERANCE, Residuals
 from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
 
-CHUNK = 1024  # states between two reports of progress
+STATES_AT_A_TIME = 1024  # states between two reports of progress
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
@@ -101,7 +101,7 @@ def solve_states(
     progress: Progress | None = None,
     *,
     pull: bool = False,
-    chunk: int = CHUNK,
+    chunk: int = STATES_AT_A_TIME,
 ) -> Answers:
     """Solve states of one contact system and prove each answer.
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SOURCE = Path(__file__).parent / "walk.c"
-SUFFIX = ".dll" if os.name == "nt" else ".so"
+LIBRARY_SUFFIX = ".dll" if os.name == "nt" else ".so"
 # comparisons with NaN and sums in their order stay as they are written: no -ffast-math
 FLAGS = ["-std=c11", "-O3", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC"]
 X86 = {1: ["-march=x86-64"], 3: ["-march=x86-64-v3"], 4: ["-march=x86-64-v4", "-mprefer-vector-width=512"]}
@@ -29,7 +29,7 @@ def source_hash() -> str:
 
 def library_name(level: int) -> str:
     """File name of the library for an instruction set: 1 any machine, 3 AVX2, 4 AVX-512."""
-    return f"_walk_{level}{SUFFIX}"
+    return f"_walk_{level}{LIBRARY_SUFFIX}"
 
 
 def development_folder() -> Path:

@@ -20,7 +20,7 @@ from hdassist.run.cache import cached, keep
 from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
 
-KIND = "compiled"
+COMPILED_TEMPLATE = "compiled"
 _proven: set[tuple[bool, ...]] = set()  # which freedoms were free in what was proven, in this process
 
 
@@ -34,19 +34,19 @@ def require_compiled_as_stated(formulation: Formulation, folder: Path | None = N
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(KIND, key, folder) is not None:
+    if cached(COMPILED_TEMPLATE, key, folder) is not None:
         _proven.add(supported)
         return
-    if wrong := list(differences(formulation)):
+    if wrong := list(template_differences(formulation)):
         raise UntrustedError(
             f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
             "install the versions that hdassist was tested with (hdassist doctor)",
         )
     _proven.add(supported)
-    keep(KIND, key, b"", folder)
+    keep(COMPILED_TEMPLATE, key, b"", folder)
 
 
-def differences(formulation: Formulation) -> Iterator[str]:
+def template_differences(formulation: Formulation) -> Iterator[str]:
     """Names of what cvxpy compiles to other data than stated, at two torques and gaps."""
     stated, place = formulation.statement, formulation.system.place
     M, m = len(formulation.local), len(formulation.H)

@@ -17,7 +17,7 @@ from hdassist.solve.formulation import Formulation
 from hdassist.solve.pivoting import Pivoting, Reference
 from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
-from hdassist.solve.walk import Walk, library
+from hdassist.solve.walk import Walk, walk_library
 
 MANY_STATES = 64  # states from which on a reference pays
 AT_ONCE = 256  # states whose forces are held at once: in the cache
@@ -51,7 +51,7 @@ class Engine:
         self._same = near if near and near._formulation is formulation and near._torque == torque else None
         self._pivoting: Pivoting | None = None
         self._walk: Walk | None = None
-        self._compiled = compiled and library()[0] is not None
+        self._compiled = compiled and walk_library()[0] is not None
         self._pays = 0 if many else MANY_STATES
 
     def load(self, torque: float) -> None:

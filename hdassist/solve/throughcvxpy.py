@@ -40,13 +40,13 @@ QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "O
 # arcsec), CLARABEL decides.
 SECOND_SOLVER = "CLARABEL"
 SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # with cvxpy, by their packages
-KIND = "again"
+SOLVED_AGAIN = "again"
 
 LONGEST_SOLVE = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
 
 # Tolerances at which each solver's answers earn their certificate, and where it stops without one; a name that is not
 # here runs at its defaults, which bound its iterations.
-SETTINGS: dict[str, dict[str, Any]] = {
+SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {
         "tol_gap_abs": 1e-11,
         "tol_gap_rel": 1e-11,
@@ -93,7 +93,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
         with warnings.catch_warnings():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
-            stated.problem.solve(solver=name, **SETTINGS.get(name, {}))
+            stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
     except cp.SolverError as error:
         raise UntrustedError(
             f"{name} could not solve a state: {str(error).splitlines()[0]}", "", Fault.UNTRUSTED_STATE
@@ -170,11 +170,11 @@ def solve_again(
     stated = b"".join(f"{array.shape}".encode() + array.tobytes() for array in depends)
     key = sha256(words.encode() + stated).hexdigest()
     with suppress(ValueError, RecursionError):
-        kept = _CROSS_CHECK.validate_python(json.loads(cached(KIND, key) or b""))
+        kept = _CROSS_CHECK.validate_python(json.loads(cached(SOLVED_AGAIN, key) or b""))
         if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*SHIPPED}:
             return kept
     found = _solved_again(formulation, torques, delta_p, rotation_arcsec, solver, place)
-    keep(KIND, key, json.dumps(asdict(found), allow_nan=False).encode())
+    keep(SOLVED_AGAIN, key, json.dumps(asdict(found), allow_nan=False).encode())
     return found
 
 

@@ -47,7 +47,7 @@ class _Answers(ctypes.Structure):
 
 
 @cache
-def library() -> tuple[Any, str]:
+def walk_library() -> tuple[Any, str]:
     """The compiled walk for this machine, None where there is none, and words for which one it is or why not."""
     for folder in (Path(__file__).parent, development_folder()):
         if not (folder / library_name(1)).exists():
@@ -85,7 +85,7 @@ class Walk:
     """
 
     def __init__(self, reference: PlaceReference, torque: float) -> None:
-        self._library, _ = library()
+        self._library, _ = walk_library()
         self._reference = reference
         self._law = reference.held["law"].copy()
         held = reference.held | {"law": self._law}
@@ -126,7 +126,9 @@ class Walk:
         return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, lost)
 
 
-def near(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]) -> tuple[Array, Array] | None:
+def walk_near_state(
+    formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
+) -> tuple[Array, Array] | None:
     """solve_near of activeset.py, compiled."""
     system = formulation.system
     ends = np.append(system.first, len(gaps)).astype(np.int32)
@@ -134,7 +136,7 @@ def near(formulation: Formulation, gaps: Array, right: Array, contact: NDArray[n
     data = (formulation.H, formulation.local, ends, formulation.A_places, np.ascontiguousarray(gaps), right)
     sizes = len(gaps), len(system.first), len(right)
     given, made = ([_address(array) for array in some] for some in (data, (held, forces, duals)))
-    found = library()[0].walk_near(*sizes, *given, SOFT, NEAR_STEPS, *made)
+    found = walk_library()[0].walk_near(*sizes, *given, SOFT, NEAR_STEPS, *made)
     return (forces, duals) if found else None
 
 

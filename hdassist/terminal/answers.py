@@ -11,15 +11,13 @@ from numbers import Number
 from typing import Any
 
 from hdassist.errors import HdassistError
+from hdassist.json_parts import Json
 from hdassist.numerals import NUMBER
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 from hdassist.visible import printable, visible
-
-Json = dict[str, Any]
 
 FORMULA = tuple("=+-@\t\n＝＋－＠")  # what a spreadsheet takes for the begin of one
 _NUMBER = re.compile(NUMBER)
@@ -73,30 +71,7 @@ def together(command: str, results: Sequence[Json]) -> Json:
     }
 
 
-def certificate_object(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
-    """Certificate and cross-check as JSON: the worst of all torques."""
-    crosses = [cross for cross in cross_checks if cross]
-    return {
-        "states": certificate.states,
-        "max_residual": certificate.max_residual,
-        "residuals": {
-            "negative_force": certificate.negative_force,
-            "negative_gap": certificate.negative_gap,
-            "complementarity": certificate.complementarity,
-            "equilibrium": certificate.equilibrium,
-        },
-        "fallbacks": certificate.fallbacks,
-        "cross_check": {
-            "solver": crosses[0].solver,
-            "states": sum(cross.states for cross in crosses),
-            "max_difference_arcsec": max(cross.max_difference_arcsec for cross in crosses),
-        }
-        if crosses
-        else None,
-    }
-
-
-def cross_checked(cross_checks: Iterable[CrossCheck | None]) -> str:
+def cross_check_words(cross_checks: Iterable[CrossCheck | None]) -> str:
     """Words to put behind a certificate: what another solver found; empty without one."""
     crosses = [cross for cross in cross_checks if cross]
     if not crosses:

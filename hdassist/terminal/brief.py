@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.model.assumed import assumptions
-from hdassist.model.unknown import names, unknowns
+from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import resolved
 from hdassist.solve.answers import Certificate
@@ -82,4 +82,4 @@ def on_what(drive: Drive) -> str:
 def not_known(drive: Drive) -> str:
     """What is not known of a drive and was computed as 0."""
     open_ = unknowns(drive)
-    return f"taken as 0: {names(open_)}" if open_ else ""
+    return f"taken as 0: {unknown_names(open_)}" if open_ else ""

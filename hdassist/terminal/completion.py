@@ -21,7 +21,7 @@ def overrides(incomplete: str) -> list[str]:
     return [f"{path}=" for path in field_table() if path.startswith(incomplete)]
 
 
-def names(incomplete: str) -> list[str]:
+def completed_names(incomplete: str) -> list[str]:
     """Names that can be explained and begin so."""
     from hdassist.errors import Fault
     from hdassist.preset.fields import field_table

@@ -20,7 +20,7 @@ from hdassist.visible import visible
 PIPE_WIDTH = 80
 STRICT = "HDASSIST_STRICT"
 Made = TypeVar("Made")
-PLAIN = str.maketrans(
+PLAIN_CHARACTERS = str.maketrans(
     {
         "·": "*",
         "µ": "u",
@@ -56,7 +56,7 @@ class Style:
     def text(self, text: str) -> str:
         """The text as the stream can show it, whatever it has of control characters escaped."""
         text = visible(text)
-        return text.translate(PLAIN).encode("ascii", "replace").decode() if self.ascii else text
+        return text.translate(PLAIN_CHARACTERS).encode("ascii", "replace").decode() if self.ascii else text
 
 
 def _shows_unicode(stream: TextIO) -> bool:

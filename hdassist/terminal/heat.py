@@ -8,26 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.terminal.console import Style
-from hdassist.terminal.plot import WIDEST, figure
+from hdassist.terminal.plot import WIDEST_PLOT, figure
 
-ROWS = 20  # at most
+HEAT_ROWS = 20  # at most
 NONE = "!"  # where there is no value
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+CellValues = NDArray[np.float64]
+CellIndices = NDArray[np.int64]
 
 
 @figure
-def heat(style: Style, x: Sequence[float], y: Sequence[float], z: Array, *, x_label: str, y_label: str) -> str:
+def heat(style: Style, x: Sequence[float], y: Sequence[float], z: CellValues, *, x_label: str, y_label: str) -> str:
     """Draw z, shape (x, y), NaN where there is none, with y upwards, numbered axes and a legend.
 
     x and y in growing order; of more values than there is room for some are left out. x_label and y_label carry the
     units, y_label what is drawn as well. Returns lines without a final newline.
     """
     shades = ".:-=+*#%@" if style.ascii else "·░▒▓█"
-    up = _some(len(y), ROWS)[::-1]
+    up = _some(len(y), HEAT_ROWS)[::-1]
     margin = max(7, *(len(f"{y[k]:g}") for k in up))
-    room = min(style.width, WIDEST) - margin - 2
+    room = min(style.width, WIDEST_PLOT) - margin - 2
     across = _some(len(x), room)
     cell = room // len(across)
     low, high = float(np.nanmin(z)), float(np.nanmax(z))
@@ -47,7 +47,7 @@ def heat(style: Style, x: Sequence[float], y: Sequence[float], z: Array, *, x_la
     return "\n".join(lines)
 
 
-def _some(count: int, most: int) -> Indices:
+def _some(count: int, most: int) -> CellIndices:
     """At most so many of count places, the first and the last among them."""
     return np.unique(np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.int64))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from hdassist.belief.influence import Influence
 from hdassist.belief.measure import MeasurementGain
@@ -53,26 +52,8 @@ def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) 
     return "; ".join(words) + (", of a right verdict" if words and held else "")
 
 
-def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
-    """Influences for JSON, the largest first."""
-    return [{"field": each.group, "share": each.share} for each in found]
-
-
-def measure_objects(found: Sequence[MeasurementGain]) -> list[dict[str, Any]]:
-    """Measurements for JSON, the largest gain first."""
-    return [{"what": each.measured, "gain": each.gain} for each in found]
-
-
 def samples_words(samples: Samples) -> str:
     """How many samples there are, and why others are not."""
     refused = sum(samples.refused.values())
     words = f"{samples.effective:.0f} effective of {samples.draws} drawn"
     return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")
-
-
-def samples_object(samples: Samples | None) -> dict[str, Any] | None:
-    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
-    if samples is None:
-        return None
-    refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
-    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}

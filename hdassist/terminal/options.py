@@ -57,11 +57,11 @@ Solver = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
 ]
-CrossCheck = Annotated[
+CrossCheckOption = Annotated[
     str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
-Draws = Annotated[int, typer.Option(min=0, max=100_000, help="Drives drawn from what the preset leaves unknown.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
+DrawsOption = Annotated[int, typer.Option(min=0, max=100_000, help="Drives drawn from what the preset leaves unknown.")]
 VerdictProbability = Annotated[
     float, typer.Option(min=0.5, max=0.999, help="Probability of keeping a limit from which on the verdict is PASS.")
 ]

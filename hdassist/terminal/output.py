@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
-PATIENCE = 0.5  # s of work before a progress bar with a total appears
+BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
 TASK: Any = 0  # the only one of a bar
 REDRAWN = 0.1  # s between two of its pictures
 
@@ -122,7 +122,7 @@ class ProgressBar:
 
     def __init__(self, bar: Progress | None = None, style: Style | None = None) -> None:
         self._bar, self._style = bar, style
-        self._next = time.monotonic() + PATIENCE  # that it is drawn
+        self._next = time.monotonic() + BAR_PATIENCE  # that it is drawn
 
     def __call__(self, done: int) -> None:
         """Move on by work that was done."""

@@ -15,12 +15,12 @@ from hdassist.terminal.console import Style, made_or
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
 
 Drawn = ParamSpec("Drawn")
-Array = NDArray[np.float64]
+PlotValues = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
 HEIGHT = 10  # rows, about
-WIDEST = 80  # columns: wider says no more
+WIDEST_PLOT = 80  # columns: wider says no more
 
 
 def figure(draw: Callable[Drawn, str]) -> Callable[Drawn, str]:
@@ -35,7 +35,7 @@ def figure(draw: Callable[Drawn, str]) -> Callable[Drawn, str]:
 
 @figure
 def curve(
-    style: Style, x: Array, y: Array, *, x_label: str, y_label: str, height: int = HEIGHT, over: float = 0.0
+    style: Style, x: PlotValues, y: PlotValues, *, x_label: str, y_label: str, height: int = HEIGHT, over: float = 0.0
 ) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
@@ -54,7 +54,14 @@ def curve(
 
 @figure
 def two_curves(
-    style: Style, x: Array, first: Array, second: Array, *, names: tuple[str, str], x_label: str, y_label: str
+    style: Style,
+    x: PlotValues,
+    first: PlotValues,
+    second: PlotValues,
+    *,
+    names: tuple[str, str],
+    x_label: str,
+    y_label: str,
 ) -> str:
     """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
     frame = _Frame.around(style, [first, second], 2 * HEIGHT)
@@ -76,18 +83,18 @@ class _Frame:
     margin: int
 
     @classmethod
-    def around(cls, style: Style, series: Sequence[Array], height: int) -> _Frame:
+    def around(cls, style: Style, series: Sequence[PlotValues], height: int) -> _Frame:
         low, high = (float(end(end(y) for y in series)) for end in (min, max))
         marks = ticks(low, high, max(2, height // 2))
         margin = max(7, *(len(f"{tick:g}") for tick in marks))
         apart = max(1, round((height - 1) / (len(marks) - 1)))
-        return cls(marks, apart, min(style.width, WIDEST) - margin - 2, margin)
+        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin)
 
     @property
     def rows(self) -> int:
         return self.apart * (len(self.ticks) - 1) + 1
 
-    def drawn(self, style: Style, rows: Sequence[str], x: Array, x_label: str, y_label: str) -> str:
+    def drawn(self, style: Style, rows: Sequence[str], x: PlotValues, x_label: str, y_label: str) -> str:
         numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         lines = [style.text(y_label)]
@@ -111,7 +118,7 @@ def dots_to_ascii(dots: Dots) -> list[list[str]]:
     return [["*" if dot else " " for dot in row] for row in dots]
 
 
-def _envelope(x: Array, y: Array, columns: int, over: float) -> list[tuple[Array, Array]]:
+def _envelope(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
     NaN where nothing lies: a gap.
@@ -123,7 +130,7 @@ def _envelope(x: Array, y: Array, columns: int, over: float) -> list[tuple[Array
     return [(places, np.array([end(part) if len(part) else np.nan for part in parts])) for end in (np.min, np.max)]
 
 
-def _fill(x: Array, y: Array, columns: int, rows: int, bottom: float, top: float) -> Dots:
+def _fill(x: PlotValues, y: PlotValues, columns: int, rows: int, bottom: float, top: float) -> Dots:
     if len(x) < columns:
         # between points that lie apart the curve is drawn straight
         x, y = (fine := np.linspace(x[0], x[-1], 4 * columns)), np.interp(fine, x, y)

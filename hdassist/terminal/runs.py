@@ -9,7 +9,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
-from hdassist.terminal.answers import Json, combine, csv_text, failure, json_text
+from hdassist.json_parts import Json
+from hdassist.terminal.answers import combine, csv_text, failure, json_text
 from hdassist.terminal.console import Style, made_or
 from hdassist.terminal.options import AnswerOptions
 from hdassist.terminal.output import Output, complain, note, warn
@@ -18,7 +19,7 @@ from hdassist.verdict import worst_exit_code
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-Figures = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows of a table
+CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows of a table
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Answer:
     to_json: Callable[[], Json]
     page: Callable[[Style], RenderableType] | None = None
     summary_line: Callable[[], str] = str
-    figures: Callable[[], Figures] | None = None
+    figures: Callable[[], CsvTable] | None = None
     about: str = ""
     warnings: Sequence[str] = ()
     proof: object = ""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.readers.wheels import WheelFiles
 
-WORDS = {"b": "rigid wheel", "g": "flexspline"}
+WHEEL_WORDS = {"b": "rigid wheel", "g": "flexspline"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class PitchFiles:
 
 def say_notes(measured: MeasuredTeeth | None) -> None:
     """Say on stderr what was assumed of measured wheels."""
-    for name, words in WORDS.items():
+    for name, words in WHEEL_WORDS.items():
         if wheel := getattr(measured, name, None):
             for text in wheel.pitch.notes:
                 note(f"note: {words}, {wheel.pitch.file}: {text}")

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
 from hdassist.preset.yamltext import shown
 from hdassist.terminal.texts import texts
@@ -21,23 +17,3 @@ def heading(measured: MeasuredTeeth | None) -> str:
     """Words behind a heading: whose teeth were measured; empty where none were."""
     found = [f"{texts()(f'wheel.{name}')} ({shown(wheel.pitch.file)})" for name, wheel in wheels(measured)]
     return f"; measured teeth: {', '.join(found)}" if found else ""
-
-
-def pitch_object(measured: MeasuredTeeth | None) -> dict[str, Any]:
-    """The measured wheels as a JSON object, by wheel; null where a wheel has its first harmonic."""
-    return {name: _wheel(getattr(measured, name, None)) for name in ("b", "g")}
-
-
-def _wheel(wheel: MeasuredWheel | None) -> dict[str, Any] | None:
-    if wheel is None:
-        return None
-    pitch = wheel.pitch
-    return {
-        "file": pitch.file,
-        "sha256": pitch.sha256,
-        "mark_tooth": pitch.mark,
-        "mark_deg": wheel.mark_deg,
-        "flank": pitch.flank,
-        "range_um": float(np.ptp(pitch.deviation)),
-        "notes": list(pitch.notes),
-    }

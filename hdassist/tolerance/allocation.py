@@ -18,7 +18,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.unknown import pitch_deviation
 from hdassist.preset.fields import CostLaw, Drive
 from hdassist.tolerance.law import ProductionLaw
-from hdassist.tolerance.production import STEP, Production, RandomDrive
+from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
@@ -28,9 +28,9 @@ RADII = (0.5, 0.25, 0.12, 0.06)  # of the logarithms of tolerances, in which the
 SLOPE_STEP = 0.1  # of them, over which slopes are taken: drives that come and go are smoothed
 AIM = 0.98  # of the limit, so that what is left over lies on the good side
 STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
-AGREES = 0.06  # of the limit: what may be left over
-CLASSES = range(1, 12)  # of ISO 1328-1:2013
-LEAST = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
+LIMIT_AGREES = 0.06  # of the limit: what may be left over
+ISO_CLASSES = range(1, 12)  # of ISO 1328-1:2013
+LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
 
 
 @dataclass(frozen=True)
@@ -119,15 +119,15 @@ class Allocator:
         proven = [found] if found.fits else []
         for attempt in range(1, self.rounds + 1 if open_ else 1):
             sought = self._sought(records, values, open_, aim)
-            if all(abs(np.log(sought[path] / values[path])) < AGREES / 2 for path in values):
+            if all(abs(np.log(sought[path] / values[path])) < LIMIT_AGREES / 2 for path in values):
                 break
             values = sought
             records, found = self._tried(turned, values, attempt)
             proven += [found] if found.fits else []
             below = self._ratio(records, values, values)
-            at_most = all(values[choice.path] >= choice.most * (1 - AGREES) for choice in open_)
-            at_least = all(values[choice.path] <= choice.least * (1 + AGREES) for choice in open_)
-            if (found.fits and (below > aim - AGREES or at_most)) or (at_least and not found.fits):
+            at_most = all(values[choice.path] >= choice.most * (1 - LIMIT_AGREES) for choice in open_)
+            at_least = all(values[choice.path] <= choice.least * (1 + LIMIT_AGREES) for choice in open_)
+            if (found.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not found.fits):
                 break
             aim *= 1.0 if found.fits else STRICTER
         return min(proven, key=lambda each: each.cost, default=found)
@@ -139,12 +139,12 @@ class Allocator:
             return found
         drive, grades = self.production.drive, {}
         for choice in wheels:
-            sizes = {grade: pitch_deviation(drive, grade) for grade in CLASSES}
+            sizes = {grade: pitch_deviation(drive, grade) for grade in ISO_CLASSES}
             finer = [
                 grade for grade, size in sizes.items() if choice.least <= size <= found.values[choice.path] * 1.0001
             ]
-            grades[choice.path] = max(finer, default=min(CLASSES))
-        tries = [grades, *({**grades, path: grade + 1} for path, grade in grades.items() if grade + 1 in CLASSES)]
+            grades[choice.path] = max(finer, default=min(ISO_CLASSES))
+        tries = [grades, *({**grades, path: grade + 1} for path, grade in grades.items() if grade + 1 in ISO_CLASSES)]
         answers = []
         for chosen in tries:
             fixed = {path: pitch_deviation(drive, grade) for path, grade in chosen.items()}
@@ -202,9 +202,9 @@ class Allocator:
             if record.refused is None and record.tighter is not None:
                 F_ior = scaled = np.array(record.best_F_ior_arcsec)
                 for choice in self.choices:
-                    slope = (F_ior - np.array(record.tighter[choice.path])) / (1 - STEP)
+                    slope = (F_ior - np.array(record.tighter[choice.path])) / (1 - TIGHTER_STEP)
                     scaled = scaled + slope * (values[choice.path] / now[choice.path] - 1)
-                ratio[k] = np.max(np.maximum(scaled, LEAST * F_ior) / np.array(self.rooms))
+                ratio[k] = np.max(np.maximum(scaled, LEAST_SHARE_LEFT * F_ior) / np.array(self.rooms))
         designs = np.array([record.design for record in records])
         places = np.unique(designs)
         if len(places) == 1:

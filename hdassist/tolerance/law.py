@@ -21,9 +21,11 @@ from hdassist.model.deviations import deviations_of
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
-Law = Literal["rayleigh", "uniform", "fixed"]
-LAWS = get_args(Law)
-TAIL = 3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
+SizeLaw = Literal["rayleigh", "uniform", "fixed"]
+SIZE_LAWS = get_args(SizeLaw)
+RAYLEIGH_TAIL = (
+    3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,9 @@ class TolerancedSize(FieldPrior):
         if self.law == "fixed":
             return np.full_like(share, self.high)
         if self.law == "rayleigh":
-            return np.asarray(self.high / TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(TAIL**2) / 2))))
+            return np.asarray(
+                self.high / RAYLEIGH_TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(RAYLEIGH_TAIL**2) / 2)))
+            )
         if self.law == "measured":
             place = np.minimum((share * len(self.measured)).astype(np.int64), len(self.measured) - 1)
             return np.asarray(self.measured)[place]
@@ -83,9 +87,9 @@ class ProductionLaw:
 
 def production_law(
     drive: Drive,
-    law: Law = "rayleigh",
+    law: SizeLaw = "rayleigh",
     *,
-    by_field: Mapping[str, Law | Sequence[float]] | None = None,
+    by_field: Mapping[str, SizeLaw | Sequence[float]] | None = None,
     known: Sequence[str] = (),
 ) -> ProductionLaw:
     """The law of a preset's production.
@@ -125,7 +129,9 @@ def production_law(
     return ProductionLaw(drive, shared, (*own, *clearances), prior.fitted)
 
 
-def _size(path: str, high: float, law: Literal[Law, "measured"], measured: tuple[float, ...] = ()) -> TolerancedSize:
+def _size(
+    path: str, high: float, law: Literal[SizeLaw, "measured"], measured: tuple[float, ...] = ()
+) -> TolerancedSize:
     return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law, measured)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from hdassist.errors import DataError
 
 BATCH = 50_000  # rows of a group
-SUFFIX = ".parquet"
+PARQUET_SUFFIX = ".parquet"
 
 
 def require_pyarrow() -> None:

@@ -18,7 +18,7 @@ from pydantic import Field, TypeAdapter
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import SAMPLE_STATES, Samples, SamplingEffort, draw_samples
-from hdassist.error.cycle import place
+from hdassist.error.cycle import state_place
 from hdassist.error.error_map import Batch, ErrorMap, Extremes, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps, contact_system
@@ -36,10 +36,10 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.tolerance.law import ProductionLaw, deviations
 
-FREE_STEP = 30.0  # deg between positions where the seat has no holes
+PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
 CHOOSING, PROVING = 12, 24  # positions of each wheel: 3 % of F'_ior may be missed, and 0.02 arcsec
 CHOSEN = 2  # positions of the fixed wheel that are searched, beside the present one
-STEP = 0.8  # of a tolerance: one step tighter
+TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
 DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
 
 
@@ -101,7 +101,7 @@ class Production:
         """
         if not searchable(law.drive):
             raise UsageError("with rolling balls the cycle cannot be searched", "set bearing.ball_motion=locked")
-        rotations = tuple(seat_positions(law.drive, FREE_STEP)) if mounting else (0.0,)
+        rotations = tuple(seat_positions(law.drive, PRODUCTION_FREE_STEP)) if mounting else (0.0,)
         limited = None if limits is None else tuple(limits)
         return cls(law, tuple(torques), rotations, limited, seed, per_design, steps)
 
@@ -240,7 +240,7 @@ class Production:
         paths = [f.path for f in self.law.joint.fields if f.path == f.group and f.path in deviations(one.drive)]
         columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
         for k, path in enumerate(paths):
-            columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, STEP, 1.0)
+            columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, TIGHTER_STEP, 1.0)
         batch, rows = Batch(one.drive, columns), np.arange(len(paths))
         differences, proof = [], EMPTY
         for extremes, error_map in zip(found, maps, strict=True):
@@ -249,7 +249,7 @@ class Production:
                 states = error_map.states.take(np.full(len(paths), state))
                 case = LoadCase(error_map.fresh.formulation, error_map.M_g, like=error_map.fresh, many=True)
                 gaps = StateGaps(batch.scalars(rows, states.alpha_g, states.alpha_b))
-                answers = case.solve(gaps, partial(place, states, error_map.M_g))
+                answers = case.solve(gaps, partial(state_place, states, error_map.M_g))
                 ends.append(answers.rotation_arcsec)
                 proof += answers.certificate
             differences.append(error_map.sign * (ends[0] - ends[1]))

@@ -17,9 +17,9 @@ from hdassist.belief.samples import Samples, weighted_quantile
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.tolerance.law import ProductionLaw, deviations
-from hdassist.tolerance.production import STEP, Production, RandomDrive
+from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 
-HIGH = 0.95  # share of the drives below the percentile that is to become less
+HIGH_SHARE = 0.95  # share of the drives below the percentile that is to become less
 RESAMPLES = 200
 ENDS = (0.05, 0.95)  # of the resampled values: the interval of a gain
 
@@ -94,7 +94,7 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
     F_ior, weights = np.array([each.F_ior_arcsec for each in found]), np.array([each.weight for each in found])
     limits = [drive.limit(M_g) or 0.0 for M_g in torques]
     scale = np.array(limits) if all(limits) else np.ones(len(torques))
-    now = [weighted_quantile(column, weights, HIGH) for column in F_ior.T]
+    now = [weighted_quantile(column, weights, HIGH_SHARE) for column in F_ior.T]
     worst = int(np.argmax(now / scale))
     sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in deviations(drive)]
     then = {path: np.array([(each.tighter or {})[path] for each in found]) for path in sizes}
@@ -103,7 +103,9 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
         first = min(ways, key=lambda path: ways[path][worst].then)
         if ways[first][worst].proven:
             break
-        designs = tuple(({**values, first: STEP * values[first]}, weight) for values, weight in production.designs)
+        designs = tuple(
+            ({**values, first: TIGHTER_STEP * values[first]}, weight) for values, weight in production.designs
+        )
         again = _sound(records(replace(production, designs=designs, steps=False), len(designs)))
         ways[first] = _tightened(first, F_ior, np.array([each.F_ior_arcsec for each in again]), weights, proven=True)
         found += again
@@ -141,9 +143,10 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (RESAMPLES, len(F_ior)))
     found = []
     for before, after in zip(F_ior.T, then.T, strict=True):
-        now, here = (weighted_quantile(values, weights, HIGH) for values in (before, after))
+        now, here = (weighted_quantile(values, weights, HIGH_SHARE) for values in (before, after))
         gains = [
-            weighted_quantile(before[rows], weights[rows], HIGH) - weighted_quantile(after[rows], weights[rows], HIGH)
+            weighted_quantile(before[rows], weights[rows], HIGH_SHARE)
+            - weighted_quantile(after[rows], weights[rows], HIGH_SHARE)
             for rows in resampled
         ]
         low, high = now - np.quantile(gains, ENDS[::-1])

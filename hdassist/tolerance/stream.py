@@ -11,20 +11,20 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from hdassist.errors import Fault, UntrustedError
+from hdassist.run.cluster import Pool
 
 SECONDS = 2.0  # of work in a chunk, about
-MOST = 10_000  # items in a chunk
+MOST_ITEMS = 10_000  # items in a chunk
 AHEAD = 3  # chunks under way or done for each task that is worked on at a time
 DEATHS = 3  # pools of workers that may break one after the other with nothing coming of any
 
 Work = Callable[[int, int], list[Any]]
-Pool = Callable[[], AbstractContextManager[tuple[Executor, int]]]
 
 
 def stream(
@@ -119,7 +119,7 @@ class _Queue:
     def _size(self, at_a_time: int) -> int:
         """Items of the next chunk: smaller ones towards the end, so that all workers end together."""
         by_time = self._seconds * self._counted / max(self._cost, 1e-9)
-        return max(1, min(int(by_time), MOST, -(-(self._total - self.end) // (2 * at_a_time))))
+        return max(1, min(int(by_time), MOST_ITEMS, -(-(self._total - self.end) // (2 * at_a_time))))
 
 
 def _is_done(answer: Future[Any]) -> bool:

@@ -15,7 +15,7 @@ from hdassist.error.error_map import extremes_of
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import told
+from hdassist.model.unknown import unknown_notes
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.certificate import Residual
@@ -173,7 +173,7 @@ class Swept:
         wider = f"{self.widened} rows were computed in a wider flank window than the preset's: window_deg says which"
         return (
             *self.drive.origin.warnings,
-            *told(largest(self.drive, self.sweep.axes)),
+            *unknown_notes(largest(self.drive, self.sweep.axes)),
             *([wider] * (self.widened > 0)),
         )
 

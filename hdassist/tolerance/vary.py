@@ -13,12 +13,12 @@ from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import kind_of, unit_of
 from hdassist.preset.overrides import is_overridden, path_of
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import Unread, near, resolve, shown
+from hdassist.preset.yamltext import Unread, near_miss, resolve, shown
 
 VARY = "--vary"
 TORQUE = "operation.M_g"
-STEPS = 10_000  # values of a field, at most
-ROWS = 1_000_000  # of a grid, at most
+MOST_VALUES = 10_000  # values of a field, at most
+MOST_ROWS = 1_000_000  # of a grid, at most
 FORM = f"like {VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {VARY} tolerances.e_hb=20,50,80"
 
 
@@ -67,8 +67,8 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
 
 def require_few(rows: int) -> None:
     """Raise UsageError for more rows than a sweep may have."""
-    if rows > ROWS:
-        raise UsageError(f"{VARY} asks for {rows} rows, more than {ROWS}", "fewer steps, or fewer fields")
+    if rows > MOST_ROWS:
+        raise UsageError(f"{VARY} asks for {rows} rows, more than {MOST_ROWS}", "fewer steps, or fewer fields")
 
 
 def grid_rows(axes: Iterable[Axis]) -> int:
@@ -118,8 +118,8 @@ def _steps(parts: Sequence[tuple[str, int]], unit: str, is_count: bool) -> list[
         raise _WrongError("not of the form START:STOP:STEPS", ":".join(text for text, _ in parts), FORM, parts[0][1])
     start, stop = (Fraction(repr(_number(*part, unit, is_count))) for part in parts[:2])
     text, column = parts[2]
-    if not re.fullmatch("[0-9]{1,9}", text) or not 2 <= int(text) <= STEPS:
-        raise _WrongError(f"steps must be a whole number from 2 to {STEPS}", text or "nothing", FORM, column)
+    if not re.fullmatch("[0-9]{1,9}", text) or not 2 <= int(text) <= MOST_VALUES:
+        raise _WrongError(f"steps must be a whole number from 2 to {MOST_VALUES}", text or "nothing", FORM, column)
     if start == stop:
         raise _WrongError("a range from a value to itself", parts[0][0], "one value needs no colons", parts[0][1])
     places = [start + (stop - start) * k / (int(text) - 1) for k in range(int(text))]
@@ -131,4 +131,4 @@ def _steps(parts: Sequence[tuple[str, int]], unit: str, is_count: bool) -> list[
 def _meant(path: str) -> str:
     paths = [one for one, info in field_table().items() if one == TORQUE or kind_of(info) in ("number", "count")]
     same = [one for one in paths if one.split(".")[1] == path.split(".")[-1]]
-    return f"did you mean {same[0]}?" if same else near(path, paths) or "write section.key, like gears.j_n"
+    return f"did you mean {same[0]}?" if same else near_miss(path, paths) or "write section.key, like gears.j_n"

@@ -27,8 +27,8 @@ MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middle
 CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs
 POSSIBLE = 1e-4  # posterior weight of a point of the grid, below which it is left out
 YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # at which their distribution is computed
-BEYOND = 1.645  # standard errors of the ends of an interval: 5 % beyond each
-TAIL = 0.05  # of the yields of designs beyond each end of their range
+INTERVAL_ERRORS = 1.645  # standard errors of the ends of an interval: 5 % beyond each
+YIELD_TAIL = 0.05  # of the yields of designs beyond each end of their range
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +63,8 @@ class YieldBelief:
         a, b, chance = self._posterior(*self._kinds())
         shares = 1 - betainc(a, b, wanted)
         hits = value * (count := effective_number(self.weights))
-        low, high = beta.ppf([TAIL, 1 - TAIL], hits + 0.5, count - hits + 0.5)
-        ends = [weighted_quantile(shares, chance, share) for share in (TAIL, 1 - TAIL)]
+        low, high = beta.ppf([YIELD_TAIL, 1 - YIELD_TAIL], hits + 0.5, count - hits + 0.5)
+        ends = [weighted_quantile(shares, chance, share) for share in (YIELD_TAIL, 1 - YIELD_TAIL)]
         return Probability(value, min(float(low), value, ends[0]), max(float(high), value, ends[1]))
 
     @cached_property
@@ -213,7 +213,7 @@ class Summary:
         designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(len(values))
         # standard error of the share below, from sums over designs (Cochran 1977, section 9A.2: a ratio of totals)
         residual = np.bincount(designs, weights * ((values <= value) - share))
-        step = BEYOND * float(np.sqrt(np.sum(residual**2))) / weights.sum()
+        step = INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
         low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
         return Percentile(value, min(low, value), max(high, value))
 

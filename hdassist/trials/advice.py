@@ -33,10 +33,10 @@ NEEDED = 0.9  # probability that the choice is good from which on the trials set
 STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
 SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
-FEW = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
+FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
-SURE = 2.0  # standard deviations by which a value has to be worse where nothing explains it
+SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where nothing explains it
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class TrialAdvice:
             return None
         others = [trial for trial in reversed(self.trials) if trial.rotation_deg != here.rotation_deg]
         least = min(others, key=self._lost, default=here)
-        worth = WORTH if self.explained else SURE * 2**0.5 * self.prior.rig.noise_arcsec
+        worth = WORTH if self.explained else SURE_DEVIATIONS * 2**0.5 * self.prior.rig.noise_arcsec
         return least if self._lost(least) + worth < self._lost(here) else None
 
     def _lost(self, trial: Trial) -> float:
@@ -124,7 +124,7 @@ class TrialAdvice:
     @property
     def unlike_told(self) -> bool:
         """Whether the values are off by more than they are in FALSE_ALARM of drives that are as the preset has them."""
-        squares = [one.surprise**2 for one in self.predictions[FEW - 1 :]]
+        squares = [one.surprise**2 for one in self.predictions[FITTING_TRIALS - 1 :]]
         return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < FALSE_ALARM)
 
     @property
@@ -136,8 +136,8 @@ class TrialAdvice:
         if self.repeats:
             return None
         if self.unlike_told:
-            return max(self.predictions[FEW - 1 :], key=lambda one: abs(one.surprise))
-        if self.sure or self.outcome or len(self.trials) < FEW:
+            return max(self.predictions[FITTING_TRIALS - 1 :], key=lambda one: abs(one.surprise))
+        if self.sure or self.outcome or len(self.trials) < FITTING_TRIALS:
             return None
         return self.suspected or self.hinges_on or self.trials[0]
 
@@ -221,7 +221,7 @@ def advise_from_trials(
         explained = False
     if not explained:
         draws, losses = teach(every := tuple(trials))
-    without = () if outcome or len(every) < FEW else _without_each(every, losses.best, teach)
+    without = () if outcome or len(every) < FITTING_TRIALS else _without_each(every, losses.best, teach)
     best = next_trial(draws, losses, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
 

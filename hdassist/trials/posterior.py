@@ -31,12 +31,12 @@ SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assum
 LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
 MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
 NOISES = tuple(2.0 ** (k / 2) for k in range(-2, 5))  # of the told noise
-KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]])  # pairs of them
+MISFIT_KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]])  # pairs of them
 MISREAD = 0.05  # probability of one of the values to be misread
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
 ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
-DRAWS = 2048
+POSTERIOR_DRAWS = 2048
 UNLIKELY = 1e-3  # of a chance that the best explanation misses the trials so far: then there is none
 WEEDED = 4096  # samples that are looked at closer
 OUTCOMES = 64  # of a next trial that are looked at
@@ -163,7 +163,7 @@ def next_trial(draws: Draws, losses: PositionStatistics, seed: int = 0) -> tuple
 def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
     """What trials predict of another one, and how far that came out."""
     draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in (None, AS_TOLD))
-    noise = draws.noise_arcsec * np.random.default_rng([prior.seed, 2]).standard_normal((DRAWS, 1))
+    noise = draws.noise_arcsec * np.random.default_rng([prior.seed, 2]).standard_normal((POSTERIOR_DRAWS, 1))
     expected, (low, high) = (
         float(draws.F_ior_arcsec.mean()),
         np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
@@ -183,7 +183,7 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
     possible = prior.possible
     told, f = prior.noise(y), prior.at(tried, possible) if trials else np.zeros((len(possible), 0))
-    rows, doubts = (KINDS if kinds is None else kinds).tolist(), np.log(1 - MISREAD)
+    rows, doubts = (MISFIT_KINDS if kinds is None else kinds).tolist(), np.log(1 - MISREAD)
     plain = [(s, factor, -1, -0.5 * (np.log(factor) / NOISE_SPREAD) ** 2) for s, factor in rows]
     each_kind = plain
     if kinds is None and trials:
@@ -200,7 +200,7 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
             for (s, factor, _, _), spread in zip(each_kind, spreads, strict=True)
         ]
     weight = softmax(log)
-    at = np.searchsorted(np.cumsum(weight), (np.arange(DRAWS) + 0.5) / DRAWS)
+    at = np.searchsorted(np.cumsum(weight), (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS)
     kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
     places = possible[row]
     misfit, noise = np.array([row[:2] for row in each_kind])[kind].T

@@ -21,7 +21,7 @@ from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likeli
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on
 from hdassist.error.error_map import Batch, ErrorMap, searchable
-from hdassist.error.table import DEVIATIONS, ErrorTable, Mesh, Reach, error_table
+from hdassist.error.table import TABLE_SECTIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import standing_offset
@@ -34,7 +34,7 @@ from hdassist.solve.window import in_wide_enough_window
 
 Places = NDArray[np.int64]
 
-WIDEST = 2.0  # a size without an uncertainty may be so many times the preset's
+WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
 FINEST, COARSEST = 36, 8  # directions that a sample is taken in, at most and at least
 KNOWN_DIRECTION = 8  # times as many deviations where they count in one direction alone
 SEAT_STEP, SEAT_SAMPLES, SEAT_BINS = 2.0, 2, 8  # um that the wheel's centre is moved by, to see what its seat does
@@ -199,7 +199,7 @@ def trial_prior(
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
     belief, evidence = open_prior(drive), evidence_of(drive)
-    if all(each.path.startswith(DEVIATIONS) for each in belief.fields):
+    if all(each.path.startswith(TABLE_SECTIONS) for each in belief.fields):
         effort = effort.of_one_system
     every = tuple(dict.fromkeys((rig.M_g, *torques)))
     solve = partial(_solved, belief, evidence, every, effort, rig.reseat_um > 0, run.seed)
@@ -285,15 +285,15 @@ def open_prior(drive: Drive) -> DrivePrior:
     if size not in known and not drive.number(size) > 0:
         raise UsageError(
             f"unknown size of the cam offset: {size}",
-            f"--set {size}=80 says that up to {WIDEST:g} times 80 um are likely",
+            f"--set {size}=80 says that up to {WIDEST_SIZE:g} times 80 um are likely",
         )
     pairs = [(size, direction)]
     if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):
         pairs.append((own, "phases.phi_hh"))
     for group, turn in pairs:
-        reason = f"open in trials: up to {WIDEST:g} times the preset's"
+        reason = f"open in trials: up to {WIDEST_SIZE:g} times the preset's"
         if group not in known:
-            most = WIDEST * drive.number(group)
+            most = WIDEST_SIZE * drive.number(group)
             known[group] = FieldPrior(group, "even", 0.0, most, owner_of(drive, group), group, reason)
         if turn not in known:
             known[turn] = FieldPrior(turn, "even", 0.0, 360.0, owner_of(drive, turn), group, "any direction")
@@ -313,7 +313,7 @@ def _solved(
     chance: float,
 ) -> _System:
     """A system by its number among the draws, with values of its fields: evidence of stiffness first, then tables."""
-    own = {path: value for path, value in values.items() if not path.startswith(DEVIATIONS)}
+    own = {path: value for path, value in values.items() if not path.startswith(TABLE_SECTIONS)}
     if refused := conflict_of(belief.drive, own):
         return _System(refused)
     moved, proof = belief.drive.with_values(own), EMPTY
@@ -351,7 +351,7 @@ def _deviations(belief: DrivePrior, count: int, seed: list[int]) -> dict[str, Ar
     from scipy.stats import qmc  # imported in half the time of a check's own modules
 
     drive, directions, every = belief.drive, directions_of(belief.drive), any_direction(belief)
-    fields = [each for each in belief.fields if each.path.startswith(DEVIATIONS)]
+    fields = [each for each in belief.fields if each.path.startswith(TABLE_SECTIONS)]
     count = 2 ** int(np.ceil(np.log2(count if every else count * KNOWN_DIRECTION)))
     shares = qmc.Sobol(len(fields), rng=np.random.default_rng(seed)).random(count)
     turn = standing_offset(drive)[1]

@@ -11,12 +11,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hdassist.acceptance.answer import exit_code, to_json
-from hdassist.acceptance.checks import CHECKS, CODES, ORDER
-from hdassist.acceptance.decision import GUARD, Value, decide
+from hdassist.acceptance.answer import answer_json, exit_code
+from hdassist.acceptance.checks import CHECKS, CODES, ORDER_CHECK
+from hdassist.acceptance.decision import GUARD, AcceptedValue, decide
 from hdassist.acceptance.limits import Limit, LimitText, limits_of
 from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.page import number, render
 from hdassist.acceptance.predictions import predict
 from hdassist.acceptance.request import Request, TraceFile, stated_values
 from hdassist.design.check import check
@@ -27,6 +26,7 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import STATED
+from hdassist.pages.accept import accept_page, number
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
@@ -53,8 +53,8 @@ def small(*limits: str, **request):
     return Request(SMALL, limits=bounds(*limits), **request).load()
 
 
-def stated(number: float, uncertainty: float) -> Value:
-    return Value(number, 2 * uncertainty, "stated", "whole")
+def stated(number: float, uncertainty: float) -> AcceptedValue:
+    return AcceptedValue(number, 2 * uncertainty, "stated", "whole")
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def stated(number: float, uncertainty: float) -> Value:
     ],
 )
 def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict):
-    found = decide(UPPER, Value(value, 2 * u, "measured", extent), rule, 0.95)
+    found = decide(UPPER, AcceptedValue(value, 2 * u, "measured", extent), rule, 0.95)
     assert found.verdict == verdict
     assert found.margin == 30 - value
     assert found.expanded_uncertainty == 2 * u
@@ -88,7 +88,7 @@ def test_measured_values_are_decided_by_the_rule(value, u, extent, rule, verdict
 )  # fmt: skip
 def test_a_looser_limit_never_hurts_and_a_least_value_is_the_mirror_image(value, u, limit, rule, basis):
     better = ["FAIL", "INCONCLUSIVE", "PASS"]
-    known = Value(value, 2 * u, basis, "whole")
+    known = AcceptedValue(value, 2 * u, basis, "whole")
     verdicts = [better.index(decide(Limit("F_IOR", x), known, rule, 0.95).verdict) for x in (limit, limit + 1)]
     assert verdicts[0] <= verdicts[1]
     upper, lower = (decide(Limit(code, limit), known, rule, 0.95) for code in ("F_IOR", "K_1"))
@@ -103,7 +103,10 @@ def test_the_guard_band_accepts_wrongly_once_in_twenty():
     true = 30.0  # at the limit: the worst that conforms
     read = true + u * rng.standard_normal(10_000)
     accepted = np.mean(
-        [decide(UPPER, Value(value, 2 * u, "measured", "whole"), "guard", 0.95).verdict == "PASS" for value in read]
+        [
+            decide(UPPER, AcceptedValue(value, 2 * u, "measured", "whole"), "guard", 0.95).verdict == "PASS"
+            for value in read
+        ]
     )
     assert accepted == pytest.approx(norm.sf(GUARD), abs=0.005)
     assert norm.sf(GUARD) == pytest.approx(0.05, abs=1e-3)
@@ -278,7 +281,7 @@ def test_what_lines_may_add_in_another_cycle_has_to_find_room():
         verdicts.append(told.verdict)
         assert [note.code for note in told.remarks if note.code == "LINES"] == ["LINES"]
         assert told.contradiction == ""
-        (check,) = to_json(told)["checks"]
+        (check,) = answer_json(told)["checks"]
         assert (check["rise"], check["unstated"]) == (found.rise_arcsec, [])
     assert verdicts == ["INCONCLUSIVE", "PASS"]
 
@@ -303,7 +306,7 @@ def test_no_width_cuts_a_number():
     for plain in (False, True):
         for width in range(14, 90, 5):
             style = Style(plain, False, width)
-            words = Output(style).page(render(found, None, style)).replace("|", " ").replace(",", " ").split()
+            words = Output(style).page(accept_page(found, None, style)).replace("|", " ").replace(",", " ").split()
             missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)
             assert not missing, (plain, width, missing)
             assert words.count("PASS") == 1
@@ -426,14 +429,14 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
     name = {"limits": f"{check.field}@4", "orders": "order_2", "number": check.field}[check.kind]
     drive = tiny(f"{name}=7")
     (limit,) = [limit for limit in limits_of(drive) if limit.M_g_Nm in (4.0, None)]
-    assert (limit.check, limit.limit, limit.per_cam_rev) == (check, 7.0, 2.0 if check == ORDER else None)
+    assert (limit.check, limit.limit, limit.per_cam_rev) == (check, 7.0, 2.0 if check == ORDER_CHECK else None)
     assert predicted[1].quantities.value(limit) > 0
     assert limits_of(tiny(f"{name}=7 {check.unit}")) == limits_of(drive)
-    columns = f"serial,preset,limit {name},{name if check != ORDER else 'order_2@4'}\n1,{TINY},7,6±0.1\n"
+    columns = f"serial,preset,limit {name},{name if check != ORDER_CHECK else 'order_2@4'}\n1,{TINY},7,6±0.1\n"
     (tmp_path / "lot.csv").write_text(columns)
     (row,) = read_lot(str(tmp_path / "lot.csv"), Request("")).rows
     assert stated_values(row.request.values, row.request.load()) == {limit: stated(6.0, 0.05)}
-    (only,) = to_json(accept(drive, predictions=predicted[1]))["checks"][-1:]
+    (only,) = answer_json(accept(drive, predictions=predicted[1]))["checks"][-1:]
     assert (only["code"], only["unit"], only["limit"]) == (check.code, check.unit, 7.0)
 
 

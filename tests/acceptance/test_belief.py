@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pytest
 
-from hdassist.acceptance.answer import to_json
+from hdassist.acceptance.answer import answer_json
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.predictions import predict, quantities
 from hdassist.design.check import check
-from hdassist.design.check_page import to_json as check_json
 from hdassist.error.cycle import kinematic_error
 from hdassist.loading.load import load_preset
+from hdassist.pages.check import check_json
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
@@ -31,7 +31,7 @@ def drive(*overrides: str):
 def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
     there = drive(*OPEN, "acceptance.F_ior={1: 2500, 4: 2050}", "acceptance.order_amplitude={2@4: 14}")
     told = check_json(check(there, draws=4), 0)
-    mine = to_json(accept(there, draws=4))
+    mine = answer_json(accept(there, draws=4))
     points = {p["M_g_Nm"]: p for p in told["operating_points"]}
     for found in (each for each in mine["checks"] if each["code"] == "F_IOR"):
         point, belief = points[found["M_g_Nm"]], found["belief"]

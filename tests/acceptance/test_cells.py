@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.acceptance.answer import Answer, read_answers, to_lines
+from hdassist.acceptance.answer import AcceptAnswer, read_answers, to_lines
 from hdassist.acceptance.limits import LimitText
 from hdassist.acceptance.lot import LotRow, read_lot
-from hdassist.acceptance.replay import Replay, differences
+from hdassist.acceptance.replay import Replay, answer_differences
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import answer_rows
 from hdassist.errors import Fault
@@ -59,7 +59,7 @@ SAID = {
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Answer]]:
+def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[AcceptAnswer]]:
     """Answers to a row for each fault, in their folder."""
     with contextlib.chdir(tmp_path_factory.mktemp("cells")), ThreadPoolExecutor(1) as executor:
         Path("lot.csv").write_text(FAULTS, encoding="utf-8")
@@ -68,14 +68,14 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Answer]]:
         yield list(answer_rows(rows, executor, "fail", jobs=1))
 
 
-def test_each_fault_is_said_of_its_cell(told: list[Answer]) -> None:
+def test_each_fault_is_said_of_its_cell(told: list[AcceptAnswer]) -> None:
     assert {answer.serial: answer.error.message.partition(" (got no row")[0] for answer in told} == SAID
     assert {answer.exit_code for answer in told} == {4}
     codes = {answer.serial: answer.error.code for answer in told}
     assert (codes["a"], codes["h"], codes["l"]) == (Fault.DATA, Fault.FILE_UNREADABLE, Fault.FILE_INVALID)
 
 
-def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Answer]) -> None:
+def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[AcceptAnswer]) -> None:
     Path("a.jsonl").write_text(to_lines(told), encoding="utf-8")
     recorded = read_answers("a.jsonl")
     prepared = [Replay.prepare(answer) for answer in recorded]
@@ -85,9 +85,9 @@ def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[Answer]) 
         again = list(answer_rows(rows, executor, "fail", jobs=1))
     asked = [answer for answer in recorded if answer.request is not None]
     for was, now in zip(asked, again, strict=True):
-        assert differences(was, now) == []
+        assert answer_differences(was, now) == []
         other = replace(now, error=replace(now.error, code=Fault.BUG))
-        assert "error.code" in [each.key for each in differences(was, other)]
+        assert "error.code" in [each.key for each in answer_differences(was, other)]
 
 
 def test_a_limit_of_the_command_line_is_named_as_it_was_given() -> None:

@@ -11,12 +11,12 @@ from xml.parsers import expat
 import pytest
 from junitparser import JUnitXml
 
-from hdassist.acceptance.answer import Answer, Note
-from hdassist.acceptance.junit import junit
+from hdassist.acceptance.answer import AcceptAnswer, Note
 from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.lot_page import summary
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import answer_rows
+from hdassist.pages.accept_junit import junit
+from hdassist.pages.accept_lot import summary
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 ROWS = """\
@@ -42,7 +42,7 @@ ALLOWED: dict[str, tuple[set[str], set[str]]] = {
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> list[Answer]:
+def told(tmp_path_factory: pytest.TempPathFactory) -> list[AcceptAnswer]:
     """Answers of a lot with PASS, FAIL, INCONCLUSIVE, a broken row and a limit that is left out."""
     table = tmp_path_factory.mktemp("lot") / "lot.csv"
     table.write_text(ROWS, encoding="utf-8")

@@ -17,14 +17,14 @@ import pytest
 from pydantic import TypeAdapter
 
 from hdassist.acceptance import work as lotwork
-from hdassist.acceptance.accept_command import accept_lot
 from hdassist.acceptance.answer import ANSWERS, read_answers
-from hdassist.acceptance.command import AcceptOptions
 from hdassist.acceptance.limits import LimitText
-from hdassist.acceptance.replay import differences
+from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.request import Request
+from hdassist.commands.accept import AcceptOptions
+from hdassist.commands.accept_run import accept_lot
 from hdassist.errors import DataError
-from hdassist.run.kept import Owner, RecordKind, open_kept
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
 
@@ -239,7 +239,7 @@ def test_a_kept_answer_that_does_not_follow_from_its_figures_is_refused_though_i
         forge(folder / "a.jsonl", first, second, change)
         with (
             pytest.raises(DataError, match=r"a\.jsonl:3: invalid record: "),
-            open_kept(str(folder / "a.jsonl"), Owner(command="accept", inputs={}), ANSWERS, any_inputs=True),
+            open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS, any_inputs=True),
         ):
             pass
 
@@ -248,7 +248,9 @@ def forge(file, first, second, change):
     """Write two answers as kept work, the second one changed."""
     told = [{key: value for key, value in json.loads(line).items() if key not in FORM} for line in (first, second)]
     change(told[1])
-    with open_kept(str(file), Owner(command="accept", inputs={}), RecordKind(TypeAdapter(dict)), force=True) as kept:
+    with open_kept(
+        str(file), KeptOwner(command="accept", inputs={}), RecordKind(TypeAdapter(dict)), force=True
+    ) as kept:
         kept.append(told)
 
 
@@ -290,7 +292,7 @@ def test_replay_compares_the_whole_answer(folder, here):
         change(answers[-1])
     (folder / "all.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers}))
     now, *forged = read_answers(str(folder / "all.json"))
-    found = [differences(each, now) for each in forged]
+    found = [answer_differences(each, now) for each in forged]
     assert all(found), [name for name, each in zip(FORGED, found, strict=True) if not each]
     assert [each.key for each in found[0]] == ["limit", "margin"]
     (folder / "two.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers[:2]}))
@@ -331,7 +333,7 @@ def test_two_runs_do_not_write_the_same_answers(folder):
     args = (*MEASURED, "--jsonl", "a.jsonl", "--resume")
     assert run(*args, cwd=folder).returncode == 4  # a broken row
     before = (folder / "a.jsonl").read_bytes()
-    with open_kept(str(folder / "a.jsonl"), Owner(command="accept", inputs={}), ANSWERS, any_inputs=True):
+    with open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS, any_inputs=True):
         second = run(*args, cwd=folder)
     assert second.returncode == 2
     assert second.stdout == ""

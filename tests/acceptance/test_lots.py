@@ -15,18 +15,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hdassist.acceptance import lot_page as report
 from hdassist.acceptance import request as requests
 from hdassist.acceptance import work as lotwork
-from hdassist.acceptance.answer import failure_of, read_answers, to_json, to_lines
+from hdassist.acceptance.answer import answer_json, failure_of, read_answers, to_lines
 from hdassist.acceptance.limits import LimitText
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
-from hdassist.acceptance.lot_page import Z, quantiles, summary, wilson
-from hdassist.acceptance.page import csv as figures
-from hdassist.acceptance.replay import RELATIVE, differences, still_stands
+from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
 from hdassist.acceptance.request import Reading, Request, TraceFile, Wheels
 from hdassist.acceptance.work import answer_rows
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.pages import accept_lot as report
+from hdassist.pages.accept import csv as figures
+from hdassist.pages.accept_lot import Z, quantiles, summary, wilson
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from hdassist.verdict import Verdict
@@ -241,7 +241,7 @@ def test_summary_counts_and_spreads(told):
 
 @pytest.mark.parametrize("width", [60, 100])
 def test_lines_of_a_lot_fit_their_width(lot, told, width):
-    page = Output(Style(False, False, width)).page(report.render(lot, told, Style(False, False, width)))
+    page = Output(Style(False, False, width)).page(report.accept_lot_page(lot, told, Style(False, False, width)))
     assert max(map(len, page.splitlines())) <= width
     for words in ("stated", "20.00", "21.00", "22.00", "≤ 30"):
         assert words in page
@@ -311,7 +311,7 @@ def test_requests_come_back_out_of_a_file(tmp_path, asked):
     ],
 )  # fmt: skip
 def test_requests_that_cannot_be_are_refused(tmp_path, change):
-    told = to_json(failure_of(Request("a"), DataError("no")))
+    told = answer_json(failure_of(Request("a"), DataError("no")))
     for wrong in ({**told, "request": {**told["request"], **change}}, {**told, "request": 3}):
         with pytest.raises(DataError, match=r"a\.json:1: an answer is not whole: request"):
             read_answers(table(tmp_path, json.dumps(wrong), "a.json"))
@@ -337,7 +337,7 @@ def test_requests_that_cannot_be_are_refused(tmp_path, change):
     ],
 )
 def test_answers_that_cannot_be_are_refused(tmp_path, told, path, value):
-    wrong = json.loads(json.dumps(to_json(told[0])))
+    wrong = json.loads(json.dumps(answer_json(told[0])))
     place = wrong
     for key in path[:-1]:
         place = place[key]
@@ -391,17 +391,17 @@ def test_differences_are_those_beyond_the_tolerance(told):
         first, *rest = told[0].checks
         return replace(told[0], checks=(replace(first, value=first.value * factor), *rest))
 
-    assert not differences(told[0], told[0])
+    assert not answer_differences(told[0], told[0])
     limit, value = told[0].checks[0].limit, told[0].checks[0].value
     scale = max(limit, value) / value
-    assert not differences(told[0], with_value(1 + 0.5 * RELATIVE * scale))
-    (found,) = differences(told[0], with_value(1 + 2 * RELATIVE * scale))
+    assert not answer_differences(told[0], with_value(1 + 0.5 * RELATIVE * scale))
+    (found,) = answer_differences(told[0], with_value(1 + 2 * RELATIVE * scale))
     assert (found.check, found.key) == ("F_IOR 4.0", "value")
-    verdict, error = differences(told[0], told[3])
+    verdict, error = answer_differences(told[0], told[3])
     assert (verdict.recorded, verdict.now, error.recorded) == ("PASS", "BROKEN", None)
     assert error.now == told[3].error.message
     *_, last = told[0].checks
-    found = differences(told[0], replace(told[0], checks=told[0].checks[:-1]))
+    found = answer_differences(told[0], replace(told[0], checks=told[0].checks[:-1]))
     assert (found[0].key, found[0].recorded - found[0].now) == ("checks.length", 1)
     assert {each.check for each in found[1:]} == {f"{last.code} {last.M_g_Nm}"}
 

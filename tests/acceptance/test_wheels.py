@@ -12,7 +12,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.acceptance.answer import ANSWERS
 from hdassist.readers.wheels import WheelFiles
-from hdassist.run.kept import Owner, open_kept
+from hdassist.run.kept import KeptOwner, open_kept
 from tests.acceptances import accept
 from tests.process import TINY, run
 
@@ -138,7 +138,7 @@ def test_a_lot_from_standard_input(folder):
     assert "a.jsonl: 2 of 4 rows are known" in again.stderr
     replayed = run("accept", "--replay", "a.jsonl", "-q", cwd=folder)
     assert (replayed.returncode, replayed.stdout) == (0, "2 agrees, 2 left out\n")
-    with open_kept(str(folder / "a.jsonl"), Owner(command="accept", inputs={}), ANSWERS, any_inputs=True):
+    with open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS, any_inputs=True):
         locked = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)
     assert (locked.returncode, "being written by another run" in locked.stderr) == (2, True)
 

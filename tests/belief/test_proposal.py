@@ -10,7 +10,7 @@ from hdassist.belief import proposal, samples
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.kept import Draw
 from hdassist.belief.prior import prior_of
-from hdassist.belief.proposal import PILOT, Proposal, proposal_of
+from hdassist.belief.proposal import PILOT_DRAWS, Proposal, proposal_of
 from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
 from tests.process import TINY
 
@@ -20,7 +20,7 @@ K_1 = Evidence("catalogue.K_1", "K_1", 1.0, 0.1)
 EFFORT = SamplingEffort(24, 24, 1024, 16)
 
 
-def pilot(K_1_of, count=PILOT, fields=5):
+def pilot(K_1_of, count=PILOT_DRAWS, fields=5):
     """First draws whose stiffness depends on their shares, shape (draws, fields + 1), alone."""
     shares = np.random.default_rng(4).random((count, fields + 1))
     figures = [dict.fromkeys(STIFFNESS_FIGURES, float(K_1_of(*row))) for row in shares]

@@ -10,13 +10,13 @@ from pydantic import TypeAdapter
 from hdassist import load_preset
 from hdassist.calibration.calibrate import Fit, calibrate, holding_bounds, shortfall
 from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
-from hdassist.calibration.page import answer
-from hdassist.calibration.quantities import REPORTING, SEARCHING, Quantities
+from hdassist.calibration.quantities import REPORTING, SEARCHING, TargetQuantities
 from hdassist.calibration.targets import read_targets
-from hdassist.design.trace_page import figures
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError, UsageError
+from hdassist.pages.calibrate import calibrate_answer
+from hdassist.pages.trace import trace_figures
 from hdassist.run.kept import RecordKind, open_kept
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.terminal.answers import csv_text
@@ -77,7 +77,7 @@ def test_intervals_are_those_of_linear_propagation(recovered):
     for path in paths:
         step = best[path] * 0.02
         there, here = (
-            Quantities(drive_of().with_values({**best, path: best[path] + by}), REPORTING) for by in (step, 0.0)
+            TargetQuantities(drive_of().with_values({**best, path: best[path] + by}), REPORTING) for by in (step, 0.0)
         )
         columns.append([float(there.residuals(t)[0] - here.residuals(t)[0]) / step for t in targets.targets])
     inverse = np.linalg.inv(np.array(columns).T)
@@ -115,11 +115,11 @@ def test_what_stood_in_the_way_is_named_with_its_number(cheap):
     soft = targets_of(drive_of(), [f"quantity: K_1, value: {found / 1e5}, tolerance: 5 %"], head)
     result = calibrate(drive_of(), soft, Evaluations(drive_of(), soft), points=8, starts=ONE)
     assert result.held == (7e-5,)
-    (warning,) = [text for text in answer(result).warnings if "missed" in text]
+    (warning,) = [text for text in calibrate_answer(result).warnings if "missed" in text]
     over = result.best.predictions[0] / (found / 1e5) - 1
     assert f"is still {100 * over:.2g} % above its target" in warning
     assert "contact.c_t stands at its bound 7e-5; the values" in warning
-    assert answer(result).to_json()["unknowns"][0]["held_at"] == 7e-5
+    assert calibrate_answer(result).to_json()["unknowns"][0]["held_at"] == 7e-5
     # what is missed with no bound in the way, and nothing at all
     torn = targets_of(drive_of(), ["quantity: K_1, value: 100, tolerance: 1", "quantity: K_1, low: 6000"])
     words = shortfall(torn, Fit((), (), (100, 5400), (True, False)), (None, None))
@@ -199,9 +199,9 @@ def test_nothing_computable_is_an_error(cheap):
 
 def test_a_trace_names_the_drive_it_was_made_of(tmp_path):
     hidden = drive_of().with_values(HIDDEN)
-    (tmp_path / "trace.csv").write_text(csv_text(*figures(trace(hidden, 4.0, revolutions=2, run=UNCHECKED))))
+    (tmp_path / "trace.csv").write_text(csv_text(*trace_figures(trace(hidden, 4.0, revolutions=2, run=UNCHECKED))))
     targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))
-    quantities = Quantities(hidden, REPORTING)
+    quantities = TargetQuantities(hidden, REPORTING)
     (target,) = targets.targets
     assert quantities.predict(target) == pytest.approx(np.zeros(124), abs=1e-6)
     found = calibrate(drive_of(), targets, Evaluations(drive_of(), targets, Run(seed=2)), points=48, starts=ONE)
@@ -210,7 +210,7 @@ def test_a_trace_names_the_drive_it_was_made_of(tmp_path):
 
 
 def test_quantities_are_those_of_the_commands(reference):
-    quantities = Quantities(reference, SEARCHING)
+    quantities = TargetQuantities(reference, SEARCHING)
     head = UNKNOWNS.replace("contact.c_t: {low: 1e-5,", "contact.c_t: {low: 1e-6,")
     asked = [
         "quantity: F_ior, M_g: 80, phase: 180, value: 20.07, tolerance: 0.1",
@@ -228,7 +228,7 @@ def test_stiffnesses_and_lost_motion_are_those_of_the_curve():
     drive = drive_of("operation.rated=5")
     asked = ["K_1", "K_2, T_1: 1.5, T_2: 4", "K_3", "lost_motion", "lost_motion, M_g: 3"]
     lines = [f"quantity: {words}, value: 1, tolerance: 1" for words in asked]
-    quantities = Quantities(drive, SEARCHING)
+    quantities = TargetQuantities(drive, SEARCHING)
     found = [quantities.predict(target)[0] for target in targets_of(drive, lines).targets]
     curve, own = stiffness(drive), stiffness(drive, T_1=1.5, T_2=4, run=UNCHECKED)
     lost = 2 * stiffness(drive, T_max=3, run=UNCHECKED).twist_at(3)
@@ -251,11 +251,11 @@ def test_a_bound_holds_where_the_fit_would_go_on_beyond_it():
 
 def test_extremes_over_the_phase_are_those_of_the_curve():
     drive, accuracy = drive_of(), replace(REPORTING, phases=12)
-    values = [Quantities(drive, accuracy).F_ior(4.0, phase) for phase in range(0, 360, 12)]
-    fine = Quantities(drive, accuracy).scan(4.0)
+    values = [TargetQuantities(drive, accuracy).F_ior(4.0, phase) for phase in range(0, 360, 12)]
+    fine = TargetQuantities(drive, accuracy).scan(4.0)
     assert fine.least <= min(values) + 1e-6
     assert fine.greatest >= max(values) - 1e-6
     assert abs((fine.worst_deg - 12 * np.argmax(values) + 180) % 360 - 180) < 12
-    rough = Quantities(drive, SEARCHING).scan(4.0)
+    rough = TargetQuantities(drive, SEARCHING).scan(4.0)
     assert rough.least == pytest.approx(fine.least, rel=0.1)
     assert rough.greatest == pytest.approx(fine.greatest, rel=0.1)

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from hdassist import load_preset
-from hdassist.run.kept import Owner, RecordKind, open_kept
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import SMALL, run
 from tests.tutorial import require_told, told_by
 
@@ -86,7 +86,7 @@ def test_wrong_usage(folder):
 def test_two_runs_do_not_share_a_state_file(tmp_path):
     (tmp_path / "rig.yaml").write_text(TARGETS)
     state = tmp_path / "state.jsonl"
-    with open_kept(str(state), Owner(command="calibrate", inputs={}), RecordKind(TypeAdapter(dict))):
+    with open_kept(str(state), KeptOwner(command="calibrate", inputs={}), RecordKind(TypeAdapter(dict))):
         before = state.read_bytes()
         done = run("calibrate", SMALL, "--targets", "rig.yaml", "--state", "state.jsonl", *QUICK, cwd=tmp_path)
     assert done.returncode == 2

@@ -20,7 +20,7 @@ def test_a_sound_installation_is_fine() -> None:
 
 def test_stored_digits_are_those_of_every_state() -> None:
     error = kinematic_error(load_preset(doctor.PRESET), doctor.M_G, run=UNCHECKED)
-    assert error.F_ior_arcsec == pytest.approx(doctor.F_IOR, abs=doctor.AGREES)
+    assert error.F_ior_arcsec == pytest.approx(doctor.STORED_F_IOR, abs=doctor.AGREES)
 
 
 def test_findings_are_there_as_json() -> None:

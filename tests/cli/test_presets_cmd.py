@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def run(*arguments: str, stdin: str | bytes | None = None) -> Result:
-    return CliRunner().invoke(presets.app, list(arguments), input=stdin)
+    return CliRunner().invoke(presets.presets_app, list(arguments), input=stdin)
 
 
 def answer(*arguments: str, exit_code: int = 0) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def test_on_a_terminal_the_table_fits_and_cuts_no_number(columns: int, monkeypat
     monkeypatch.setattr("sys.stdout", terminal)
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setenv("NO_COLOR", "1")
-    presets.app(["show", "vzp160", "--resolved"], standalone_mode=False)
+    presets.presets_app(["show", "vzp160", "--resolved"], standalone_mode=False)
     text = terminal.getvalue()
     assert max(map(len, text.splitlines())) <= columns
     assert "\x1b" not in text and "…" not in text
@@ -259,7 +259,7 @@ def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -
 @pytest.mark.parametrize(("columns", "width"), [(None, 80), ("70", 70), ("140", 140), ("40", 53), ("wide", 80)])
 def test_in_a_pipe_the_list_is_as_wide_as_columns_says(columns: str | None, width: int) -> None:
     env = {} if columns is None else {"COLUMNS": columns}
-    found = CliRunner().invoke(presets.app, ["list"], env=env)
+    found = CliRunner().invoke(presets.presets_app, ["list"], env=env)
     lines = found.stdout.splitlines()
     assert max(map(len, lines)) <= width
     assert "…" not in found.stdout

@@ -9,12 +9,12 @@ import pytest
 
 from hdassist import kinematic_error, load_preset, trace
 from hdassist.comparing.compare import Comparison, RecordConvention, alignment_of, compare, torque_of, zero_of
-from hdassist.comparing.page import comparison_page
 from hdassist.comparing.record import Alignment, SolvedStates
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
+from hdassist.pages.compare import comparison_page
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED

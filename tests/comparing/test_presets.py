@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
-from hdassist.comparing.command import is_preset
+from hdassist.commands.compare import is_preset
 from hdassist.comparing.drives import (
     compare_drives,
     differs,
@@ -21,8 +21,8 @@ from hdassist.comparing.drives import (
     paired_draws,
     sense,
 )
-from hdassist.comparing.presets_page import drives_answer
 from hdassist.model.unknown import unknowns
+from hdassist.pages.compare_presets import drives_answer
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output

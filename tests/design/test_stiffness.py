@@ -10,8 +10,8 @@ import re
 import pytest
 
 from hdassist import load_preset
-from hdassist.design.stiffness_page import render, warnings
 from hdassist.error.stiffness import Stiffness, stiffness
+from hdassist.pages.stiffness import stiffness_page, stiffness_warnings
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.console import Style, console
 from tests.process import SMALL, run
@@ -121,7 +121,7 @@ def found() -> Stiffness:
 def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii: bool) -> None:
     style, stream = Style(ascii, False, 40), io.StringIO()
     drive = load_preset(SMALL, ["catalogue.K_1=2e4"])
-    console(stream, style).print(render(drive, found, style, plots=False, details=True))
+    console(stream, style).print(stiffness_page(drive, found, style, plots=False, details=True))
     segments = stream.getvalue().split("torsional stiffness")[1].split("near zero")[0]
     assert "…" not in segments and "arcmin" not in segments
     assert max(map(len, segments.splitlines())) <= 40
@@ -131,8 +131,8 @@ def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii
 
 
 def test_a_torque_asked_for_that_stands_for_the_rated_one_is_called_so(found: Stiffness) -> None:
-    (told,) = warnings(load_preset(SMALL), found)
+    (told,) = stiffness_warnings(load_preset(SMALL), found)
     assert "4 N*m, the greatest of operation.M_g, stands for it" in told
-    (told,) = warnings(load_preset(SMALL, ["operation.M_g=[4.0]"]), found)
+    (told,) = stiffness_warnings(load_preset(SMALL, ["operation.M_g=[4.0]"]), found)
     assert "4 N*m, the greatest torque asked for, stands for it" in told and "--set operation.rated=T" in told
-    assert warnings(load_preset(SMALL, ["operation.rated=4"]), found) == ()
+    assert stiffness_warnings(load_preset(SMALL, ["operation.rated=4"]), found) == ()

@@ -8,19 +8,23 @@ import re
 import pytest
 
 from hdassist.acceptance.checks import CHECKS, CODES
-from hdassist.design import check_page, self_error_page, stiffness_page, trace_page
 from hdassist.errors import Fault, HdassistError, UsageError
 from hdassist.explaining.faults import FAULTS
 from hdassist.explaining.lookup import entries, explained
 from hdassist.explaining.symbols import SYMBOLS
 from hdassist.explaining.terms import TERMS
+from hdassist.pages import check as check_page
+from hdassist.pages import self_error as self_error_page
+from hdassist.pages import stiffness as stiffness_page
+from hdassist.pages import trace as trace_page
 from hdassist.preset.fields import field_table, sections
 from hdassist.terminal.output import with_code
 from tests.process import SMALL, on_terminal, run
 
 REPORTED = (
-    *check_page.POINT, *check_page.BELIEF, *check_page.SLOPES, *trace_page.ORDER, *stiffness_page.WHOLE,
-    *self_error_page.POINT,
+    *check_page.POINT_QUANTITIES, *check_page.BELIEF, *check_page.SLOPES, *trace_page.ORDER_QUANTITIES,
+    *stiffness_page.WHOLE_QUANTITIES,
+    *self_error_page.SELF_ERROR_QUANTITIES,
 )  # fmt: skip
 
 

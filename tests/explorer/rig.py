@@ -12,11 +12,11 @@ from textual.pilot import Pilot
 
 from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer
-from hdassist.explorer.compute import Answer, Effort
+from hdassist.explorer.compute import Effort, ExplorerAnswer
 from hdassist.explorer.failed import Failed
 from hdassist.explorer.service import Question
 from hdassist.explorer.session_file import SessionFile
-from hdassist.explorer.state import USUAL, Session, opened
+from hdassist.explorer.state import USUAL, Session, opened_state
 from hdassist.terminal.options import TrialOptions
 from hdassist.trials.prior import TrialEffort
 from tests.process import TINY, no_processes
@@ -33,7 +33,7 @@ class Recorded:
         self.asked: list[Question] = []
         resource_tracker.ensure_running()  # inherits a stream that the screen takes away
 
-    async def ask(self, question: Question) -> AsyncIterator[Answer]:
+    async def ask(self, question: Question) -> AsyncIterator[ExplorerAnswer]:
         self.asked.append(question)
         for each in _answers(pickle.dumps(question)):
             await asyncio.sleep(0)
@@ -44,8 +44,8 @@ class Recorded:
 
 
 @cache
-def _answers(pickled: bytes) -> list[Answer]:
-    found: list[Answer] = []
+def _answers(pickled: bytes) -> list[ExplorerAnswer]:
+    found: list[ExplorerAnswer] = []
     try:
         with no_processes():
             pickle.loads(pickled)(found.append)
@@ -56,7 +56,7 @@ def _answers(pickled: bytes) -> list[Answer]:
 
 def tiny(*overrides: str, rig: TrialOptions = USUAL) -> Session:
     """The tiny drive at one torque, with six holes, and more on top."""
-    return opened(TINY, (*FEW, *overrides), rig)
+    return opened_state(TINY, (*FEW, *overrides), rig)
 
 
 def explored(

@@ -7,19 +7,19 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from hdassist.design.check import DRAWS, check
+from hdassist.design.check import CHECK_DRAWS, check
 from hdassist.explorer import state
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST, Known
 from hdassist.explorer.compute import FULL, Sure
 from hdassist.explorer.screens import Confirm, Explain, Form
 from hdassist.explorer.session_file import SessionFile
-from hdassist.explorer.state import Session, opened, with_trials
+from hdassist.explorer.state import Session, opened_state, with_trials
 from hdassist.explorer.words import advice_text
 from hdassist.loading.load import load_text
+from hdassist.pages.trials import trials_instruction
 from hdassist.terminal.options import TrialOptions
 from hdassist.trials.advice import TrialAdvice
-from hdassist.trials.page import instruction
 from tests.explorer.rig import FEW, QUICK, explored, said, screen, settled, tiny, typed
 from tests.process import SMALL, TINY
 
@@ -104,7 +104,7 @@ def test_trials_are_entered_dropped_undone_and_weighed() -> None:
 @pytest.fixture(scope="module")
 def likely() -> str:
     """Trials that the small drive can show: what is computed of it, turned by a hole."""
-    app = explored(lambda app, pilot: pilot.pause(), opened(SMALL, FEW))
+    app = explored(lambda app, pilot: pilot.pause(), opened_state(SMALL, FEW))
     values = [F_ior(app, 60.0 * k) for k in range(6)]
     return " ".join(f"h{k}:{values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
 
@@ -127,9 +127,9 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_j
         await pilot.press("enter")
         await settled(app, pilot)
         written = json.loads((tmp_path / "trials.json").read_text())
-        assert (written["schema"], written["instruction"]) == ("hdassist.trials/1", instruction(found.advice))
+        assert (written["schema"], written["instruction"]) == ("hdassist.trials/1", trials_instruction(found.advice))
 
-    explored(act, with_trials(opened(SMALL, FEW), likely))
+    explored(act, with_trials(opened_state(SMALL, FEW), likely))
 
 
 def test_a_trial_that_cannot_be_is_refused_where_it_is_entered() -> None:
@@ -222,7 +222,7 @@ TURNABLE = ("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0") 
 def range_of_check(session: Session) -> str:
     """F'_ior over all that is not known exactly, as `hdassist check` has it and the explorer writes it."""
     (point,) = check(session.drive, draws=QUICK.draws).points
-    assert FULL.draws == DRAWS and point.belief
+    assert FULL.draws == CHECK_DRAWS and point.belief
     return f"4 N·m {point.belief.p5:.2f} - {point.belief.p50:.2f} - {point.belief.p95:.2f}″"
 
 
@@ -456,7 +456,7 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "\u202e" not in screen(app) and "a\\u202eb" in screen(app)
 
-    explored(act, opened(str(file), FEW))
+    explored(act, opened_state(str(file), FEW))
 
 
 def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hdassist.design.check import check
 from hdassist.errors import HdassistError
 from hdassist.explorer.asking import Known
-from hdassist.explorer.compute import Answer, ErrorRange, Headline, LeverEffects, drive_answers, lever_effects
+from hdassist.explorer.compute import ErrorRange, ExplorerAnswer, Headline, LeverEffects, drive_answers, lever_effects
 from hdassist.explorer.failed import Failed
 from hdassist.explorer.words import headline
 from hdassist.loading.load import load_preset
@@ -23,7 +23,7 @@ OPEN = ("phases.phi_hb=unknown", "source.gears.j_n={kind: assumed, range: [12, 1
 
 def believed(*overrides: str) -> list[Headline]:
     """Headlines, the whole one last."""
-    told: list[Answer] = []
+    told: list[ExplorerAnswer] = []
     with no_processes():
         drive_answers(load_preset(TINY, overrides), QUICK, told.append)
     return [each for each in told if isinstance(each, Headline)]
@@ -73,7 +73,7 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
 def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:
     open_ = ("operation.M_g=[4.0]", "tolerances.e_hb=unknown")
     *_, found = believed(*open_)
-    told: list[Answer] = []
+    told: list[ExplorerAnswer] = []
     with no_processes():
         lever_effects(load_preset(TINY, open_), found.typical, QUICK, told.append)
     effects = told[-1]

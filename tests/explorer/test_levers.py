@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from hdassist.explorer.levers import levers, step_of, stepped
-from hdassist.explorer.state import opened
+from hdassist.explorer.state import opened_state
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import field_table
 from tests.explorer.rig import tiny
@@ -21,7 +21,7 @@ def test_every_field_is_a_lever_with_what_the_preset_says_of_it() -> None:
 
 
 def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
-    session = opened(TINY)
+    session = opened_state(TINY)
     given = [lever for lever in levers(session.drive, set()) if lever.text != "unknown"]
     assert len(given) > len(field_table()) / 2
     for lever in given:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.compute import Answer, Effort, SeatCurve, Sure, cam_turn, drive_answers
+from hdassist.explorer.compute import Effort, ExplorerAnswer, SeatCurve, Sure, cam_turn, drive_answers
 from hdassist.explorer.failed import Failed
 from hdassist.explorer.service import Question, Service
 from hdassist.mounting.advice import Advice
@@ -26,7 +26,7 @@ def service() -> Iterator[Service]:
     service.close()
 
 
-async def told(service: Service, question: Question) -> list[Answer]:
+async def told(service: Service, question: Question) -> list[ExplorerAnswer]:
     return [answer async for answer in service.ask(question)]
 
 
@@ -45,7 +45,7 @@ def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Servi
 
 
 def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Service) -> None:
-    async def first(question: Question) -> Answer:
+    async def first(question: Question) -> ExplorerAnswer:
         async with contextlib.aclosing(service.ask(question)) as answers:
             return await anext(answers)
 
@@ -91,7 +91,7 @@ def vanished(before: set[int]) -> bool:
 LONG = Effort(grid=4, draws=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
 
 
-def asked_for(service: Service, end: Callable[[asyncio.Task[list[Answer]]], Awaitable[None]]) -> set[int]:
+def asked_for(service: Service, end: Callable[[asyncio.Task[list[ExplorerAnswer]]], Awaitable[None]]) -> set[int]:
     """Ask what takes minutes, and end that once its workers are at work; the processes that there were."""
     drive = tiny("uncertainty.cam.W_0=0.001").drive
     seen: set[int] = set()
@@ -113,7 +113,7 @@ def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> No
     asyncio.run(told(service, turn()))  # what it forks from has begun
     before = processes()
 
-    async def cancelled(task: asyncio.Task[list[Answer]]) -> None:
+    async def cancelled(task: asyncio.Task[list[ExplorerAnswer]]) -> None:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
@@ -127,7 +127,7 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
     asyncio.run(told(service, turn()))
     before = processes()
 
-    async def closed(task: asyncio.Task[list[Answer]]) -> None:
+    async def closed(task: asyncio.Task[list[ExplorerAnswer]]) -> None:
         service.close()
         await task
 

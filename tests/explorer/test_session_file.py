@@ -114,7 +114,7 @@ def test_what_was_kept_before_can_be_put_back(tmp_path: Path) -> None:
     kept.put_back()
     assert file.read_bytes() == before
     other = SessionFile("vzp160", tmp_path)
-    other.write(state.opened("vzp160"))
+    other.write(state.opened_state("vzp160"))
     other.put_back()
     assert [each.name for each in tmp_path.iterdir()] == [file.name]
 

@@ -15,7 +15,7 @@ from tests.process import TINY
 
 @pytest.fixture
 def session() -> Session:
-    return state.opened(TINY)
+    return state.opened_state(TINY)
 
 
 def test_an_edit_is_an_override_and_makes_another_drive(session: Session) -> None:
@@ -43,7 +43,7 @@ def test_an_empty_value_takes_the_change_back(session: Session) -> None:
 
 def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) -> None:
     steps = [state.edited(session, "gears.j_n", "8")]
-    steps.append(state.with_trials(state.turned(steps[-1], 2), "28.1"))
+    steps.append(state.with_trials(state.turned_state(steps[-1], 2), "28.1"))
     last = steps[-1]
     assert last.trials == ("h2:28.1",)
     back = state.undone(last)
@@ -54,7 +54,7 @@ def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) 
 
 
 def test_a_value_alone_is_a_trial_where_the_wheel_is_looked_at(session: Session) -> None:
-    looked = state.turned(session, -1)
+    looked = state.turned_state(session, -1)
     assert state.with_trials(looked, "17.3 h4:20").trials == ("h11:17.3", "h4:20")
     assert state.without_trial(state.with_trials(looked, "17.3 h4:20")).trials == ("h11:17.3",)
 
@@ -79,16 +79,18 @@ def test_the_command_of_trials_says_how_they_were_measured() -> None:
 
 
 def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
-    looked = state.turned(session, 1)
+    looked = state.turned_state(session, 1)
     assert dict(looked.turned_changes())["phases.xi_b"] == "120"
     assert "--set phases.xi_b=120" in looked.command("trace", "--torque", "4")
     assert "phases.xi_b" not in looked.command()
 
 
 def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
-    assert state.turned(tiny(), -1).turn_deg == 300
+    assert state.turned_state(tiny(), -1).turn_deg == 300
     free = tiny("mounting.holes=0")
-    assert state.turned(free, 1).turn_deg == 5 and state.with_trials(state.turned(free, 1), "20").trials == ("5:20",)
+    assert state.turned_state(free, 1).turn_deg == 5 and state.with_trials(
+        state.turned_state(free, 1), "20"
+    ).trials == ("5:20",)
 
 
 def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:

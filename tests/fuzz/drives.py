@@ -29,7 +29,7 @@ import numpy as np
 
 from hdassist.preset.fields import field_table, fields
 from hdassist.preset.kinds import bounds_of, choices_of, kind_of
-from hdassist.preset.yamltext import read
+from hdassist.preset.yamltext import read_yaml
 from hdassist.solve.certificate import TOLERANCE
 from tests.process import SMALL, run
 
@@ -169,7 +169,7 @@ def _needed(word: str) -> Change:
 @cache
 def _small() -> dict[str, Any]:
     """The small drive as plain data."""
-    data = read(Path(SMALL).read_text(encoding="utf-8"), SMALL).data
+    data = read_yaml(Path(SMALL).read_text(encoding="utf-8"), SMALL).data
     assert isinstance(data, dict)
     return data
 

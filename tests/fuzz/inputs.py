@@ -93,10 +93,10 @@ def _import_all() -> None:
     # unused here: they are only to be loaded
     from hdassist.acceptance import accept_command  # noqa: F401
     from hdassist.calibration import calibrate, page  # noqa: F401
-    from hdassist.comparing import page as compared  # noqa: F401
-    from hdassist.design import check_page, self_error_page, stiffness_page, trace_page  # noqa: F401
-    from hdassist.measuring import page as measured  # noqa: F401
+    from hdassist.design import trace_page  # noqa: F401
     from hdassist.mounting import card  # noqa: F401
+    from hdassist.pages import compare as compared  # noqa: F401
+    from hdassist.pages import measure as measured  # noqa: F401
     from hdassist.trials import advice  # noqa: F401
 
 

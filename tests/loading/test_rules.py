@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Geometry, flank_candidates
-from hdassist.model.rules import BEARING, MAX_OVERLAP, RULES, conflicts
+from hdassist.model.rules import BEARING_FIELDS, MAX_OVERLAP, MODEL_RULES, conflicts
 from hdassist.preset.fields import Drive, fields
-from hdassist.preset.rules import RULES as FIELD_RULES
+from hdassist.preset.rules import PRESET_RULES as FIELD_RULES
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
 
@@ -113,7 +113,7 @@ def test_every_check_needs_fields_that_exist() -> None:
     names = {path.split(".")[1] for path in given}
     for rule in FIELD_RULES:
         assert set(rule.__annotations__) - {"return"} <= names, rule
-    assert {path for paths in (*RULES.values(), BEARING) for path in paths} <= given.keys()
+    assert {path for paths in (*MODEL_RULES.values(), BEARING_FIELDS) for path in paths} <= given.keys()
 
 
 def overlap(drive: Drive) -> float:

@@ -90,7 +90,7 @@ def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
     whole = run(*command, "--no-plot", cwd=rig)
     for place, kind, left in (
         ("hdassist.terminal.plot._fill", "plot", whole.stdout.split()),
-        ("hdassist.measuring.page._render", "page", run(*command, "-q", cwd=rig).stdout.split()),
+        ("hdassist.pages.measure._render", "page", run(*command, "-q", cwd=rig).stdout.split()),
     ):
         monkeypatch.setattr(place, broken)
         assert run(*command, cwd=rig).returncode == 1  # a fault of ours: seen by every test

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import encoders
 from hdassist import load_preset, trace
-from hdassist.acceptance.decision import Value, decide
+from hdassist.acceptance.decision import AcceptedValue, decide
 from hdassist.acceptance.limits import Limit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
@@ -49,7 +49,9 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
         within += in_turn <= 2 * found.revolution_uncertainty_arcsec
         # a drive that stands just at its limit
         passed += (
-            decide(Limit("F_IOR", true), Value(found.range.value, 2 * u, "measured", "whole"), "guard", 0).verdict
+            decide(
+                Limit("F_IOR", true), AcceptedValue(found.range.value, 2 * u, "measured", "whole"), "guard", 0
+            ).verdict
             == "PASS"
         )
         raw_too_large += found.raw_range_arcsec > high

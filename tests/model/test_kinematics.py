@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdassist.error.cycle import kinematic_error, place
+from hdassist.error.cycle import kinematic_error, state_place
 from hdassist.model.kinematics import (
     STRIP,
     Kinematics,
@@ -126,7 +126,7 @@ def test_an_angle_in_turns_and_degrees():
 
 def test_a_state_is_named_by_the_turns_of_its_cam(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.array([8370]))
-    assert place(states, 80.0, 0).startswith("phi_h = 41 turns + 156.8 deg, phi_g = ")
+    assert state_place(states, 80.0, 0).startswith("phi_h = 41 turns + 156.8 deg, phi_g = ")
 
 
 def test_full_cycle_is_asked_for_by_name(reference):

@@ -6,9 +6,9 @@ from hdassist import load_preset
 from hdassist.model.deviations import deviations_of
 from hdassist.model.unknown import (
     Unknown,
-    names,
     pitch_deviation,
-    told,
+    unknown_names,
+    unknown_notes,
     unknown_turn,
     unknowns,
     with_zeros,
@@ -90,10 +90,10 @@ def test_any_hole_is_as_good_where_one_of_the_two_directions_is_not_known(overri
 
 def test_zeros_in_place_of_the_unknown_are_said():
     drive = load_preset(SMALL, ["phases.phi_hb=unknown", "harmonics.a_g3=unknown"])
-    assert told(drive) == ("not known, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
+    assert unknown_notes(drive) == ("not known, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
     known = with_zeros(drive)
     assert known.phases.phi_hb == known.harmonics.a_g3 == 0
-    assert (unknowns(known), told(known)) == ((), ())
+    assert (unknowns(known), unknown_notes(known)) == ((), ())
     assert known.origin.warnings[-1].startswith("assumed to be 0, not known: phases.phi_hb, harmonics.a_g3")
     assert known.origin.zeros == ("phases.phi_hb", "harmonics.a_g3", "harmonics.xi_g3")
     assert with_zeros(known) is known
@@ -119,4 +119,4 @@ def test_both_sides_may_be_open_that_of_the_wheel_first():
 
 @pytest.mark.parametrize(("count", "said"), [(1, "p0"), (4, "p0, p1, p2, p3"), (6, "p0, p1, p2, p3 and 2 more")])
 def test_a_few_names_and_how_many_more(count, said):
-    assert names([Unknown(f"p{k}", 0, 1, "") for k in range(count)]) == said
+    assert unknown_names([Unknown(f"p{k}", 0, 1, "") for k in range(count)]) == said

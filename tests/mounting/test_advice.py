@@ -11,9 +11,9 @@ from hdassist.errors import UsageError
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.losses import Criterion, PositionStatistics
-from hdassist.mounting.page import summary_line
 from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
-from hdassist.mounting.seat_page import instruction, seat_text, turn
+from hdassist.pages.mount import mount_summary
+from hdassist.pages.seat import instruction, seat_text, turn
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.console import Style
@@ -42,7 +42,7 @@ def test_only_allowed_holes_are_recommended():
     # the present hole is not among them: it has to be left, even for a worse one
     forced = curve_of([5.0, 9.0, 8.0, 7.0, 30.0, 6.0], holes=6, allowed=(1, 2))
     assert advice_of(forced).worth_turning
-    assert summary_line(advice_of(forced)) == "2"
+    assert mount_summary(advice_of(forced)) == "2"
     drive = load_preset(SMALL, ["mounting.allowed=[2,5]"])
     assert seat_positions(drive) == [0, 60, 150]
 
@@ -85,7 +85,7 @@ def test_no_gain_means_stay():
     # less than a hundredth is nothing
     assert not advice_of(curve_of([10.0, 9.95, 12.0], holes=3)).worth_turning
     assert advice_of(curve_of([10.0, 9.8, 12.0], holes=3)).worth_turning
-    assert summary_line(advice_of(curve_of([10.0, 9.95, 12.0], holes=3))) == "0"
+    assert mount_summary(advice_of(curve_of([10.0, 9.95, 12.0], holes=3))) == "0"
     assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).choice) == "Leave the rigid wheel as it is."
 
 

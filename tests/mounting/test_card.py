@@ -13,11 +13,11 @@ import pytest
 from hdassist import load_preset
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown
-from hdassist.mounting import card_render
-from hdassist.mounting.card import Card, warnings_of
-from hdassist.mounting.card_svg import CENTRE, RING
-from hdassist.mounting.page import warnings, what_to_do
-from hdassist.mounting.seat_page import drawing, instruction, seat_text
+from hdassist.pages import card_render
+from hdassist.pages.card import Card, warnings_of
+from hdassist.pages.card_svg import CENTRE, HOLE_CIRCLE
+from hdassist.pages.mount import mount_warnings, what_to_do
+from hdassist.pages.seat import drawing, instruction, seat_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
@@ -163,7 +163,7 @@ def test_the_drawing_is_right(first):
     for number, hole in holes.items():
         angle, radius = direction(hole.get("cx"), hole.get("cy"))
         assert abs((angle - first - 30 * int(str(number)) + 180) % 360 - 180) < 0.1  # counter-clockwise from hole 0
-        assert radius == pytest.approx(RING, abs=0.01)
+        assert radius == pytest.approx(HOLE_CIRCLE, abs=0.01)
         assert hole.get("fill") == ("#000" if number == "8" else "#fff")
     tips = {}
     for pointer in drawn.iter(f"{SVG}g"):
@@ -180,7 +180,7 @@ def test_the_drawing_is_right(first):
     for kind, hole in (("now", 0), ("best", 8), ("worst", 3)):
         angle, radius = words[f"place {kind}"]
         assert abs((angle - first - 30 * hole + 180) % 360 - 180) < 8
-        assert radius > RING + 13
+        assert radius > HOLE_CIRCLE + 13
     (turn,) = [p.get("d") for p in drawn.iter(f"{SVG}path") if p.get("class") == "turn"]
     ends = re.fullmatch(r"M([\d.]+) ([\d.]+)A\S+ \S+ 0 0 1 ([\d.]+) ([\d.]+)", str(turn))  # 1: clockwise
     assert ends
@@ -288,7 +288,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
         what_to_do(open_, texts("ru"))
     undrawn = replace(CARDS["measured"], open_=("gears.j_n",), as_given=False)
     assert undrawn.order == "none"
-    warnings(undrawn, texts("ru"))
+    mount_warnings(undrawn, texts("ru"))
     for alike in ("cam.coupling=oldham", "tolerances.e_hb=0", "tolerances.F_i2=0"):
         what_to_do(replace(CARDS["leave"], drive=load_preset(SMALL, [alike])), texts("ru"))
     entries = set(texts("ru").entries)

@@ -8,8 +8,8 @@ import subprocess
 
 import pytest
 
-from hdassist.mounting import card_render
-from hdassist.mounting.card_render import lines_on_paper
+from hdassist.pages import card_render
+from hdassist.pages.card_render import lines_on_paper
 from hdassist.terminal.texts import languages
 from tests.advices import card, cards, crowded
 

@@ -9,7 +9,7 @@ import json
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.mounting.seat_page import HIGH
+from hdassist.pages.seat import SEAT_HEIGHT
 from tests.process import TINY, interrupted, run, run_cold
 
 QUICK = ("mount", TINY, "--set", "mounting.holes=6")
@@ -59,7 +59,7 @@ def test_people_see_curve_and_tables(answer):
     assert max(map(len, page.stdout.splitlines())) <= 80
     for words in ("seat from the cam side", "positions", "counter-clockwise", "proof"):
         assert words in page.stdout
-    assert len(page.stdout.splitlines()) <= 24 + HIGH + 3  # the seat and its legend
+    assert len(page.stdout.splitlines()) <= 24 + SEAT_HEIGHT + 3  # the seat and its legend
     told = json.loads(answer.stdout)
     assert f"{told['recommended']['F_ior_arcsec'][0]:.2f} / {told['recommended']['F_ior_arcsec'][1]:.2f}" in page.stdout
     assert run(*QUICK, "-q").stdout == f"{told['recommended']['hole']}\n"

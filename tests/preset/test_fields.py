@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error
-from hdassist.acceptance.decision import Value
+from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import limits_of
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError
@@ -338,7 +338,7 @@ def test_each_limit_decides(reference, path):
     kind, name = kind_of(field_table()[path]), path.split(".")[1]
     drive = with_acceptance(reference, **{name: {"limits": {"80": 20.0}, "orders": {"2": 20.0}}.get(kind, 20.0)})
     limit = limits_of(drive)[0]
-    values = (Value(number, 0.0, "stated", "whole") for number in (19.0, 21.0))
+    values = (AcceptedValue(number, 0.0, "stated", "whole") for number in (19.0, 21.0))
     verdicts = [accept(drive, stated={limit: value}, measured_only=True).verdict for value in values]
     assert verdicts == (["FAIL", "PASS"] if name.startswith("K_") else ["PASS", "FAIL"])
 
@@ -354,7 +354,9 @@ def test_limits_hold_at_each_torque(reference):
 def test_rule_of_measured_values(reference):
     def verdict(rule: str) -> Verdict:
         drive = with_acceptance(reference, lost_motion=60.0, rule=rule)
-        return accept(drive, stated=dict.fromkeys(limits_of(drive), Value(59.0, 2.0, "stated", "whole"))).verdict
+        return accept(
+            drive, stated=dict.fromkeys(limits_of(drive), AcceptedValue(59.0, 2.0, "stated", "whole"))
+        ).verdict
 
     assert [verdict(rule) for rule in ("simple", "guard")] == ["PASS", "INCONCLUSIVE"]
 

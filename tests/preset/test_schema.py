@@ -14,7 +14,7 @@ from hdassist.loading.write import new_preset
 from hdassist.preset.fields import fields
 from hdassist.preset.library import preset_names, read_preset
 from hdassist.preset.schema import ResolvedField, preset_schema, resolved
-from hdassist.preset.yamltext import read
+from hdassist.preset.yamltext import read_yaml
 
 SCHEMA = preset_schema()
 VALIDATOR = Draft202012Validator(SCHEMA)
@@ -22,7 +22,7 @@ TEXT = new_preset("test")
 
 
 def accepts(path: str, value: Any) -> bool:
-    data = copy.deepcopy(read(TEXT, "f").data)
+    data = copy.deepcopy(read_yaml(TEXT, "f").data)
     section, _, name = path.partition(".")
     if name:
         data.setdefault(section, {})[name] = value
@@ -40,7 +40,7 @@ def test_it_is_a_schema_and_knows_every_field() -> None:
 
 @pytest.mark.parametrize("name", preset_names())
 def test_it_accepts_the_library(name: str) -> None:
-    assert list(VALIDATOR.iter_errors(read(read_preset(name)[0], name).data)) == []
+    assert list(VALIDATOR.iter_errors(read_yaml(read_preset(name)[0], name).data)) == []
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from hdassist.preset.yamltext import BROKEN, MAX_BYTES, MAX_DEPTH, Mark, read, resolve, shown
+from hdassist.preset.yamltext import BROKEN_VALUE, MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, resolve, shown
 
 
 def findings(text: bytes | str) -> list[str]:
-    return [str(finding) for finding in read(text, "a.yaml").findings]
+    return [str(finding) for finding in read_yaml(text, "a.yaml").findings]
 
 
 @pytest.mark.parametrize(
@@ -42,11 +42,11 @@ def test_plain_scalars_are_read_as_yaml_1_2(text: str, value: object) -> None:
 )  # fmt: skip
 def test_what_looks_like_a_value_elsewhere_stays_text(text: str) -> None:
     assert resolve(text) == text
-    assert read(f"a: {text}", "f").data == {"a": text}
+    assert read_yaml(f"a: {text}", "f").data == {"a": text}
 
 
 def test_quoted_scalars_stay_text() -> None:
-    assert read("a: '1'\nb: \"true\"\nc: |\n  2\n", "f").data == {"a": "1", "b": "true", "c": "2\n"}
+    assert read_yaml("a: '1'\nb: \"true\"\nc: |\n  2\n", "f").data == {"a": "1", "b": "true", "c": "2\n"}
 
 
 def test_numbers_beyond_floats_become_infinite_and_do_not_stall() -> None:
@@ -55,7 +55,7 @@ def test_numbers_beyond_floats_become_infinite_and_do_not_stall() -> None:
 
 
 def test_places_count_from_one_and_name_key_and_value() -> None:
-    document = read("# head\ngears:\n  z_g: 200\nM: [80, '800']\n", "f")
+    document = read_yaml("# head\ngears:\n  z_g: 200\nM: [80, '800']\n", "f")
     assert document.places["gears", "z_g"].key == Mark(3, 3)
     assert document.places["gears", "z_g"].value == Mark(3, 8)
     assert document.places["M", 1].value == Mark(4, 9)
@@ -65,7 +65,7 @@ def test_places_count_from_one_and_name_key_and_value() -> None:
 
 @pytest.mark.parametrize("text", ["\ufeffa: 1\r\nb: 2\r\n", b"\xef\xbb\xbfa: 1\r\nb: 2\r\n"])
 def test_byte_order_mark_and_crlf_are_fine(text: bytes | str) -> None:
-    document = read(text, "f")
+    document = read_yaml(text, "f")
     assert document.data == {"a": 1, "b": 2}
     assert document.findings == []
     assert document.places["b",].value == Mark(2, 4)
@@ -105,32 +105,34 @@ def test_traps_are_refused_with_their_place(text: bytes | str, message: str) -> 
 
 def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
     bomb = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
-    document = read(bomb, "f")
+    document = read_yaml(bomb, "f")
     assert [f.message for f in document.findings].count("aliases are not allowed") == 16
-    assert document.data["i"] == [BROKEN, BROKEN]
+    assert document.data["i"] == [BROKEN_VALUE, BROKEN_VALUE]
 
 
 @pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
 def test_deep_nesting_is_refused(opening: str) -> None:
-    document = read(opening * 60_000, "f")
+    document = read_yaml(opening * 60_000, "f")
     assert not document.complete
     assert [f.message for f in document.findings] == [f"nested deeper than {MAX_DEPTH} levels"]
 
 
 def test_nesting_up_to_the_limit_is_read() -> None:
     inside = MAX_DEPTH - 1
-    assert read("[" * inside + "1" + "]" * inside, "f").findings == []
+    assert read_yaml("[" * inside + "1" + "]" * inside, "f").findings == []
 
 
 def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
-    assert findings("#" * (MAX_BYTES + 1)) == ["a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"]
-    assert findings("#" * MAX_BYTES) == []
+    assert findings("#" * (MOST_PRESET_BYTES + 1)) == [
+        "a.yaml:1:1: the file is larger than 256 KiB (is this a preset?)"
+    ]
+    assert findings("#" * MOST_PRESET_BYTES) == []
 
 
 def test_all_findings_are_collected_and_the_rest_is_still_read() -> None:
-    document = read("a: &x 1\nb: *x\na: 2\nc: 3\n", "f")
+    document = read_yaml("a: &x 1\nb: *x\na: 2\nc: 3\n", "f")
     assert [(f.line, f.path) for f in document.findings] == [(1, "a"), (2, "b"), (3, "a")]
-    assert document.data == {"a": 1, "b": BROKEN, "c": 3}
+    assert document.data == {"a": 1, "b": BROKEN_VALUE, "c": 3}
     assert document.complete
 
 

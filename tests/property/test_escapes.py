@@ -19,12 +19,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from hdassist.mounting import card_render
-from hdassist.reporting import render as report_render
-from hdassist.reporting.blocks import Figure, Paragraph, Report, ReportSection, Tile
-from hdassist.reporting.charts import Dot, chart
-from hdassist.reporting.page import UNCUT
-from hdassist.run.kept import Owner, RecordKind, open_kept
+from hdassist.pages import card_render, report_render
+from hdassist.pages.report import UNCUT
+from hdassist.pages.report_blocks import Figure, Paragraph, Report, ReportSection, Tile
+from hdassist.pages.report_charts import Dot, chart
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal.console import TextTable
 from tests.advices import advice_of, card
 from tests.process import TINY, on_terminal, run
@@ -154,7 +153,7 @@ def test_a_sweep(word: str) -> None:
         say(*asked, "--csv", rows, "-o", kept)
         assert json.loads(read(kept).splitlines()[0])["preset"] == "a" + word
         assert "the teeth do not reach" in read(rows)
-        other = Owner(command="sweep", inputs={}, options={"set": [word]})
+        other = KeptOwner(command="sweep", inputs={}, options={"set": [word]})
         with open_kept(kept, other, RecordKind(TypeAdapter(dict)), force=True):
             pass
         assert "options.set" in say(*asked, "-o", kept)[1]

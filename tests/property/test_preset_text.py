@@ -14,7 +14,7 @@ from hdassist.loading.write import new_preset
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import UnitError, convert, units_for
-from hdassist.preset.yamltext import read, resolve
+from hdassist.preset.yamltext import read_yaml, resolve
 
 BASE = new_preset("base")
 PATHS = [path for path, _ in fields()]
@@ -85,7 +85,7 @@ def test_a_preset_with_a_piece_torn_out(start: int, length: int, piece: str) -> 
 def test_any_value_in_any_field(path: str, value: object) -> None:
     check(BASE, f"{path}={json.dumps(value)}")
     if "." not in path:
-        check(json.dumps({**read(BASE, "f").data, path: value}))
+        check(json.dumps({**read_yaml(BASE, "f").data, path: value}))
 
 
 @settings(max_examples=100)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdassist.errors import DataError, PresetError
-from hdassist.readers.table import MAX_REMARKS, SAMPLE, NumberTable, read_numbers, read_texts
+from hdassist.readers.table import MAX_REMARKS, SAMPLED_LINES, NumberTable, read_numbers, read_texts
 from hdassist.textfile import PART, STDIN, TextFile, read_bytes
 
 NEEDS = ("tooth number", "deviation")
@@ -261,7 +261,7 @@ def test_streams_of_text_and_of_bytes_are_read_like_files(tmp_path: Path) -> Non
 def test_a_row_is_read_by_the_same_rules_wherever_it_stands(good: str, bad: str, words: str) -> None:
     number = "{}.5" if "," in good else "{}.25"
     lines = [good.format(k=k, m=number.format(k % 7)) for k in range(FAR)]
-    for place in (2, SAMPLE + 5, FAR // 2, FAR - 1):
+    for place in (2, SAMPLED_LINES + 5, FAR // 2, FAR - 1):
         table = read_numbers(Dribble("\n".join([*lines[:place], bad, *lines[place:]]).encode()), NEEDS)
         assert [finding.line for finding in table.findings] == [place + 1] * bool(words)
         assert all(words in str(finding) for finding in table.findings)
@@ -279,12 +279,12 @@ def test_remarks_blank_lines_and_quotes_far_down() -> None:
 
 
 def test_a_line_of_blanks_at_the_end_is_no_row() -> None:
-    table = read_numbers(b"1 2.5\n" * SAMPLE + b" ", NEEDS)
-    assert (len(table.values), table.findings) == (SAMPLE, [])
+    table = read_numbers(b"1 2.5\n" * SAMPLED_LINES + b" ", NEEDS)
+    assert (len(table.values), table.findings) == (SAMPLED_LINES, [])
 
 
 def test_a_decimal_comma_may_come_late() -> None:
-    lines = ["0;0"] * SAMPLE * 2 + ["1;2,5"]
+    lines = ["0;0"] * SAMPLED_LINES * 2 + ["1;2,5"]
     assert read_numbers("\n".join(lines).encode(), NEEDS).values[-1].tolist() == [1, 2.5]
     far = ["0 0"] * FAR + ["1 2,5", "1 2.5"]
     assert [f.line for f in read_numbers(Dribble("\n".join(far).encode()), NEEDS).findings] == [FAR + 2]

@@ -76,7 +76,7 @@ def glossary() -> Iterator[str]:
     yield from ("# Glossary", "", MADE, "")
     yield "`hdassist explain WORD` says the same on a terminal, of a word in either language and of a symbol."
     yield from terms.page()
-    yield from ("", "## Symbols", "", *symbols.table())
+    yield from ("", "## Symbols", "", *symbols.symbol_table())
 
 
 def _default(value: object) -> str:

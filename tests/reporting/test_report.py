@@ -13,14 +13,13 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.comparing.sheet import DriveSheet, sheet_of
-from hdassist.design.check_page import to_json as check_json
-from hdassist.mounting.page import to_json as mount_json
-from hdassist.mounting.page import what_to_do
+from hdassist.pages.check import check_json
+from hdassist.pages.mount import mount_json, what_to_do
+from hdassist.pages.report import report_exit_code, report_json, report_of
+from hdassist.pages.report_blocks import Figure
+from hdassist.pages.report_charts import ENVELOPE_COLUMNS, chart
+from hdassist.pages.report_render import report_html, report_markdown
 from hdassist.preset.schema import counted
-from hdassist.reporting.blocks import Figure
-from hdassist.reporting.charts import ENVELOPE_COLUMNS, chart
-from hdassist.reporting.page import report_exit_code, report_json, report_of
-from hdassist.reporting.render import report_html, report_markdown
 from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 

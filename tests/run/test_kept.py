@@ -14,7 +14,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from hdassist.errors import DataError, UsageError
-from hdassist.run.kept import ClosedRecord, Magnitude, Owner, RecordKind, open_kept, read_kept
+from hdassist.run.kept import ClosedRecord, KeptOwner, Magnitude, RecordKind, open_kept, read_kept
 from tests.process import CLEAN
 
 
@@ -24,7 +24,7 @@ class Measured(ClosedRecord):
     note: str = ""
 
 
-OWNER = Owner(
+OWNER = KeptOwner(
     command="sweep", preset="small", inputs={"preset": "ab" * 32, "run.csv": "cd" * 32}, options={"vary": ["a=1,2"]},
     seed=3,
 )  # fmt: skip
@@ -304,7 +304,7 @@ def test_what_no_file_can_be_written_to_is_a_data_error(tmp_path, monkeypatch, n
 
 
 def test_a_file_is_held_by_one_run_at_a_time_by_whatever_link_it_is_named(tmp_path, path, monkeypatch):
-    monkeypatch.setattr("hdassist.run.kept.PATIENCE", 0.0)
+    monkeypatch.setattr("hdassist.run.kept.LOCK_PATIENCE", 0.0)
     (tmp_path / "link").symlink_to(path)
     with open_kept(str(path), OWNER, KIND) as kept:
         kept.rewrite(RECORDS)
@@ -321,7 +321,7 @@ def test_a_file_is_held_by_one_run_at_a_time_by_whatever_link_it_is_named(tmp_pa
 
 
 def test_a_killed_run_loses_no_record_and_nobody_else_writes_meanwhile(path, monkeypatch):
-    monkeypatch.setattr("hdassist.run.kept.PATIENCE", 0.0)
+    monkeypatch.setattr("hdassist.run.kept.LOCK_PATIENCE", 0.0)
     with subprocess.Popen([sys.executable, "-c", WRITE_ON, path], stdout=subprocess.PIPE, env=CLEAN) as process:
         said = [int(process.stdout.readline()) for _ in range(50)]
         with pytest.raises(UsageError, match="is being written"), open_kept(str(path), OWNER, ANYTHING, force=True):

@@ -28,7 +28,7 @@ def walk_over_drives(library: Path) -> int:
     from tests.process import SMALL, TINY
     from tests.solve.test_walk import states_of
 
-    walk.library = lambda: (walk._load(library), "")
+    walk.walk_library = lambda: (walk._load(library), "")
     cases = [(load_preset(name), None) for name in preset_names()]
     cases += [(load_preset(file, [f"numerics.stations={n}"]), None) for file in (SMALL, TINY) for n in (1, 3, 5)]
     small = load_preset(SMALL)

@@ -16,7 +16,7 @@ from hdassist.solve.near import solve_near
 
 WAYS = [
     solve_near,
-    pytest.param(walk.near, marks=pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")),
+    pytest.param(walk.walk_near_state, marks=pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")),
 ]
 
 

@@ -18,7 +18,7 @@ from hdassist.solve import activeset, compiled, throughcvxpy
 from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, solve_states
 from hdassist.solve.certificate import residuals
-from hdassist.solve.compiled import differences, require_compiled_as_stated
+from hdassist.solve.compiled import require_compiled_as_stated, template_differences
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.sums import StateSums
@@ -51,9 +51,9 @@ def test_the_programme_is_dpp(formulation):
 @pytest.mark.parametrize("name", preset_names())
 def test_the_engine_runs_what_cvxpy_compiles(name):
     drive = load_preset(name)
-    assert list(differences(formulate(contact_system(drive)))) == []
+    assert list(template_differences(formulate(contact_system(drive)))) == []
     some = changed(drive, supports__C_1=0.0, numerics__stations=3)
-    assert list(differences(formulate(contact_system(some, tau=0.3, beta=0.7)))) == []
+    assert list(template_differences(formulate(contact_system(some, tau=0.3, beta=0.7)))) == []
 
 
 def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference, formulation, system):
@@ -299,10 +299,10 @@ def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, m
 
 @pytest.mark.parametrize("solver", ["clarabel", "osqp", "scs", "highs"])
 def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference, formulation, monkeypatch, solver):
-    bounds = throughcvxpy.SETTINGS[solver.upper()]
+    bounds = throughcvxpy.SOLVER_SETTINGS[solver.upper()]
     iterations = {"clarabel": "max_iter", "osqp": "max_iter", "scs": "max_iters", "highs": "qp_iteration_limit"}
     assert any(name.startswith("time_limit") for name in bounds)
-    monkeypatch.setitem(throughcvxpy.SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
+    monkeypatch.setitem(throughcvxpy.SOLVER_SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
     solve, asked = throughcvxpy.solve_through_cvxpy, []
     monkeypatch.setattr(throughcvxpy, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))

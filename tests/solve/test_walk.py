@@ -31,7 +31,7 @@ PROVEN = 5e-11  # residual of either engine, as a share of its scale
 
 
 def test_the_walk_is_compiled_and_of_this_source():
-    found, words = walk.library()
+    found, words = walk.walk_library()
     assert found, words
 
 
@@ -104,7 +104,7 @@ def test_both_engines_agree_on_measured_teeth():
 
 
 def test_every_instruction_set_of_this_machine_gives_the_same_answers(monkeypatch):
-    best = walk.library()[0]
+    best = walk.walk_library()[0]
     folder = development_folder() if (development_folder() / library_name(1)).exists() else Path(walk.__file__).parent
     levels = [level for level in X86 if (folder / library_name(level)).exists() and level <= best.walk_level()]
     small = load_preset(SMALL)
@@ -160,14 +160,14 @@ def walk_of(engine):
 
 
 def test_a_library_of_another_source_is_not_used(monkeypatch):
-    walk.library.cache_clear()
+    walk.walk_library.cache_clear()
     monkeypatch.setattr(walk, "source_hash", lambda: "0" * 64)
     try:
-        found, words = walk.library()
+        found, words = walk.walk_library()
         assert found is None
         assert "older than walk.c" in words
     finally:
-        walk.library.cache_clear()
+        walk.walk_library.cache_clear()
 
 
 def test_the_source_compiles_without_a_warning_and_names_itself(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from hdassist import Drive, load_preset
 from hdassist.belief.prior import prior_of
 from hdassist.errors import UsageError
-from hdassist.tolerance.law import TAIL, TolerancedSize, assumed_sizes, production_law
+from hdassist.tolerance.law import RAYLEIGH_TAIL, TolerancedSize, assumed_sizes, production_law
 from tests.process import ASSUMED, TINY
 
 
@@ -27,7 +27,7 @@ def size(law: str, high: float, measured: tuple[float, ...] = ()) -> TolerancedS
 
 def test_a_rayleigh_size_ends_at_the_tolerance_and_has_the_density_of_two_normal_parts() -> None:
     values = size("rayleigh", 60.0).value(EVEN)
-    x, y = np.random.default_rng(1).normal(0, 60 / TAIL, (2, 200_000))
+    x, y = np.random.default_rng(1).normal(0, 60 / RAYLEIGH_TAIL, (2, 200_000))
     parts = np.hypot(x, y)
     parts = parts[parts <= 60]
     assert values.max() <= 60

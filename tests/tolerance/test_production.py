@@ -12,7 +12,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import merit, rotated
 from hdassist.run.run import Run
 from hdassist.tolerance.law import production_law
-from hdassist.tolerance.production import STEP, Production, RandomDrive
+from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 from tests.process import ASSUMED, SMALL, TINY
 
 TORQUES = (1.0, 4.0)
@@ -62,7 +62,7 @@ def test_as_built_and_best_are_what_searches_of_all_positions_find(
 def test_a_step_of_a_tolerance_is_at_most_what_a_search_finds(small: Drive, records: list[RandomDrive]) -> None:
     for record in records[:3]:
         for path, then in record.tighter.items():
-            less = {**record.values, path: STEP * record.values[path]}
+            less = {**record.values, path: TIGHTER_STEP * record.values[path]}
             drive = rotated(small.with_values(less), record.best_rotation_deg)
             exact = np.array([ErrorMap(drive, M_g).extremes(drive).first for M_g in TORQUES])
             assert np.all(np.array(then) <= exact + 0.01)

@@ -7,10 +7,10 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.samples import weighted_quantile
+from hdassist.pages.sensitivity import sensitivity_summary
 from hdassist.tolerance.law import production_law
-from hdassist.tolerance.production import STEP, Production, RandomDrive
+from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 from hdassist.tolerance.sensitivity import Sensitivities, sensitivities
-from hdassist.tolerance.sensitivity_page import summary_line
 from tests.process import TINY
 
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"
@@ -47,7 +47,7 @@ def test_a_linear_drive_is_tightened_where_its_larger_part_comes_from(oval: tupl
     sizes = {path: np.array([v[path] for v, _ in production.designs]) for path in ("harmonics.a_g2", "harmonics.a_b2")}
     F = np.array([r.F_ior_arcsec[0] for r in production.records(0, 48)])
     factor = np.median(F / sum(sizes.values()))
-    then = factor * (STEP * sizes["harmonics.a_g2"] + sizes["harmonics.a_b2"])
+    then = factor * (TIGHTER_STEP * sizes["harmonics.a_g2"] + sizes["harmonics.a_b2"])
     assert found.first.then == pytest.approx(weighted_quantile(then, np.ones(48), 0.95), rel=0.02)
     assert found.first.low < found.first.then < found.first.high < found.first.now
 
@@ -56,7 +56,7 @@ def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Pro
     shares = {each.group: each.share for each in oval[1].influences[0]}
     assert list(shares) == ["harmonics.a_g2", "harmonics.a_b2"]
     assert sum(shares.values()) > 0.8
-    assert summary_line(oval[1]).startswith("tighten first: ")
+    assert sensitivity_summary(oval[1]).startswith("tighten first: ")
 
 
 def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tightened() -> None:
@@ -64,6 +64,6 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     assert found.largest and found.largest.group == "supports.C_3"
     assert not found.is_worth_tightening
     assert found.to_measure[0].measured == "supports.C_3"
-    words = summary_line(found)
+    words = sensitivity_summary(found)
     assert words.startswith("no tolerance 20% tighter moves the 95th percentile of F'_ior at 4 N·m")
     assert "measure support of the cam, radial (supports.C_3) first" in words

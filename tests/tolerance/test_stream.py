@@ -16,7 +16,7 @@ import pytest
 
 from hdassist.errors import DataError, UntrustedError
 from hdassist.run.processes import workers
-from hdassist.tolerance.stream import AHEAD, MOST, stream
+from hdassist.tolerance.stream import AHEAD, MOST_ITEMS, stream
 
 TOTAL = 40
 
@@ -88,9 +88,9 @@ def test_chunks_grow_to_what_takes_their_time_and_shrink_to_the_end_and_few_are_
 
 def test_no_chunk_is_longer_than_memory_allows():
     counted = Counted()
-    count = sum(len(records) for records in stream(squares, 20 * MOST, pool=lambda: nullcontext((counted, 2))))
-    assert count == 20 * MOST
-    assert max(last - first for first, last in counted.chunks) == MOST
+    count = sum(len(records) for records in stream(squares, 20 * MOST_ITEMS, pool=lambda: nullcontext((counted, 2))))
+    assert count == 20 * MOST_ITEMS
+    assert max(last - first for first, last in counted.chunks) == MOST_ITEMS
 
 
 def test_a_worker_that_dies_half_way_loses_nothing(tmp_path):

@@ -65,7 +65,7 @@ def test_a_row_says_what_check_says(few):
 
 def test_a_row_of_proposed_extremes_says_what_the_full_cycle_says(few, monkeypatch):
     sweep, records, _ = few
-    monkeypatch.setattr("hdassist.error.error_map.SHORT", 0)
+    monkeypatch.setattr("hdassist.error.error_map.SHORT_CYCLE", 0)
     (found,) = sweep(3, 4)
     assert found.states < records[3].states
     assert found.F_ior_arcsec == pytest.approx(records[3].F_ior_arcsec, abs=1e-6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hdassist.errors import UsageError
-from hdassist.tolerance.vary import ROWS, STEPS, grid_rows, read_axes, require_few
+from hdassist.tolerance.vary import MOST_ROWS, MOST_VALUES, grid_rows, read_axes, require_few
 from tests.process import SMALL, run
 
 
@@ -51,7 +51,7 @@ WRONG = [
     ("tolerances.e_hb=1:2:1", "1:21: steps must be"),
     ("tolerances.e_hb=1:2:-3", "1:21: steps must be"),
     ("tolerances.e_hb=1:2:2.5", "1:21: steps must be"),
-    ("tolerances.e_hb=1:2:1000000", f"1:21: steps must be a whole number from 2 to {STEPS} (got 1000000"),
+    ("tolerances.e_hb=1:2:1000000", f"1:21: steps must be a whole number from 2 to {MOST_VALUES} (got 1000000"),
     ("tolerances.e_hb=1:1:3", "1:17: a range from a value to itself"),
     ("gears.z_g=60.5,62", "1:11: must be a whole number"),
     ("gears.z_g=60:62:4", "1:17: steps between whole numbers"),
@@ -76,7 +76,7 @@ def test_all_that_is_wrong_is_said_at_once():
 
 def test_a_grid_that_would_never_end_is_refused():
     axes = read_axes(["gears.j_n=0:9:1000", "cam.W_0=0:1:1001"], [])
-    assert grid_rows(axes) == ROWS + 1000
+    assert grid_rows(axes) == MOST_ROWS + 1000
     with pytest.raises(UsageError, match="1001000 rows, more than 1000000"):
         require_few(grid_rows(axes))
 

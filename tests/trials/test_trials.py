@@ -16,10 +16,18 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.trial import Trial, read_trial
+from hdassist.pages.trials import (
+    trials_card_facts,
+    trials_exit_code,
+    trials_instruction,
+    trials_json,
+    trials_page,
+    trials_summary,
+    trials_warnings,
+)
 from hdassist.preset.fields import Drive
 from hdassist.terminal.texts import texts
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.page import card_facts, exit_code, instruction, render, summary_line, to_json, warnings
 from hdassist.trials.posterior import (
     AS_TOLD,
     MISFITS,
@@ -398,14 +406,14 @@ def advice() -> TrialAdvice:
 
 
 def test_the_page_says_what_the_json_says(advice: TrialAdvice) -> None:
-    told_ = to_json(advice)
-    assert summary_line(advice) == (str(told_["best_bet"]["hole"]) if told_["settled"] else "unknown")
+    told_ = trials_json(advice)
+    assert trials_summary(advice) == (str(told_["best_bet"]["hole"]) if told_["settled"] else "unknown")
     assert told_["settled"] == (told_["best_bet"]["probability_good"] >= told_["probability_needed"])
-    assert told_["instruction"] == instruction(advice)
+    assert told_["instruction"] == trials_instruction(advice)
     assert told_["unknown"] == []
-    assert instruction(advice).startswith("No order yet") != told_["settled"]
-    assert exit_code(advice) == (0 if told_["settled"] else 6)
-    facts = card_facts(advice, texts())
+    assert trials_instruction(advice).startswith("No order yet") != told_["settled"]
+    assert trials_exit_code(advice) == (0 if told_["settled"] else 6)
+    facts = trials_card_facts(advice, texts())
     assert facts.choice.chosen.F_ior_arcsec == tuple(told_["best_bet"]["F_ior_arcsec"]["expected"])
     assert facts.cam_deg == told_["offset"]["direction_deg"]
     assert len(told_["prediction_errors"]) == 3
@@ -430,24 +438,24 @@ def test_an_outcome_has_its_verdict_and_exit_code(advice: TrialAdvice) -> None:
         ((20.0, 16.0, 15.0, 14.5), 60.0, 6),
     ):
         after = verified(advice, *values)
-        assert exit_code(after) == code
-        told_ = to_json(after)["verification"]
+        assert trials_exit_code(after) == code
+        told_ = trials_json(after)["verification"]
         assert told_["verdict"] == ("GO_BACK" if code == 3 else "KEEP")
         assert told_["position"].keys() == hole.keys()
         assert told_["position"]["rotation_deg"] == after.stay[0] == position
         place = after.losses.rotations_deg.index(position)
         assert told_["probability_good"] == pytest.approx(after.losses.probability_good[place])
         assert told_["best"]["rotation_deg"] == after.losses.rotations_deg[after.losses.best]
-        assert instruction(after).startswith(
+        assert trials_instruction(after).startswith(
             "Go back to hole 1 (30 deg), where 16 was" if code == 3 else "Keep it: 15 arcsec at hole 2"
         )
-        assert any("may be better" in words for words in warnings(after, texts())) == (code == 6)
+        assert any("may be better" in words for words in trials_warnings(after, texts())) == (code == 6)
 
 
 def test_an_outcome_that_nothing_explains_counts_by_its_value(advice: TrialAdvice) -> None:
     for value, code in ((99.0, 3), (16.1, 6), (10.0, 6)):
         after = verified(advice, 20.0, 13.0, 15.0, value=value, explained=False)
-        assert (exit_code(after), after.settled, after.stay[1]) == (code, False, 0.0)
+        assert (trials_exit_code(after), after.settled, after.stay[1]) == (code, False, 0.0)
         assert after.back_to == (after.trials[1] if code == 3 else None)
 
 
@@ -480,7 +488,7 @@ def test_an_outcome_in_a_hole_that_is_not_allowed_is_none() -> None:
 
 def test_values_that_are_unlike_the_drive_or_each_other_are_remarked(advice: TrialAdvice) -> None:
     def said(of: TrialAdvice) -> str:
-        return " ".join(warnings(of, texts()))
+        return " ".join(trials_warnings(of, texts()))
 
     assert "unlike" not in said(advice)
     off = replace(advice, predictions=(*advice.predictions[:2], replace(advice.predictions[2], surprise=3.0)))
@@ -498,20 +506,20 @@ def test_values_unlike_the_drive_settle_nothing_before_one_position_is_measured_
     off = replace(advice.predictions[2], surprise=-3.0)
     unlike = replace(advice, predictions=(*advice.predictions[:2], off), needed=0.0)
     assert replace(advice, needed=0.0).settled
-    assert exit_code(unlike) == 6
+    assert trials_exit_code(unlike) == 6
     for one in (unlike, replace(unlike, verifies=True)):
         assert (one.unlike_told, one.settled) == (True, False)
         again = (
             f"nothing is settled before a position is measured twice: measure {advice.where(off.rotation_deg)} again"
         )
-        assert again in " ".join(warnings(one, texts()))
-        assert "what is advised stands" not in page(one) + " ".join(warnings(one, texts()))
-    told_ = to_json(unlike)
+        assert again in " ".join(trials_warnings(one, texts()))
+        assert "what is advised stands" not in page(one) + " ".join(trials_warnings(one, texts()))
+    told_ = trials_json(unlike)
     assert (told_["settled"], told_["recommended"], told_["turn"]) == (False, None, False)
     assert told_["next"] == {**told_["next"], "rotation_deg": off.rotation_deg, "probability_after": None}
-    assert instruction(unlike).startswith("No order yet: the values came out unlike")
+    assert trials_instruction(unlike).startswith("No order yet: the values came out unlike")
     twice = replace(unlike, trials=(*advice.trials, advice.trials[0]))
-    assert (twice.unlike_told, twice.settled, exit_code(twice)) == (True, True, 0)
+    assert (twice.unlike_told, twice.settled, trials_exit_code(twice)) == (True, True, 0)
 
 
 def page(of: TrialAdvice) -> str:
@@ -521,7 +529,7 @@ def page(of: TrialAdvice) -> str:
 
     console = Console(width=1000)
     with console.capture() as seen:
-        console.print(render(of, Style(ascii=False, codes=False, width=1000)))
+        console.print(trials_page(of, Style(ascii=False, codes=False, width=1000)))
     return " ".join(seen.get().split())
 
 
@@ -551,7 +559,7 @@ def test_a_probability_below_the_one_wanted_is_not_rounded_up_to_it(advice: Tria
     good = advice.stay[1]
     short = replace(advice, needed=good + 0.001)
     assert not short.settled
-    sure, wanted = re.findall(r"([\d.]+)%", instruction(short))[1:3]
+    sure, wanted = re.findall(r"([\d.]+)%", trials_instruction(short))[1:3]
     assert float(sure) < float(wanted)
 
 
@@ -682,11 +690,11 @@ def test_a_choice_that_hinges_on_one_value_is_not_settled_and_says_which(advice:
     firm = replace(advice, needed=0.0, without=(0.9, 0.7, 0.8, 0.65))
     assert (firm.hinges_on, firm.settled) == (None, True)
     loose = replace(firm, without=(0.9, 0.7, 0.8, 0.55))
-    assert (loose.hinges_on, loose.settled, exit_code(loose)) == (advice.trials[3], False, 6)
+    assert (loose.hinges_on, loose.settled, trials_exit_code(loose)) == (advice.trials[3], False, 6)
     assert loose.to_repeat == advice.trials[3]
-    assert f"hinges on {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in " ".join(warnings(loose, texts()))
+    assert f"hinges on {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in " ".join(trials_warnings(loose, texts()))
     suspected = replace(loose, draws=replace(advice.draws, misread=np.array([0.1, 0.6, 0.0, 0.1])))
     assert suspected.to_repeat == advice.trials[1]
-    assert "is probably misread (60 %)" in " ".join(warnings(suspected, texts()))
+    assert "is probably misread (60 %)" in " ".join(trials_warnings(suspected, texts()))
     repeated = replace(loose, trials=(*advice.trials[:3], replace(advice.trials[3], rotation_deg=0.0)))
     assert repeated.to_repeat is None

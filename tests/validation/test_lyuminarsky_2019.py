@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.calibration.quantities import REPORTING, PhaseScan, Quantities
+from hdassist.calibration.quantities import REPORTING, PhaseScan, TargetQuantities
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.trace import trace
@@ -31,7 +31,7 @@ FIG_2 = {"starts": (20.0, 100.0, 300.0), "xi_b": 260.0}
 
 @cache
 def scan(M_g: float) -> PhaseScan:
-    return Quantities(load_preset("vzp160"), REPORTING).scan(M_g)
+    return TargetQuantities(load_preset("vzp160"), REPORTING).scan(M_g)
 
 
 @cache

@@ -1,0 +1,217 @@
+"""The runs of `hdassist accept`: drives one after the other, a lot, and answers done again."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from hdassist.acceptance.accept import accept
+from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, failure_of, read_answers, to_lines
+from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.lot import Lot, LotRow, read_lot
+from hdassist.acceptance.predictions import prediction_states
+from hdassist.acceptance.replay import Replay, still_stands
+from hdassist.acceptance.request import Request
+from hdassist.acceptance.work import answer_rows
+from hdassist.commands.accept import AcceptOptions
+from hdassist.errors import HdassistError, UsageError
+from hdassist.json_parts import Json
+from hdassist.measuring.measure import require_drift
+from hdassist.measuring.orders import parse_orders
+from hdassist.measuring.uncertainty import parse_stated
+from hdassist.pages import accept as page
+from hdassist.pages import accept_lot as lot_page
+from hdassist.pages.accept_junit import junit
+from hdassist.preset.overrides import parse
+from hdassist.run.kept import Kept, KeptOwner, open_kept
+from hdassist.run.processes import count, workers
+from hdassist.run.run import Run
+from hdassist.run.stops import at_stop
+from hdassist.runfiles import note_input
+from hdassist.terminal.answers import combine, json_text
+from hdassist.terminal.files import write_text
+from hdassist.terminal.output import complain, note
+from hdassist.terminal.runs import Answer as RunAnswer
+from hdassist.terminal.runs import give, run_each
+from hdassist.terminal.wheels import say_notes
+from hdassist.verdict import worst_exit_code
+
+
+def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions) -> int:
+    """Accept drives one after the other; returns the exit code.
+
+    Raises what is wrong with the only drive, and UsageError with any.
+    """
+    out = options.open()
+    answers: list[AcceptAnswer] = []
+
+    def one(preset: str) -> RunAnswer:
+        request = replace(base, preset=preset)
+        drive = request.load()
+        inputs = request.read(drive)
+        say_notes(inputs.wheels)
+        states = 0 if request.measured_only else prediction_states(drive, limits_of(drive), request.draws)
+        with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
+            predictions = request.predict(drive, inputs.wheels, Run(executor, progress))
+        answer = accept(request, inputs, predictions, fail_on=options.fail_on)
+        answers.append(answer)
+        return RunAnswer(
+            partial(answer_json, answer),
+            None if options.takes_stdout else partial(page.accept_page, answer, predictions, details=options.details),
+            lambda: answer.status,
+            about=drive.name,
+            warnings=answer.warnings,
+            exit_code=answer.exit_code,
+        )
+
+    def failed(preset: str, error: HdassistError) -> Json:
+        answers.append(failure_of(replace(base, preset=preset), error))
+        return answer_json(answers[-1])
+
+    kept = options.json or options.has_lines
+    code = give("accept", run_each("accept", presets, one, options, failed=failed, keep_failures=kept), options, out)
+    if options.jsonl is not None:
+        write_text(options.jsonl, to_lines(answers), options.force)
+    _write_tables(options, "accept", answers, {"seed": base.seed})
+    return code
+
+
+def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
+    """Accept the drives of a lot; returns the exit code.
+
+    Arguments: path of a table; base, what is asked of every drive; options.
+    Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
+    that cannot be read or written; PresetError: names of columns that cannot be meant.
+    """
+    out, begun = options.open(), time.monotonic()
+    _require_sound(base)
+    lot = read_lot(path, base)
+    for text in lot.notes:
+        note(f"{lot.file}: {text}")
+    for file in (file for row in lot.rows for file in row.request.files()):
+        note_input(file)
+    shown = not (options.json or options.takes_stdout or out.csv == "-")
+    width = max(len(row.request.serial) for row in lot.rows)
+    done: list[AcceptAnswer] = []
+    lines: list[str] = []
+    owner = KeptOwner(command="accept", inputs={"lot": lot.sha256})
+    with open_kept(options.lines_file, owner, ANSWERS, force=not options.resume, any_inputs=True) as kept:
+        known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
+        before, is_known = kept.done, sum(map(bool, known))
+
+        def state() -> str:
+            where = f"are kept in {options.lines_file}: the same command with --resume goes on"
+            words = where if options.lines_file else "are done, none is kept: --jsonl FILE"
+            return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
+
+        to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
+        with (
+            at_stop(state),
+            out.progress(lot.file, len(to_do)) as progress,
+            workers(options.jobs) as executor,
+        ):
+            fresh = answer_rows(to_do, executor, options.fail_on, jobs=count(options.jobs), debug=options.debug)
+            for there in known:
+                answer = there or next(fresh)
+                if there is None:
+                    progress(1)
+                    kept.append([answer])
+                done.append(answer)
+                if error := answer.error:
+                    complain(HdassistError(f"{lot_page.title(answer)}: {error.message}", error.hint, error.code))
+                if options.jsonl == "-":
+                    write_text("-", to_lines([answer]), out.force)
+                if shown:
+                    words = lot_page.lot_line(answer, width, is_short=options.quiet)
+                    lines.append(out.style.text(words) + "\n")
+                    if out.target == "-":
+                        out.text(lines.pop())
+        if options.resume:
+            kept.rewrite(done)  # in the order of the rows, each once
+        kept.require_there()
+    if options.lines_file:
+        note(f"wrote {options.lines_file}")
+    if options.verbose:
+        note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
+    if options.json:
+        out.text(json_text(lot_page.accept_lot_json(lot, done)))
+    elif shown:
+        if not options.quiet:
+            lines += ["\n", out.page(lot_page.accept_lot_page(lot, done, out.style))]
+        out.text("".join(lines))
+    _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
+    return worst_exit_code(answer.exit_code for answer in done)
+
+
+def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAnswer], facts: Json) -> None:
+    """Write answers as CSV and as JUnit, with a name of the whole and facts, where they are asked for."""
+    if options.csv is not None:
+        write_text(options.csv, page.csv(answers), options.force)
+    if options.junit is not None:
+        write_text(options.junit, junit(name, answers, facts), options.replaces_suite)
+
+
+def _require_sound(base: Request) -> None:
+    """Raise what is wrong with the options before every row says it: UsageError, or what a common preset has wrong."""
+    parse_stated(base.reading.budget)
+    parse_orders(base.reading.orders or None)
+    require_drift(base.reading.drift)
+    base.reading.require_sound()
+    if base.preset:
+        base.load()
+    for place, text in enumerate((*base.overrides, *(limit.override for limit in base.limits)), 1):
+        parse(text, place)
+
+
+def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
+    """Answers to the rows that are there from before and still stand, None for the others.
+
+    Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
+    """
+    before = {answer.serial: answer for answer in kept.records() if not answer.error}
+    found: list[AcceptAnswer | None] = []
+    for row in lot.rows:
+        answer = before.get(row.request.serial)
+        stands = answer and not row.fault and still_stands(answer, row.request, options.fail_on)
+        found.append(replace(answer, place=row.place) if answer and stands else None)
+    if before and not any(found) and not options.force:
+        words = f"{options.jsonl}: not one of its answers is of these drives, files, options and version"
+        raise UsageError(words, "--force begins anew")
+    spare = len(before.keys() - {row.request.serial for row in lot.rows})
+    if kept.done:
+        more = f"; {spare} answers in it are of no row and are left out" if spare else ""
+        note(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known{more}")
+    return found
+
+
+def replay_answers(path: str, presets: Sequence[str], options: AcceptOptions) -> int:
+    """Do the answers of a file again; returns the exit code.
+
+    Arguments: path of --json or --jsonl; presets, one at most, in place of the recorded one; options.
+    Raises DataError: no file of answers; UsageError: several presets, or one for several answers.
+    """
+    out, recorded = options.open(), read_answers(path)
+    if presets and len(presets) + len(recorded) > 2:
+        raise UsageError("a preset for --replay takes the place of that of one answer")
+    replays = [Replay.prepare(answer, *presets) for answer in recorded]
+    to_do = [LotRow(each.request, each.recorded.place) for each in replays if each.request]
+    with out.progress("replay", len(to_do)) as progress, workers(options.jobs) as executor:
+        # what makes an exit code of verdicts is no part of what is compared
+        fresh = answer_rows(to_do, executor, "fail", jobs=count(options.jobs), debug=options.debug)
+        for place, each in enumerate(replays):
+            if each.request:
+                replays[place] = each.done(next(fresh))
+                progress(1)
+    if options.json:
+        out.text(json_text(combine("accept-replay", [each.to_json() for each in replays])))
+    else:
+        words = Counter(each.outcome[0] for each in replays)
+        short = ", ".join(f"{count} {word}" for word, count in words.items()) if len(words) > 1 else next(iter(words))
+        out.text((short if options.quiet else out.style.text("\n".join(map(str, replays)))) + "\n")
+    for each in replays:
+        if each.fault and each.recorded.request:
+            complain(each.fault)
+    return worst_exit_code(each.outcome[1] for each in replays)

@@ -1,0 +1,95 @@
+"""`hdassist allocate`: the cheapest tolerances that reach a yield."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hdassist.commands.draw_options import DrawOptions
+from hdassist.run.run import Run
+from hdassist.terminal import options as o
+
+DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
+
+
+@o.with_groups
+def allocate_command(
+    preset: o.Preset,
+    *,
+    drives: DrawOptions,
+    wanted: Annotated[
+        float, typer.Option("--yield", min=0.01, max=0.999, help="Share of drives that is to pass.")
+    ] = 0.95,
+    count: Annotated[
+        int, typer.Option("-n", min=20, max=100_000, help="Random drives that prove the tolerances.")
+    ] = 250,
+    sure: Annotated[
+        float, typer.Option(min=0.5, max=0.999, help="Probability with which the tolerances are to reach the yield.")
+    ] = 0.95,
+    mounting: Annotated[
+        bool, typer.Option("--mounting/--as-built", help="Also with each wheel turned to its best hole.")
+    ] = True,
+    classes: Annotated[bool, typer.Option("--classes", help="Also with teeth of whole ISO 1328-1 classes.")] = False,
+    work: o.WorkOptions,
+    options: o.FigureOptions,
+) -> None:
+    """The cheapest tolerances with which enough drives pass, as built and with each fixed wheel in its best hole.
+
+    \b
+    Examples:
+      hdassist allocate vzp160 --torque 80 --limit 20
+      hdassist allocate vzp160 --limit 80:20 --limit 800:6 --yield 0.99 --classes
+      hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
+
+    Tolerances are recommended only where they reach the yield with a probability of --sure over all that is not known
+    of the design; a size that the preset assumes is a tolerance to choose too. What one costs stands in the preset:
+    cost: {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 as the preset has it and 3 (now/tolerance)^1.5 else,
+    and no less than 10 um can be made; without it 1, k = 1 and a tenth. Tolerances may grow to twice what they are.
+    Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is shown to reach it, 2 wrong usage, 4 bad preset, 5 no
+    trustworthy answer, 130 stopped.
+    """
+    from hdassist.commands.draw_options import require_limits
+    from hdassist.error.self_error import self_error
+    from hdassist.errors import UsageError
+    from hdassist.pages.allocate import Allocated, allocate_answer
+    from hdassist.terminal.runs import give
+    from hdassist.tolerance.allocation import Allocator
+    from hdassist.tolerance.production import Production, RandomDrive
+    from hdassist.tolerance.sensitivity import to_measure
+    from hdassist.tolerance.stream import collected
+    from hdassist.tolerance.yields import rooms
+
+    out = options.open()
+    drive = drives.load(preset)
+    law, torques, limits = drives.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
+    own = [found.range_arcsec for found in self_error(drive, torques)]
+    room = rooms(limits, own)
+    if room is None:
+        worst = max(range(len(own)), key=lambda t: own[t] - limits[t])
+        raise UsageError(
+            f"the self error alone is {own[worst]:.1f} arcsec at {torques[worst]:g} N*m, the limit {limits[worst]:g}",
+            "no tolerance changes that: a limit above it, or another wave or clearance",
+        )
+    production = Production.of(
+        law, torques, mounting=mounting, limits=room, seed=drives.seed, per_design=DRIVES_PER_DESIGN, steps=True
+    )
+    if not law.tolerances:
+        raise UsageError("no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0")
+    with work.pools() as pool:
+
+        def records(production: Production, drives: int) -> list[RandomDrive]:
+            with out.progress(drive.name, drives) as progress:
+                return collected(production.records, drives, pool, progress)
+
+        with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+            production, samples = production.with_designs(count, run=Run(executor, progress))
+        allocator = Allocator(production, tuple(room), wanted, sure, records, count)
+        ways = []
+        for turned in (False, True) if mounting else (False,):
+            ways.append(allocator.cheapest(turned))
+            if classes and ways[-1].fits:
+                ways.append(allocator.in_classes(ways[-1]))
+    gains = to_measure(law, samples, 0) if samples else ()
+    found = Allocated(law, wanted, sure, limits, own, allocator.choices, ways, drives.seed, gains)
+    raise typer.Exit(give("allocate", [allocate_answer(found)], options, out))

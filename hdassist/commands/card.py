@@ -1,0 +1,131 @@
+"""Options and the end that `hdassist mount` and `hdassist trials` share: how to choose, and the assembly card."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import date
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdassist.errors import UsageError
+from hdassist.numerals import number_of
+from hdassist.terminal.options import AnswerOptions, CardOptions, OptionGroup
+
+if TYPE_CHECKING:
+    from hdassist.pages.card import CardFacts
+    from hdassist.terminal.output import Output
+    from hdassist.terminal.runs import Answer
+    from hdassist.terminal.texts import Texts
+
+CARD_SUFFIXES = (".txt", ".md", ".html")
+SERIAL = 60  # letters that a serial number may have
+
+
+@dataclass(frozen=True)
+class ChoiceOptions(OptionGroup):
+    """What decides between positions."""
+
+    weights: Annotated[
+        str | None, typer.Option(metavar="W,W", help="Weights of the torques in the choice, in their order.")
+    ] = None
+    criterion: Annotated[
+        str, typer.Option(metavar="NAME", help="What decides over losses: expected, worst, or quantile:0.9.")
+    ] = "expected"
+
+    def numbers(self) -> list[float] | None:
+        """The weights as numbers. Raises UsageError for what is none."""
+        if self.weights is None:
+            return None
+        weights = [number_of(word) for word in self.weights.split(",")]
+        if any(map(isnan, weights)):
+            raise UsageError(
+                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
+            )
+        return weights
+
+
+@dataclass(frozen=True)
+class CardFile:
+    """A card that was asked for: where it goes, its kind, language and serial number."""
+
+    path: str
+    kind: str
+    say: Texts
+    serial: str
+    ascii: bool
+    force: bool
+
+    @classmethod
+    def open(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
+        """The card that options ask for, None without any.
+
+        Arguments: asked; options of the other answers, and out, where they go. Raises UsageError and DataError before
+        anything is computed.
+        """
+        path = asked.card
+        if path is None:
+            if asked.lang is not None or asked.serial is not None:
+                raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
+            return None
+        from hdassist.terminal.files import take_output
+        from hdassist.terminal.texts import HOME, texts
+
+        say = texts(HOME if asked.lang is None else asked.lang)
+        kind = ".txt" if path == "-" else Path(path).suffix.lower()
+        if kind not in CARD_SUFFIXES:
+            raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
+        if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
+            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
+        serial = asked.serial or ""
+        if not (serial == "" or serial.isprintable()) or len(serial) > SERIAL:
+            raise UsageError(f"a serial number has up to {SERIAL} printable characters")
+        take_output(path, out.force)
+        ascii = options.ascii or (path == "-" and out.style.ascii)
+        return cls(path, kind, say, serial.strip(), ascii, out.force)
+
+    def write(self, facts: CardFacts) -> None:
+        """Make the card and write it."""
+        from hdassist.pages import card_render
+        from hdassist.pages.card import card_of
+        from hdassist.terminal.files import write_text
+
+        card = card_of(facts, self.say, serial=self.serial, made=date.today())
+        if self.kind == ".html":
+            text = card_render.html(card)
+        elif self.kind == ".md":
+            text = card_render.markdown(card)
+        else:
+            text = card_render.plain_text(card, ascii=self.ascii)
+        write_text(self.path, text, self.force)
+
+
+def give_with_card(
+    command: str,
+    answer: Answer,
+    card: CardFile | None,
+    facts: Callable[[Texts], CardFacts] | None,
+    options: AnswerOptions,
+    out: Output,
+) -> int:
+    """Say the warnings of an answer, write it and its card; returns the exit code.
+
+    Arguments: command, for the schema; answer; card that was asked for; facts that it tells, in the language of its
+    texts, None where the work was interrupted or nothing can be ordered: then there is no card; options; out.
+    """
+    from hdassist.terminal.output import note, warn
+    from hdassist.terminal.runs import give
+
+    for text in answer.warnings:
+        warn(text)
+    if card and card.path == out.target == "-":  # the card in place of the page
+        answer = replace(answer, page=None)
+    code = give(command, [answer], options, out)
+    if card and facts:
+        card.write(facts(card.say))
+    elif card:
+        note("no card: the work was interrupted" if code == 130 else "no card: nothing can be ordered")
+    return code

@@ -1,0 +1,179 @@
+"""`hdassist sweep`: F'_ior over a grid of values of a preset's fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
+    from hdassist.run.cluster import Pool
+    from hdassist.run.kept import Kept, KeptOwner
+    from hdassist.terminal.output import Output
+    from hdassist.tolerance.sweep import Sweep, SweepRow
+
+JSON_ROWS = 100_000  # that --json holds in memory, at most
+
+
+@dataclass(frozen=True)
+class RowOptions(o.FigureOptions):
+    """How rows and what comes of them are given."""
+
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False,
+            help="Keep the rows in FILE as JSON Lines, to go on from; FILE.parquet: as Parquet.",
+        ),
+    ] = "-"  # fmt: skip
+
+
+@o.with_groups
+def sweep_command(
+    preset: o.Preset,
+    *,
+    vary: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=VALUES", help="Vary a field: START:STOP:STEPS, or a list A,B,C. Repeatable."),
+    ],
+    drives: o.LoadedDriveOptions,
+    plot: o.Plot = True,
+    work: o.WorkOptions,
+    options: RowOptions,
+) -> None:
+    """F'_ior over a grid of values of any numeric fields of a preset, row by row.
+
+    \b
+    Examples:
+      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11
+      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11 \\
+          --vary operation.M_g=40:800:5
+      hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
+      hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
+      hdassist sweep vzp160 --vary supports.C_2=1e4:4e4:101 -o rows.parquet \\
+          --scheduler tcp://10.0.0.5:8786
+
+    A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
+    In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
+    Lines: when a run was stopped, the same command goes on behind the last row that is there. -o FILE.parquet writes
+    Parquet (extra hdassist[parquet]). A row without an answer stays, with its reason; the exit code is 0 where any row
+    has one.
+    """
+    from contextlib import ExitStack
+
+    from hdassist.pages import sweep as page
+    from hdassist.run.kept import open_kept
+    from hdassist.run.stops import at_stop
+    from hdassist.runfiles import claim_output
+    from hdassist.terminal.answers import csv_text
+    from hdassist.terminal.files import take_output, write_bytes
+    from hdassist.terminal.output import note
+    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.tolerance.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
+    from hdassist.tolerance.sweep import collect
+
+    out = replace(options, output="-").open()
+    file = None if options.output == "-" else options.output
+    packed = file if file is not None and file.endswith(PARQUET_SUFFIX) else None
+    if packed is not None:
+        require_pyarrow()
+        take_output(packed, options.force)
+    streamed = _takes_stdout(options)
+
+    def one(name: str) -> Answer:
+        sweep, drive, owner = _read(name, vary, drives, options.json)
+        pool = stack.enter_context(work.pools())
+        if file is not None and not packed:
+            claim_output(file, is_kept=True)
+        results = stack.enter_context(open_kept(None if packed else file, owner, sweep.kind, force=options.force))
+        rows = _rows(sweep, drive.name, results, pool, out)
+        kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
+        with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
+            swept = collect(sweep, drive, _told(rows, sweep) if streamed else rows)
+        if out.csv not in (None, "-"):
+            out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
+        if packed is not None:
+            data = parquet_bytes(page.columns(sweep), map(page.cells, results.records()), asdict(owner))
+            write_bytes(packed, data, options.force)
+        elif file is not None:
+            results.require_there()
+            note(f"wrote {file}")
+        if page.sweep_exit_code(swept):
+            note(f"error: no row has an answer: {swept.reason}")
+        return Answer(
+            to_json=lambda: page.sweep_json(swept, results.records()),
+            page=None if streamed else lambda style: page.sweep_page(swept, style, name, plots=plot),
+            summary_line=lambda: page.sweep_summary(swept),
+            about=drive.name,
+            warnings=swept.warnings,
+            proof=f"{swept.states} states, greatest residual {swept.max_residual:.1e}",
+            exit_code=page.sweep_exit_code(swept),
+        )
+
+    with ExitStack() as stack:  # a page and JSON are made of the rows that the file of results has
+        code = give("sweep", run_each("sweep", [preset], one, options), options, out)
+    raise typer.Exit(code)
+
+
+def _takes_stdout(options: RowOptions) -> bool:
+    """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
+    import sys
+
+    from hdassist.errors import UsageError
+
+    if options.json and options.csv == "-":
+        raise UsageError("--json and --csv - both take standard output", "--csv FILE")
+    no_page = not (options.json or options.quiet or sys.stdout.isatty())
+    return options.csv == "-" or (no_page and options.csv is None and options.output == "-")
+
+
+def _read(preset: str, vary: list[str], drives: o.LoadedDriveOptions, as_json: bool) -> tuple[Sweep, Drive, KeptOwner]:
+    """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
+    from hdassist.errors import UsageError
+    from hdassist.loading.load import load_text
+    from hdassist.preset.library import read_preset
+    from hdassist.run.kept import KeptOwner
+    from hdassist.tolerance.sweep import Sweep
+    from hdassist.tolerance.vary import read_axes, require_few
+
+    text, file = read_preset(preset)
+    drive = load_text(text, file, [*drives.overrides, *o.torque_overrides(drives.torque)])
+    sweep = Sweep.of(text, file, drive, read_axes(vary, drive.origin.overrides))
+    require_few(sweep.rows)
+    if as_json and sweep.rows > JSON_ROWS:
+        raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
+    what = {"vary": vary, "set": list(drive.origin.overrides)}
+    owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=what)
+    return sweep, drive, owner
+
+
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], pool: Pool, out: Output) -> Iterator[SweepRow]:
+    """Records of all rows: those that are kept, then the others as they are computed and kept."""
+    from contextlib import closing
+
+    from hdassist.tolerance.stream import stream
+
+    yield from results.records()
+    chunks = stream(sweep, sweep.rows, done=results.done, pool=pool)
+    with out.progress(name, sweep.rows - results.done) as progress, closing(chunks):
+        for records in chunks:
+            results.append(records)
+            progress(len(records))
+            yield from records
+
+
+def _told(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
+    """The same records, each written to standard output as CSV when it comes."""
+    from hdassist.pages.sweep import cells, columns
+    from hdassist.terminal.answers import csv_text
+    from hdassist.terminal.files import write_text
+
+    write_text("-", csv_text(list(columns(sweep)), []), force=False)
+    for record in rows:
+        write_text("-", csv_text(cells(record), []), force=False)
+        yield record

@@ -1,0 +1,92 @@
+"""`hdassist trials`: the position of the fixed wheel from measurements in a few positions."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Annotated
+
+import typer
+
+from hdassist.commands.card import CardFile, ChoiceOptions, give_with_card
+from hdassist.terminal import options as o
+
+
+@o.with_groups
+def trials_command(
+    preset: o.Preset,
+    trials: Annotated[
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
+    ],
+    *,
+    drives: o.LoadedDriveOptions,
+    measuring: o.TrialOptions,
+    verify: Annotated[
+        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
+    ] = None,
+    choosing: ChoiceOptions,
+    draws: Annotated[
+        int, typer.Option(min=8, max=1024, help="Effective draws of stiffnesses and clearances, 32 of deviations each.")
+    ] = 32,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn.")] = 0,
+    jobs: o.Jobs = 0,
+    card: o.CardOptions,
+    details: o.Details = False,
+    options: o.FigureOptions,
+) -> None:
+    """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
+
+    \b
+    Examples:
+      hdassist trials vzp160 h0:28.1 h4:17.3 h8:24.9
+      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 h4:17.9 --noise 0.5
+      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --card card.html
+      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --verify h5:16.2
+
+    Mount the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline) in a few positions of its
+    seat, the first three 120 deg apart, at a light torque, measure F'_ior in each and give them all: the offset of the
+    cam (wave generator) is inferred, with all that is uncertain, and the best position with it. Five or six trials are
+    normal; the position to measure next is named. Turns and holes count from where the wheel stood before the first
+    trial, counter-clockwise seen from the cam side. Repeat one position: only that tells the noise.
+    It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure),
+    else the exit code is 6; values that the drive cannot show are refused at once (5). --verify compares the outcome
+    with its prediction and with the other positions, and says keep, or go back (3), or that another may be better (6).
+    -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
+    Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
+    """
+    from hdassist.errors import UsageError
+    from hdassist.mounting.trial import read_trial
+    from hdassist.pages.trials import trials_answer, trials_card_facts
+    from hdassist.run.processes import workers
+    from hdassist.run.run import Run
+    from hdassist.terminal.output import note
+    from hdassist.trials.advice import advise_from_trials
+    from hdassist.trials.prior import Rig, TrialEffort, trial_states
+
+    out = options.open()
+    card_file = CardFile.open(card, options, out)
+    drive, weights = drives.load(preset), choosing.numbers()
+    if verify is not None and card_file:
+        raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
+    holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
+    rig = Rig(measuring.torque_of(torques), measuring.noise, measuring.reseat)
+    effort = TrialEffort.of(draws)
+    analysis = partial(
+        advise_from_trials,
+        drive,
+        [read_trial(text, holes) for text in trials],
+        rig,
+        outcome=None if verify is None else read_trial(verify, holes, drive.mounting.allowed),
+        criterion=choosing.criterion,
+        weights=weights,
+        needed=measuring.sure,
+        effort=effort,
+    )
+    states = trial_states(drive, len({*torques, rig.M_g}), effort)
+    with out.progress(drive.name, states) as progress, workers(jobs) as executor:
+        advice = analysis(run=Run(executor, progress, seed))
+    if options.verbose:
+        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
+    facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
+    told = trials_answer(advice, details=details, carded=card_file is not None)
+    raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))

@@ -1,0 +1,84 @@
+"""Parts of JSON answers that several commands have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from hdassist.belief.influence import Influence
+from hdassist.belief.measure import MeasurementGain
+from hdassist.belief.samples import Samples
+from hdassist.model.unknown import Unknown
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.solve.answers import Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
+
+Json = dict[str, Any]
+
+
+def certificate_object(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
+    """Certificate and cross-check as JSON: the worst of all torques."""
+    crosses = [cross for cross in cross_checks if cross]
+    return {
+        "states": certificate.states,
+        "max_residual": certificate.max_residual,
+        "residuals": {
+            "negative_force": certificate.negative_force,
+            "negative_gap": certificate.negative_gap,
+            "complementarity": certificate.complementarity,
+            "equilibrium": certificate.equilibrium,
+        },
+        "fallbacks": certificate.fallbacks,
+        "cross_check": {
+            "solver": crosses[0].solver,
+            "states": sum(cross.states for cross in crosses),
+            "max_difference_arcsec": max(cross.max_difference_arcsec for cross in crosses),
+        }
+        if crosses
+        else None,
+    }
+
+
+def unknown_objects(unknown: Iterable[Unknown]) -> list[Json]:
+    """Deviations that are not known: each with the range that it may have, in the unit of its field."""
+    return [{"field": u.path, "range": [u.low, u.high], "reason": u.reason} for u in unknown]
+
+
+def samples_object(samples: Samples | None) -> dict[str, Any] | None:
+    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
+    if samples is None:
+        return None
+    refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
+    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}
+
+
+def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
+    """Influences for JSON, the largest first."""
+    return [{"field": each.group, "share": each.share} for each in found]
+
+
+def measure_objects(found: Sequence[MeasurementGain]) -> list[dict[str, Any]]:
+    """Measurements for JSON, the largest gain first."""
+    return [{"what": each.measured, "gain": each.gain} for each in found]
+
+
+def pitch_object(measured: MeasuredTeeth | None) -> dict[str, Any]:
+    """The measured wheels as a JSON object, by wheel; null where a wheel has its first harmonic."""
+    return {name: _wheel(getattr(measured, name, None)) for name in ("b", "g")}
+
+
+def _wheel(wheel: MeasuredWheel | None) -> dict[str, Any] | None:
+    if wheel is None:
+        return None
+    pitch = wheel.pitch
+    return {
+        "file": pitch.file,
+        "sha256": pitch.sha256,
+        "mark_tooth": pitch.mark,
+        "mark_deg": wheel.mark_deg,
+        "flank": pitch.flank,
+        "range_um": float(np.ptp(pitch.deviation)),
+        "notes": list(pitch.notes),
+    }

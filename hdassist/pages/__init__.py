@@ -1,0 +1,1 @@
+"""What an answer looks like: on a terminal, as JSON, CSV, HTML and Markdown."""

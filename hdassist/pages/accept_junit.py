@@ -1,0 +1,108 @@
+"""Acceptances as JUnit XML, which build servers show: a suite for each drive, a test case for each of its checks.
+
+A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
+INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
+that was left out is skipped. Numbers are properties of the suite, where every reader looks for them: test cases have
+none in the strict schema. There are no durations and no machine names; the time of an answer is a property.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from hdassist.acceptance.answer import AcceptAnswer, provenance
+from hdassist.acceptance.decision import Decision
+from hdassist.pages.accept import how_to_decide, sentence
+from hdassist.visible import visible
+
+STARTS = 100_000  # bytes in which the first suite of a lot says so
+XML_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
+ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
+COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
+JUNIT_NUMBERS = (
+    "value",
+    "expanded_uncertainty",
+    "rise",
+    "guard",
+    "limit",
+    "margin",
+    "unit",
+    "basis",
+    "extent",
+    "verdict",
+)
+
+
+def junit(name: str, answers: Sequence[AcceptAnswer], facts: Mapping[str, Any]) -> str:
+    """Suites of all drives as text; name of the whole; facts, properties that each of them has."""
+    root = Element("testsuites", name=visible(name))
+    for answer in answers:
+        _suite(root, answer, facts)
+    for element in (*root, root):
+        kinds = Counter(inner.tag for inner in element.iter())
+        counted = {key: str(kinds[tag]) for key, tag in COUNTED.items() if element is not root or key != "skipped"}
+        element.attrib.update(counted)
+    indent(root)
+    return XML_HEAD + tostring(root, encoding="unicode") + "\n"
+
+
+def is_suite_of_lot(path: str) -> bool:
+    """Whether a file holds suites that `junit` made of a lot."""
+    try:
+        with Path(path).open("rb") as stream:
+            start = stream.read(STARTS).decode("utf-8", "replace")
+    except (OSError, ValueError):
+        return False
+    return start.startswith(f"{XML_HEAD}<testsuites ") and '<property name="lot_sha256" ' in start
+
+
+def _suite(root: Element, answer: AcceptAnswer, facts: Mapping[str, Any]) -> None:
+    preset, serial = answer.preset.name, answer.serial
+    name = serial or preset
+    suite = SubElement(root, "testsuite", name=visible(name))
+    place = SubElement(suite, "properties")
+    known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
+    for check in answer.checks:
+        figures = {key: getattr(check, key) for key in JUNIT_NUMBERS}
+        figures |= {f"belief.{key}": value for key, value in (asdict(check.belief) if check.belief else {}).items()}
+        known |= {f"{_key(check)}.{key}": value for key, value in figures.items()}
+    for key, value in known.items():
+        if value is not None and value != "":
+            SubElement(place, "property", name=key, value=visible(str(value)))
+
+    def case(words: str, tag: str, message: str, kind: str, *lines: str) -> None:
+        place = SubElement(suite, "testcase", classname=visible(name), name=visible(words))
+        attributes = {key: visible(text) for key, text in (("message", message), ("type", kind)) if text}
+        SubElement(place, tag, attributes).text = visible("\n".join(filter(None, lines))) or None
+
+    if error := answer.error:
+        hint = f"hint: {error.hint}" if error.hint else ""
+        code = f"what it means: hdassist explain {error.code}" if error.code else ""
+        message, kind = f"{answer.status}: {error.message.splitlines()[0]}", ERRORS.get(answer.exit_code, "DATA")
+        case("no answer", "error", message, kind, error.message, hint, code)
+    for check in answer.checks:
+        words = f"{check.verdict}: {sentence(check)}"
+        because = f"because: {check.reason}" if check.reason else ""
+        if check.verdict == "PASS":
+            case(check.label, "system-out", "", "", words, because)
+        else:
+            todo = f"what to do: {how_to_decide(check) or f'hdassist explain {check.code}'}"
+            case(check.label, "failure", words, str(check.verdict), words, because, todo)
+    for label in answer.left_out:
+        case(label, "skipped", "not tested: nothing was measured", "")
+    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
+    if answer.fail_on == "warn" and remarks:
+        case("remarks", "failure", f"FAIL: {remarks[0]}", "REMARK", *remarks)
+    elif remarks:
+        SubElement(suite, "system-out").text = visible("\n".join(remarks))
+
+
+def _key(check: Decision) -> str:
+    """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
+    order = "" if check.per_cam_rev is None else f"_{check.per_cam_rev:g}"
+    return f"{check.code}{order}" + ("" if check.M_g_Nm is None else f"@{check.M_g_Nm:g}")

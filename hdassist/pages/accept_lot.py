@@ -1,0 +1,159 @@
+"""A lot for people: a line for each drive, and a summary; and as one JSON object."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from hdassist.acceptance.answer import AcceptAnswer, answer_json
+from hdassist.acceptance.decision import Decision
+from hdassist.acceptance.limits import Limit
+from hdassist.acceptance.lot import Lot
+from hdassist.pages.accept import bound, how_to_decide, number, numbers, sentence, to_explain
+from hdassist.preset.yamltext import shown
+from hdassist.terminal.answers import together
+from hdassist.terminal.console import Style
+from hdassist.verdict import SEVERITY
+from hdassist.version import __version__
+
+Z = 1.959963984540054  # standard normal: 95 % within
+LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE")
+QUANTILES = {"least": 0.0, "quantile_05": 0.05, "median": 0.5, "quantile_95": 0.95, "greatest": 1.0}
+LOT_HEADINGS = ("check", "values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
+
+
+def lot_line(answer: AcceptAnswer, width: int, *, is_short: bool = False) -> str:
+    """One drive: serial, verdict, and unless it is short the check that decides; width: that of the longest serial.
+
+    The check that decides is, of those of the worst verdict, the one with the least room for its limit.
+    """
+    if is_short:
+        return f"{title(answer)} {answer.status}"
+    if answer.error:
+        first, *more = answer.error.message.splitlines()
+        words = first + (f" (and {len(more)} more)" if more else "")
+    else:
+        rank = {check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit) for check in answer.checks}
+        words = sentence(min(rank, key=lambda check: rank[check]))
+    return f"{title(answer):<{width}}  {answer.status:<12}  {words}"
+
+
+def title(answer: AcceptAnswer) -> str:
+    """What a drive is called on a line: its serial, whatever it has of control characters escaped."""
+    name = answer.serial or answer.preset.name
+    return shown(name, len(name))
+
+
+def accept_lot_page(lot: Lot, answers: Sequence[AcceptAnswer], style: Style) -> RenderableType:
+    """Counts, yield, the spread of values, and what it rests on."""
+    found = summary(answers)
+    counts = [f"{n} {verdict}" for verdict, n in found["verdicts"].items() if n]
+    counts += [f"{found['broken']} broken ({100 * found['broken_share']:.3g} %)"] * bool(found["broken"])
+    parts: list[RenderableType] = [
+        Text(style.text(f"{lot.file}: {_drives(found['drives'])}, {', '.join(counts)}"), style="bold")
+    ]
+    share, rows = found["yield"], found["checks"]
+    if share["with_verdict"]:
+        low, high = (100 * end for end in share["interval_95"])
+        words = (
+            f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
+            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"
+        )
+        cells = [_cells(row, several=len({row["preset"] for row in rows}) > 1) for row in rows]
+        parts += [Text(style.text(words)), Text(""), numbers(style, "", LOT_HEADINGS, cells)]
+    part = sum(row["of_part_only"] for row in rows)
+    lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
+    remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
+    lines += [f"remark {code}: {_drives(remarks[code])}" for code in sorted(remarks)]
+    checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
+    close = {f"{check.label}: measure it" for check in checks if how_to_decide(check)}
+    lines += [f"not settled by its prediction, {words}" for words in sorted(close)]
+    lines += [f"what to do: {command}" for command in [to_explain(checks)] if command]
+    lines.append(f"hdassist {__version__}, {lot.file}, sha256 {lot.sha256[:12]}; all else stands in --json or --jsonl")
+    return Group(*parts, *(Text(style.text(line)) for line in lines))
+
+
+def _cells(row: Mapping[str, Any], several: bool) -> list[str]:
+    """A cell for each of HEADINGS; several: whether the lot has drives of several presets."""
+    limit = Limit(row["code"], row["limit_greatest"], row["M_g_Nm"], row["per_cam_rev"])
+    ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
+    found = ["-" if row[key] is None else number(row[key], limit) for key in QUANTILES]
+    name = f"{row['preset']}: " * several + f"{limit.label}, {row['unit']}, {row['basis'] or 'no value'}"
+    return [name, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"]
+
+
+def _drives(count: int) -> str:
+    return f"{count} drive{'s' * (count != 1)}"
+
+
+def accept_lot_json(lot: Lot, answers: Sequence[AcceptAnswer]) -> dict[str, Any]:
+    """The lot as one JSON object: every answer, and what they say together."""
+    return {
+        **together("accept", [answer_json(answer) for answer in answers]),
+        "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows), "notes": list(lot.notes)},
+        "summary": summary(answers),
+    }
+
+
+def summary(answers: Sequence[AcceptAnswer]) -> dict[str, Any]:
+    """Counts, yield with its interval, and how the values of each check spread, as JSON has them."""
+    counts = {verdict: sum(answer.status == verdict for answer in answers) for verdict in LOT_VERDICTS}
+    decided = sum(counts.values())
+    groups: dict[tuple[Any, ...], list[Decision]] = {}
+    for answer in answers:
+        for check in answer.checks:
+            same = (answer.preset.name, check.code, check.M_g_Nm, check.per_cam_rev, check.basis)
+            groups.setdefault(same, []).append(check)
+    return {
+        "drives": len(answers),
+        "verdicts": counts,
+        "broken": len(answers) - decided,
+        "broken_share": (len(answers) - decided) / len(answers) if answers else None,
+        "yield": {
+            "passed": counts["PASS"],
+            "with_verdict": decided,
+            "share": counts["PASS"] / decided if decided else None,
+            "interval_95": list(wilson(counts["PASS"], decided)),
+            "interval": "Wilson",
+        },
+        "checks": [{"preset": preset, **_spread(checks)} for (preset, *_), checks in groups.items()],
+    }
+
+
+def _spread(checks: Sequence[Decision]) -> dict[str, Any]:
+    """How the values of one check spread that are known in one way."""
+    first, whole = checks[0], [each.value for each in checks if each.value is not None and each.extent == "whole"]
+    limits = [each.limit for each in checks]
+    return {
+        **{key: getattr(first, key) for key in ("code", "M_g_Nm", "per_cam_rev", "basis", "unit")},
+        "drives": len(checks),
+        "values": len(whole),
+        "of_part_only": len(checks) - len(whole),
+        **(quantiles(whole) if whole else dict.fromkeys(QUANTILES)),
+        "limit_is": first.limit_is,
+        "limit_least": min(limits),
+        "limit_greatest": max(limits),
+        "passed": sum(each.verdict == "PASS" for each in checks),
+    }
+
+
+def wilson(passed: int, of: int) -> tuple[float, float]:
+    """The 95 % interval of a share, after Wilson (1927); 0 to 1 where nothing was counted."""
+    if not of:
+        return 0.0, 1.0
+    share, weight = passed / of, Z**2 / of
+    centre = (share + weight / 2) / (1 + weight)
+    half = Z / (1 + weight) * sqrt(share * (1 - share) / of + weight / (4 * of))
+    return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def quantiles(values: Sequence[float]) -> dict[str, float]:
+    """Least, 5 %, 50 %, 95 % and greatest of some values, straight between neighbours."""
+    found = np.quantile(np.asarray(values, dtype=float), list(QUANTILES.values()))
+    return dict(zip(QUANTILES, map(float, found), strict=True))

@@ -1,0 +1,322 @@
+"""The assembly card: what the assembler at the bench needs of an advice, in the language of the reader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date
+from math import inf
+
+from hdassist.belief.samples import Probability
+from hdassist.model.wheels import MeasuredTeeth
+from hdassist.mounting.positions import FREE_STEP, Choice, Position
+from hdassist.mounting.trial import Tried
+from hdassist.pages.seat import Seat, SeatMark, instruction, place_at, seat_of, turn, wheel
+from hdassist.preset.fields import Drive
+from hdassist.preset.schema import counted
+from hdassist.preset.yamltext import shown
+from hdassist.terminal.texts import HOME, Texts
+from hdassist.terminal.wheels_page import wheels
+from hdassist.version import __version__
+
+WARNINGS = 4  # that a card has room for
+LETTERS_OF_WARNINGS = 240  # of one of them
+DIGITS = 12  # of a SHA-256
+MOST_TORQUES = 12  # that a card has room for
+CARD_TRIALS = 8  # that a card has room for
+TORQUES_SIDE_BY_SIDE = 4  # torques whose values stand side by side
+
+
+@dataclass(frozen=True)
+class CardFacts:
+    """What a card tells, whoever advises.
+
+    choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
+    percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
+    than the present one, None where nothing was drawn; good: probability that the position is good after trials; open_:
+    number of values that were drawn; weights of the torques; warnings, in the reader's language; tried, where the
+    advice comes of trials: then the wheel lies in the last of them, and turns count from before the first.
+    """
+
+    choice: Choice
+    cam_deg: float | None
+    measured: MeasuredTeeth | None = None
+    gain_range: tuple[float, float, float] | None = None
+    gain_probability: Probability | None = None
+    good: float | None = None
+    open_: int = 0
+    weights: tuple[float, ...] | None = None
+    warnings: tuple[str, ...] = ()
+    tried: Tried | None = None
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of text under a title."""
+
+    title: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CardTable:
+    """Title, heads of the columns, rows (an empty cell is one to write in), and a line below."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Card:
+    """One page for the bench.
+
+    subject: label and value, an empty value being a line to write on; torques: before and after, the last column
+    empty for what is measured; sign: labels of lines to write on.
+    """
+
+    language: str
+    title: str
+    subject: tuple[tuple[str, str], ...]
+    instruction: str
+    seat: Seat
+    directions: tuple[str, ...]
+    torques: CardTable
+    others: CardTable
+    chance: Lines
+    checks: Lines
+    warnings: Lines
+    sign: tuple[str, ...]
+    foot: tuple[str, ...]
+
+
+def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Card:
+    """The card of an advice that is complete.
+
+    Arguments: facts; say, the texts of a language; serial, number of the drive; made, date of making.
+    """
+    if facts.tried:
+        say = say.variant("trials")
+    choice = facts.choice
+    seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(facts, say)))
+    return Card(
+        language=say.language,
+        title=say("card.title"),
+        subject=tuple(_subject(facts, say, serial)),
+        instruction=_instruction(facts, say),
+        seat=seat,
+        directions=tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers),
+        torques=_torques(choice, say),
+        others=_other_positions(choice, say),
+        chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
+        checks=Lines(say("checks.title"), tuple(_checks(facts, say))),
+        warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say))),
+        sign=(say("sign.date"), say("sign.name")),
+        foot=tuple(_foot(facts, say, made)),
+    )
+
+
+def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, str]]:
+    drive = facts.choice.drive
+    gears, mounting, fixed = drive.gears, drive.mounting, wheel(drive, say)
+    symbol, deviation = ("xi_b", "F'_i2") if mounting.fixed == "rigid" else ("xi_g", "F'_i1")
+    kind = mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
+    mark = say(f"card.mark_{kind}", wheel=fixed, symbol=symbol, deviation=deviation)
+    if measured := facts.measured and facts.measured.fixed(drive):
+        mark = say("card.mark_tooth", wheel=fixed, tooth=measured.pitch.mark)
+    seat = say("card.seat_free")
+    if mounting.holes:
+        seat = say("card.seat_holes", holes=say.holes(mounting.holes), angle=say.angle(360 / mounting.holes))
+    yield say("card.drive"), drive.name
+    yield say("card.serial"), serial
+    yield say("card.teeth"), say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m))
+    yield say("card.fixed"), fixed
+    yield say("card.torques"), ", ".join(map(say.torque, drive.operation.M_g[:MOST_TORQUES]))
+    yield say("card.seat"), seat
+    yield say("card.mark"), mark
+    yield say("card.sense"), say("card.sense_is")
+
+
+def _instruction(facts: CardFacts, say: Texts) -> str:
+    return (after_trials if facts.tried else instruction)(facts.choice, say, room=TORQUES_SIDE_BY_SIDE)
+
+
+def after_trials(choice: Choice, say: Texts, *, room: float = inf) -> str:
+    """What to do after trials: the wheel lies in the last of them, and the first position is one to go to."""
+    if not choice.turn:
+        return say("instruction.first", wheel=wheel(choice.drive, say))
+    return f"{instruction(choice, say, room=room)} {say('instruction.from_first')}"
+
+
+def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
+    """Directions of the mark now and afterwards (one where they are the same), and of the cam offset if it has one."""
+    drive, turned = facts.choice.drive, facts.choice.target.rotation_deg
+    rigid = drive.mounting.fixed == "rigid"
+    measured = facts.measured and facts.measured.fixed(drive)
+    mark = measured.mark_deg if measured else drive.value("phases.xi_b" if rigid else "phases.xi_g")
+    if mark is None:
+        pass  # nobody knows where it points
+    elif turned % 360:
+        yield SeatMark("now", mark % 360, "a", say("pointer.now"))
+        yield SeatMark("after", (mark % 360 + turned) % 360, "b", say("pointer.after"))
+    else:
+        yield SeatMark("after", mark % 360, "b", say("pointer.stays"))
+    if facts.cam_deg is not None:
+        yield SeatMark("cam", facts.cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
+
+
+def _torques(choice: Choice, say: Texts) -> CardTable:
+    """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
+    names = ("torque", "now", *(("after", "change") if choice.turn else ()), "measured")
+    rows = []
+    values = zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True)
+    for M_g, now, new in list(values)[:MOST_TORQUES]:
+        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if choice.turn else ()
+        rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
+    more = len(choice.torques) - MOST_TORQUES
+    note = say("torques.more", count=more) if more > 0 else ""
+    return CardTable(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), note)
+
+
+def _other_positions(choice: Choice, say: Texts) -> CardTable:
+    """What the positions to both sides, the second best and the worst one would cost against the target."""
+    beside, holes = len(choice.torques) <= TORQUES_SIDE_BY_SIDE, choice.drive.mounting.holes
+    torques = say("unit.torque", torque=" / ".join(map(say.number, choice.torques)))
+    head = [
+        say("others.position"),
+        say("others.hole" if holes else "others.turn"),
+        *([say("others.values", torques=torques)] if beside else []),
+        say("others.against_now"),
+        say("others.lost"),
+    ]
+    rows = []
+    for words, position in _others(choice, say):
+        if isinstance(position, int):
+            rows.append((words, f"{position}", *["-"] * (len(head) - 2)))
+            continue
+        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
+        values = [" / ".join(say.number(v, ".2f") for v in position.F_ior_arcsec)] if beside else []
+        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, choice.target))
+        rows.append((words, where, *values, *changes))
+    note = say("others.counted") + ("" if beside else " " + say("others.more"))
+    return CardTable(say("others.title"), tuple(head), tuple(rows), note if rows else "")
+
+
+def _others(choice: Choice, say: Texts) -> Iterator[tuple[str, Position | int]]:
+    """Each other position once, with all that it is in words; a number for a hole that is not allowed."""
+    target, ranked = choice.target, choice.ranked
+    ahead, back = _neighbour(choice, 1), _neighbour(choice, -1)
+    named: list[tuple[str, Position | int | None]] = [
+        (say("others.ahead", step=_step(target, ahead, say)), ahead),
+        (say("others.back", step=_step(target, back, say)), back),
+    ]
+    if not choice.turn:
+        named.append((say("others.not_worth"), choice.chosen))
+    if choice.drive.mounting.holes:  # at a free angle it lies beside the best
+        named.append((say("others.second"), next((p for p in ranked if p not in (target, choice.chosen)), None)))
+    named += [(say("seat.worst"), ranked[-1]), (say("seat.now"), choice.current)]
+    merged: dict[Position | int, list[str]] = {}
+    for words, position in named:
+        alone = words == say("seat.now") and position not in merged  # it has a table of its own
+        if position is not None and position != target and not alone:
+            merged.setdefault(position, []).append(words)
+    for position, words_of in merged.items():
+        yield "; ".join([*words_of, *([say("others.not_allowed")] if isinstance(position, int) else [])]), position
+
+
+def _neighbour(choice: Choice, side: int) -> Position | int | None:
+    """The position one hole further, its number where it is not allowed; at a free angle the nearest that was tried."""
+    target = choice.target
+    if holes := choice.drive.mounting.holes:
+        wanted = ((target.hole or 0) + side) % holes
+        return next((p for p in choice.ranked if p.hole == wanted), wanted)
+    steps = [(side * _away(p, target), p) for p in choice.ranked]
+    return min((pair for pair in steps if pair[0] >= FREE_STEP / 2), default=(0.0, None), key=lambda pair: pair[0])[1]
+
+
+def _step(target: Position, found: Position | int | None, say: Texts) -> str:
+    """How far away a neighbour is: a hole, or an angle where the seat has none."""
+    if isinstance(found, Position) and found.hole is None:
+        return say.angle(round(abs(_away(found, target)), 6))
+    return say.holes(1)
+
+
+def _away(one: Position, other: Position) -> float:
+    """Counter-clockwise turn from the other to the one [deg], in -180..180."""
+    return (one.rotation_deg - other.rotation_deg + 180) % 360 - 180
+
+
+def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
+    choice, gain = facts.choice, facts.gain_probability
+    if facts.gain_range and gain and choice.turn:
+        low, middle, high = map(say.percent, facts.gain_range)
+        yield say("chance.turn", count=facts.open_, low=low, middle=middle, high=high, gain=say.percent(gain.value))
+    elif gain:
+        yield say("chance.leave", count=facts.open_, gain=say.percent(gain.value))
+    if facts.good is not None:
+        yield say("chance.good", good=say.percent(facts.good))
+    if facts.weights:
+        yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
+    kinds = counted(choice.drive)
+    yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
+
+
+def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:
+    chosen = facts.choice.chosen
+    yield say("checks.clean")
+    yield say("checks.pilot")
+    if facts.choice.turn:
+        name = "checks.place_angle" if chosen.hole is None else "checks.place_hole"
+        yield say(name, turn=turn(chosen, say), hole=chosen.hole)
+    elif facts.tried:
+        yield say("checks.place_first")
+    for name in ("free", "screws", "mesh"):
+        yield say(f"checks.{name}")
+
+
+def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
+    """Warnings of a preset, as they are; in another language than theirs what was taken as 0, and how many more."""
+    origin = drive.origin
+    if say.language == HOME:
+        return origin.warnings
+    told, more = [], len(origin.warnings)
+    if origin.zeros:
+        told.append(say("warning.zeros", count=len(origin.zeros)))
+        more -= 1
+    if more:
+        told.append(say("warning.preset", count=more))
+    return tuple(told)
+
+
+def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:
+    yield from map(_cut, found[:WARNINGS])
+    if len(found) > WARNINGS:
+        yield say("warnings.more", count=len(found) - WARNINGS)
+
+
+def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
+    drive = facts.choice.drive
+    if facts.tried:
+        trials = [
+            say(
+                "foot.trial",
+                where=place_at(t.rotation_deg, drive.mounting.holes, say),
+                value=say.number(t.F_ior_arcsec),
+            )
+            for t in facts.tried.trials[:CARD_TRIALS]
+        ]
+        yield say("foot.trials", torque=say.torque(facts.tried.M_g), trials="; ".join(trials))
+    yield say("foot.source")
+    digest = drive.origin.sha256[:DIGITS]
+    yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
+    for name, measured in wheels(facts.measured):
+        file, digest = shown(measured.pitch.file), measured.pitch.sha256[:DIGITS]
+        yield say("foot.measured", wheel=say(f"wheel.{name}"), file=file, digest=digest)
+    if drive.origin.overrides:
+        yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))
+
+
+def _cut(text: str) -> str:
+    """As much of a text as a card has room for."""
+    return text if len(text) <= LETTERS_OF_WARNINGS else f"{text[:LETTERS_OF_WARNINGS].rstrip()}..."

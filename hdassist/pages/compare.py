@@ -1,0 +1,275 @@
+"""A comparison of a measured trace with a drive as a page, as JSON, and as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from functools import partial
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
+from hdassist.comparing.explanations import Explanation, VectorChange, equally_good
+from hdassist.comparing.record import Alignment, OrderAmplitude, OrderPair
+from hdassist.json_parts import Json, certificate_object
+from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import unknown_notes
+from hdassist.terminal.answers import envelope
+from hdassist.terminal.brief import again, facts, not_known, on_what, proof
+from hdassist.terminal.console import Style, TextTable
+from hdassist.terminal.influence_words import named
+from hdassist.terminal.plot import two_curves
+from hdassist.terminal.quantities import Quantity, as_object
+from hdassist.terminal.runs import Answer, CsvTable
+from hdassist.textfile import STDIN
+
+PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
+TABLED_ORDERS = 12  # the greatest
+SHORT_PAGE = 5  # numbers on a short page
+WORDS = ("", "deviation", "cause")  # heads of columns that are no numbers
+
+COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
+    Quantity("measured.range_arcsec", "measured range", "arcsec", ".2f", lambda r: r.sweep.range.value),
+    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "arcsec", ".2f",
+             lambda r: r.sweep.uncertainty_arcsec),
+    Quantity("predicted.range_arcsec", "predicted range", "arcsec", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
+    Quantity("difference.rms_arcsec", "difference, rms", "arcsec", ".2f", lambda r: r.difference_rms_arcsec),
+    Quantity("difference.largest_arcsec", "  largest", "arcsec", ".2f", lambda r: r.largest[0]),
+    Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
+    Quantity("difference.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.difference_curve))),
+    Quantity("residual.rms_arcsec", "beyond orders, rms", "arcsec", ".2f", lambda r: float(np.std(r.residual_arcsec))),
+    Quantity("residual.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
+    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "arcsec", ".2f", lambda r: r.unchanged.F_ior_arcsec),
+    Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda r: r.sweep.bins.span),
+    Quantity("measured.is_full_cycle", "  is the full cycle", "", "", lambda r: not r.sweep.is_bound),
+    Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
+    Quantity("degrees_of_freedom", "  degrees of freedom", "", "", lambda r: r.unchanged.degrees_of_freedom),
+)  # fmt: skip
+
+
+def comparison_answer(result: Comparison, *, plots: bool, details: bool = False) -> Answer:
+    """A comparison in each form; plots, whether curves are drawn; details, whether all tables are shown."""
+    return Answer(
+        to_json=partial(_json, result),
+        page=lambda style: comparison_page(result, style, plots=plots, details=details),
+        summary_line=lambda: " ".join([result.conclusion.kind, *_options(result)]),
+        figures=partial(_figures, result),
+        about=result.measurement.trace.file,
+        warnings=result.warnings,
+        proof=result.certificate,
+    )
+
+
+def _options(result: Comparison) -> list[str]:
+    """Options that follow from the conclusion: how else to read the file, or the new values of deviations."""
+    best, own, mirror = result.conclusion.best, result.convention, result.mirror
+    if result.conclusion.kind == "mirrored" and mirror:
+        other = mirror.convention
+        options = {"--error-is": (own.error_is, other.error_is), "--cam-sense": (own.cam_sense, other.cam_sense)}
+        return [word for option, (now, then) in options.items() if now != then for word in (option, then)]
+    sets = best.overrides if best and result.conclusion.kind != "unexplained" else ()
+    return [word for text in sets for word in ("--set", text)]
+
+
+def _angles(result: Comparison, alignment: Alignment) -> dict[str, float]:
+    """Start and zero of a record by their names, from -180 to 180 deg."""
+    start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
+    angles = {start: alignment.start_deg, "cam_zero": alignment.zero_deg}
+    return {name: (angle + 180) % 360 - 180 for name, angle in angles.items()}
+
+
+def _verdict(result: Comparison) -> str:
+    """The conclusion in a sentence."""
+    best = result.conclusion.best
+    name = named(best.deviations[0]) if best else ""
+    share = f"{100 * best.explained_share:.1f} % of the difference" if best else ""
+    mirrored = f"{result.mirror.rms_arcsec:.2f} arcsec rms: {' '.join(_options(result))}" if result.mirror else ""
+    one = f"the best single deviation, {name}, explains {share}; the rest is clear of noise"
+    return {
+        "agrees": "agrees: noise and stiffnesses that are a little off explain it; no change of the preset is needed",
+        "mirrored": f"mirrored: read the other way round the file fits clearly better, {mirrored}",
+        "one": f"explained by one deviation, {name}: {share}, and no more is left than noise",
+        "several": f"explained by several deviations together, not by one: {share}, and no more is left than noise",
+        "unexplained": f"unexplained: {one if best else 'no deviation explains the difference'}",
+    }[result.conclusion.kind]
+
+
+def comparison_page(result: Comparison, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+    """Conclusion, both curves in one plot, what would explain the difference; with details all orders and fits."""
+    trace = result.measurement.trace
+    head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.sweep.bins.span:.2f} cam turns"
+    parts: list[RenderableType] = [Text(style.text(words), style="bold") for words in (head, _verdict(result))]
+    if plots:
+        parts.append(Text(_plot(result, style)))
+    if details:
+        parts += _tables(result, style)
+    parts.append(facts(style, _lines(result, details)))
+    return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
+    """What is to be known beside the curves, a label and a text each."""
+    best, joint, alignment = result.conclusion.best, result.joint, result.unchanged.alignment
+    for quantity in COMPARED_NUMBERS if details else COMPARED_NUMBERS[:SHORT_PAGE]:
+        yield quantity.label, f"{quantity.text(result)} {quantity.unit}"
+    for (name, angle), u in zip(_angles(result, alignment).items(), result.uncertainties_deg, strict=True):
+        sure = "given" if u is None else f"fitted, u = {u:.1f}"
+        yield (
+            name,
+            f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it",
+        )
+    same = "cam/ratio - output, as F_kpp" if alignment.sign > 0 else "output - cam/ratio, against F_kpp"
+    sense = "counter-clockwise" if alignment.sense > 0 else "clockwise"
+    yield "read as", f"error: {same}; cam angle: {sense}, seen from the cam side; phases are the file's"
+    if best and best.changes:
+        size, direction = _size_and_direction(best.changes[0])
+        yield "fitted", f"{named(best.deviations[0])}: {size} um" + f" at {direction} deg" * (direction != "-")
+    if best and result.conclusion.kind == "one":
+        others = [other.deviations[0] for other in equally_good(best, result.singles)]
+        yield "or", f"{', '.join(others)} alone: the record does not decide between them" if others else ""
+    if joint and joint.not_told_apart:
+        yield "together", f"the record cannot tell apart: {'; '.join(map(', '.join, joint.not_told_apart))}"
+    if rest := joint if joint and joint.orders_left else best:
+        left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f} arcsec" for p in rest.orders_left]
+        yield "left", "; ".join(left)
+    yield from (("note", note) for note in result.measurement.notes if details)
+    yield "rests on", on_what(result.drive)
+    yield "unknown", not_known(result.drive)
+    file = result.measurement.trace.file
+    other = ["compare", "-" if file == STDIN else file] if result.conclusion.kind == "mirrored" else ["mount"]
+    yield "next", again(other[0], result.drive, *other[1:], *_options(result))
+    yield "proof", proof(result.certificate)
+    yield "more", "" if details else "--details"
+
+
+def _plot(result: Comparison, style: Style) -> str:
+    bins, worst = result.sweep.bins, result.largest[1]
+    sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
+    first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
+    low = min(max(worst - PLOTTED_TURNS, first), max(last - 2 * PLOTTED_TURNS, first))
+    shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * PLOTTED_TURNS)
+    predicted = result.predicted_arcsec[shown]
+    return two_curves(
+        style, bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
+        x_label="cam angle, turns: around the largest difference", y_label="error, arcsec",
+    )  # fmt: skip
+
+
+def table_of(style: Style, title: str, heads: Iterable[str], rows: Iterable[Iterable[str]]) -> TextTable:
+    """A table of words and numbers, which is never cut."""
+    names, cells = tuple(heads), [tuple(map(style.text, row)) for row in rows]
+    return TextTable(style, title, names, tuple(head not in WORDS for head in names), overflow="fold", rows=cells)
+
+
+def _tables(result: Comparison, style: Style) -> Iterator[TextTable]:
+    """The greatest orders, and all fits."""
+
+    def greatest(pair: OrderPair) -> float:
+        return -max(pair.measured.amplitude_arcsec, pair.predicted.amplitude_arcsec)
+
+    title = f"amplitude·cos(order·angle + phase), arcsec and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
+    heads = ("order", "measured", "phase", "predicted", "phase", "difference", "cause")
+    shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
+    cells = [[c for a in (p.measured, p.predicted, p.difference) for c in _amplitude(a)][:5] for p in shown]
+    orders = ((f"{p.per_cam_rev:.2f}", *row, p.cause) for p, row in zip(shown, cells, strict=True))
+    yield table_of(style, title, heads, orders)
+    if result.singles:
+        title = (
+            "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
+        )
+        columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
+        fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
+        rows = (row for found in (*fits, result.joint) if found for row in _rows(found))
+        yield table_of(style, title, columns, rows)
+
+
+def _amplitude(found: OrderAmplitude) -> Iterator[str]:
+    """Cells of amplitude and, where it is of use, phase of an order."""
+    yield _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
+    if found.phase_deg is not None:
+        yield f"{found.phase_deg:.0f}"
+
+
+def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
+    """A value with its standard uncertainty, as far as there are such."""
+    spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
+    return "-" if value is None else f"{value:.{digits}f}{spread}"
+
+
+def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
+    """Cells of size [um] and direction [deg]; dashes without a change."""
+    if change is None:
+        return "-", "-"
+    size = _plus_minus(change.size_um, change.size_uncertainty_um)
+    return size, _plus_minus(change.direction_deg, change.direction_uncertainty_deg)
+
+
+def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
+    """Rows of a fit: a line of its own where it has not just one deviation, and each of its deviations."""
+    left, F_ior = f"{found.chi_square / found.degrees_of_freedom:.2f}", _plus_minus(found.F_ior_arcsec, None, 2)
+    numbers: tuple[str, ...] = (f"{100 * max(found.explained_share, 0):.1f} %", left, F_ior)
+    if len(found.deviations) != 1:
+        yield "all together" if found.deviations else "none: as the preset", "", "", *numbers
+        numbers = ("", "", "")
+    changes = {change.size: change for change in found.changes if found.clear}
+    for path in found.deviations:
+        yield path.split(".")[1], *_size_and_direction(changes.get(path)), *numbers
+
+
+def _json(result: Comparison) -> Json:
+    """The comparison as a JSON object."""
+    trace, conclusion, alignment = result.measurement.trace, result.conclusion, result.unchanged.alignment
+    best = conclusion.best
+    place: Json = {}
+    for (name, angle), uncertainty in zip(_angles(result, alignment).items(), result.uncertainties_deg, strict=True):
+        place[f"{name}_deg"] = angle
+        place |= {f"{name}_uncertainty_deg": uncertainty, f"{name}_fitted": uncertainty is not None}
+    place["error_is"] = "cam-output" if alignment.sign > 0 else "output-cam"
+    place["cam_sense"] = "ccw" if alignment.sense > 0 else "cw"
+    mirror = result.mirror
+    return {
+        **envelope(
+            "compare", result.drive, 0, [*result.drive.origin.warnings, *unknown_notes(result.drive), *result.warnings]
+        ),
+        "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
+        "notes": list(result.measurement.notes),
+        "M_g_Nm": result.M_g,
+        "place": place,
+        **as_object(COMPARED_NUMBERS, result),
+        "orders": [asdict(pair) for pair in result.orders],
+        "finding": {
+            "kind": conclusion.kind,
+            **{key: getattr(best, key) if best else empty for key, empty in FINDING.items()},
+        },
+        "mirrored": mirror and {"option": " ".join(_options(result)), "difference_rms_arcsec": mirror.rms_arcsec},
+        "singles": [_fit_object(result, single) for single in result.singles],
+        "joint": result.joint and _fit_object(result, result.joint),
+        "certificate": certificate_object(result.certificate),
+        "seed": result.measurement.seed,
+    }
+
+
+FINDING: Json = {"deviations": [], "overrides": [], "F_ior_arcsec": None}
+
+
+def _fit_object(result: Comparison, found: Explanation) -> Json:
+    """One explanation as a JSON object."""
+    left = [
+        {"per_cam_rev": p.per_cam_rev, "amplitude_arcsec": p.difference.amplitude_arcsec, "cause": p.cause}
+        for p in found.orders_left
+    ]
+    angles = {f"{name}_deg": angle for name, angle in _angles(result, found.alignment).items()}
+    fields = asdict(found)
+    del fields["alignment"]
+    return {**fields, "orders_left": left, **angles}
+
+
+def _figures(result: Comparison) -> CsvTable:
+    """One row per step of the angle: error less level and drift, prediction, residual."""
+    bins, predicted, residual = result.sweep.bins, result.predicted_arcsec, result.residual_arcsec
+    columns = (bins.sweep, 360 * bins.turns, predicted + residual, predicted, residual)
+    name = result.measurement.trace.file
+    rows = [[name, *values] for values in zip(*(column.tolist() for column in columns), strict=True)]
+    return ["file", "sweep", "cam_deg", "measured_arcsec", "predicted_arcsec", "residual_arcsec"], rows

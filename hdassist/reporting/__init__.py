@@ -1,1 +1,0 @@
-"""report: everything about a drive as one page to hand on."""
