@@ -110,7 +110,7 @@ def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], 
 
 def _with(library: object, formulation: Formulation, torque: float, first: StateGaps) -> Engine:
     """An engine that walks by a library; it is chosen when the first state is solved."""
-    with patch.object(walk, "library", lambda: (library, "")):
+    with patch.object(walk, "walk_library", lambda: (library, "")):
         engine = Engine(formulation, torque, many=True)
         engine.solve(first)
     return engine

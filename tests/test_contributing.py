@@ -17,7 +17,10 @@ def test_a_check_is_added_as_the_page_says(tmp_path):
     shutil.copytree(ROOT / "presets", tmp_path / "presets")
     changes = {
         "preset/fields.py": ("    order_amplitude: ", textwrap.indent(field, "    ") + "    order_amplitude: "),
-        "acceptance/checks.py": ("CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER, LOST_MOTION, *STIFFNESSES)\n", check),
+        "acceptance/checks.py": (
+            "CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STIFFNESSES)\n",
+            check,
+        ),
     }
     for name, (old, new) in changes.items():
         file = tmp_path / "hdassist" / name

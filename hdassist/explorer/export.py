@@ -8,7 +8,6 @@ from dataclasses import replace
 from datetime import date
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from hdassist.commands.card import CARD_SUFFIXES, SERIAL
 from hdassist.errors import HdassistError, UsageError
@@ -19,9 +18,9 @@ from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
 from hdassist.mounting.advice import Advice
 from hdassist.pages import card_render
-from hdassist.pages import mount as mount_page
-from hdassist.pages import trials as trials_page
 from hdassist.pages.card import card_of
+from hdassist.pages.mount import mount_card_facts, mount_json
+from hdassist.pages.trials import trials_card_facts, trials_json
 from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
@@ -63,9 +62,7 @@ class Exporting(Asking):
         of_mount = isinstance(advice, Advice)
 
         def text() -> str:
-            found = (
-                mount_page.mount_json(advice, SEED) if isinstance(advice, Advice) else trials_page.trials_json(advice)
-            )
+            found = mount_json(advice, SEED) if isinstance(advice, Advice) else trials_json(advice)
             return json_text(found)
 
         fields = [("file", self.named("-mount.json" if of_mount else "-trials.json"))]
@@ -131,8 +128,8 @@ class Exporting(Asking):
 def card(advice: Advice | TrialAdvice, path: str, serial: str) -> str:
     """The assembly card of an advice, in the form that a file's name asks for."""
     say = texts()
-    page: Any = mount_page if isinstance(advice, Advice) else trials_page
-    made = card_of(page.card_facts(advice, say), say, serial=serial, made=date.today())
+    facts = mount_card_facts(advice, say) if isinstance(advice, Advice) else trials_card_facts(advice, say)
+    made = card_of(facts, say, serial=serial, made=date.today())
     return RENDERED[Path(path).suffix.lower()](made)
 
 

@@ -30,7 +30,7 @@ def test_findings_are_there_as_json() -> None:
 
 
 def test_other_digits_are_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "F_IOR", 8.5719)
+    monkeypatch.setattr(doctor, "STORED_F_IOR", 8.5719)
     done = run("doctor")
     assert done.returncode == 5
     assert "self-test" in done.stdout

@@ -237,7 +237,7 @@ def test_schema_is_json() -> None:
 )
 def test_help_imports_nothing_heavy(arguments: list[str], heavy: set[str]) -> None:
     code = (
-        "import sys; from typer.testing import CliRunner; from hdassist.cli.presets import app\n"
+        "import sys; from typer.testing import CliRunner; from hdassist.cli.presets import presets_app as app\n"
         f"assert CliRunner().invoke(app, {arguments}).exit_code == 0\n"
         "print(*sys.modules)"
     )

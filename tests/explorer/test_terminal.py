@@ -174,7 +174,8 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
 @needs_proc
 def test_a_crash_gives_the_terminal_back_too() -> None:
     before = processes()
-    crash = "import hdassist.explorer.words as words; from hdassist.cli.main import main; words.head = None; main()"
+    begin = "import hdassist.explorer.words as words; from hdassist.cli.main import run_command_line"
+    crash = f"{begin}; words.head = None; run_command_line()"
     terminal = Terminal("explore", TINY, *SETS, command=[sys.executable, "-c", crash])
     try:
         assert terminal.end() == 1  # a bug

@@ -189,8 +189,9 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
     One that takes longer [s] is ended.
     """
     # unused here: loaded once, so that not every process that is forked loads them again
-    from hdassist.design import check, check_page  # noqa: F401
+    from hdassist.design import check  # noqa: F401
     from hdassist.loading import load  # noqa: F401
+    from hdassist.pages import check as check_page  # noqa: F401
     from hdassist.preset import library  # noqa: F401
     from hdassist.run import processes  # noqa: F401
     from hdassist.terminal import wheels  # noqa: F401

@@ -91,10 +91,12 @@ def _import_all() -> None:
     for args in (("check", "-h"), ("presets", "list")):
         run(*args)
     # unused here: they are only to be loaded
-    from hdassist.acceptance import accept_command  # noqa: F401
-    from hdassist.calibration import calibrate, page  # noqa: F401
-    from hdassist.design import trace_page  # noqa: F401
-    from hdassist.mounting import card  # noqa: F401
+    from hdassist.calibration import calibrate  # noqa: F401
+    from hdassist.commands import accept_run  # noqa: F401
+    from hdassist.pages import (
+        card,  # noqa: F401
+        trace,  # noqa: F401
+    )
     from hdassist.pages import compare as compared  # noqa: F401
     from hdassist.pages import measure as measured  # noqa: F401
     from hdassist.trials import advice  # noqa: F401

@@ -102,7 +102,7 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
         require_compiled_as_stated(formulation, tmp_path)
 
     compilations = []
-    monkeypatch.setattr(compiled, "differences", lambda _: compilations.append(1) or [])
+    monkeypatch.setattr(compiled, "template_differences", lambda _: compilations.append(1) or [])
     anew()
     anew()
     assert len(compilations) == 1

@@ -109,7 +109,7 @@ def test_every_instruction_set_of_this_machine_gives_the_same_answers(monkeypatc
     levels = [level for level in X86 if (folder / library_name(level)).exists() and level <= best.walk_level()]
     small = load_preset(SMALL)
     for level in levels:
-        monkeypatch.setattr(walk, "library", lambda level=level: (walk._load(folder / library_name(level)), ""))
+        monkeypatch.setattr(walk, "walk_library", lambda level=level: (walk._load(folder / library_name(level)), ""))
         assert_same(small, 4.0, 80)
 
 

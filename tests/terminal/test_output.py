@@ -66,7 +66,7 @@ def test_style_escapes_before_it_makes_seven_bits() -> None:
 
 
 def test_words_beside_a_bar_are_no_markup(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(output, "PATIENCE", -1.0)
+    monkeypatch.setattr(output, "BAR_PATIENCE", -1.0)
     with terminal() as stream, Output(Style(False, True, 120)).progress(NAME, 2) as advance:
         advance(1)
     assert TOLD in OURS.sub("", stream.getvalue())
@@ -98,7 +98,7 @@ def test_seven_bits_on_stderr_too(args: list[str]) -> None:
 
 
 def test_a_bar_of_seven_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(output, "PATIENCE", -1.0)
+    monkeypatch.setattr(output, "BAR_PATIENCE", -1.0)
     monkeypatch.setattr(sys, "argv", ["hdassist", "check", "--ascii"])
     with terminal() as stream, Output(Style(False, True, 120)).progress("5 µm", 2) as advance:
         advance(1)
