@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from hdassist.belief.influence import Influence
-from hdassist.belief.measure import MeasurementGain
-from hdassist.belief.samples import Samples
-from hdassist.model.unknown import Unknown
-from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
-from hdassist.solve.answers import Certificate
-from hdassist.solve.throughcvxpy import CrossCheck
+if TYPE_CHECKING:
+    from hdassist.belief.influence import Influence
+    from hdassist.belief.measure import MeasurementGain
+    from hdassist.belief.samples import Samples
+    from hdassist.model.unknown import Unknown
+    from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+    from hdassist.solve.answers import Certificate
+    from hdassist.solve.throughcvxpy import CrossCheck
 
 Json = dict[str, Any]
 
@@ -79,6 +78,6 @@ def _wheel(wheel: MeasuredWheel | None) -> dict[str, Any] | None:
         "mark_tooth": pitch.mark,
         "mark_deg": wheel.mark_deg,
         "flank": pitch.flank,
-        "range_um": float(np.ptp(pitch.deviation)),
+        "range_um": float(pitch.deviation.max() - pitch.deviation.min()),
         "notes": list(pitch.notes),
     }

@@ -8,16 +8,18 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from numbers import Number
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError
 from hdassist.json_parts import Json
 from hdassist.numerals import NUMBER
-from hdassist.preset.fields import Drive
-from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
 from hdassist.visible import printable, visible
+
+if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
+    from hdassist.solve.throughcvxpy import CrossCheck
 
 FORMULA = tuple("=+-@\t\n＝＋－＠")  # what a spreadsheet takes for the begin of one
 _NUMBER = re.compile(NUMBER)
