@@ -20,7 +20,7 @@ from hdassist.solve.places import PlaceReference
 from hdassist.solve.sums import StateSums
 from hdassist.solve.walk import Walk, walk_library
 
-INACCURATE = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
+POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
 MANY_STATES = 64  # states from which on a reference pays
 AT_ONCE = 256  # states whose forces are held at once: in the cache
 CARRIES = 1e-9  # of the greatest force: more is contact
@@ -70,7 +70,7 @@ class Engine:
         if self._walk is None:
             return self._sums(gaps, self.forces, pull)
         sums = self._walk.solve(gaps, pull=pull)
-        given_up = np.flatnonzero(~(sums.residuals.worst <= INACCURATE))  # or NaN
+        given_up = np.flatnonzero(~(sums.residuals.worst <= POOR_PROOF))  # or NaN
         if len(given_up):
             sums.put(given_up, self._sums(gaps[given_up], self._one_by_one.solve, pull))
         return replace(sums, given_up=len(given_up))
