@@ -41,18 +41,18 @@ REASONS = {
     "torques 7 %. By kinds of work: states solved in C 31 %, systems set up 6 %, references made 6 %, single states "
     "near a known contact set 5 %; half of a drawn drive is neither, but numpy and Python around batches of few "
     "states. Next: proposals and deviation scalars in C.",
-    "check own.yaml": "288 drives drawn from what is not known, of which the stiffness weeds out all but 93: by the clock "
-    "of another run their F'_ior is half of drawing, stiffness a third, conflicts of fields a twelfth. The second time, "
+    "check own.yaml": "288 drives drawn from what is not known, of which the stiffness weeds out all but 93: by the "
+    "clock of another run their F'_ior is half of drawing, stiffness a third, conflicts of fields a twelfth. Again, "
     "from kept samples, it is 1.7 to 1.9 times. Next: cheaper errors of samples.",
-    "mount": "the gain of turning `vzp160` lies near the threshold (92 %, 85 to 96, of 64 drawn; 94 %, 91 to 96, of 256), "
-    "so that four times as many are drawn. 64 drives drawn, each in twelve holes at both torques, are two thirds "
+    "mount": "the gain of turning `vzp160` lies near the threshold (92 %, 85 to 96, of 64 drawn; 94 %, 91 to 96, of "
+    "256), so that four times as many are drawn. 64 drives drawn, each in twelve holes at both torques, are two thirds "
     "of its states, the curve of the drive as given a fifth (the same grid in each hole, every state in two), the maps "
     "from which samples are searched a tenth. Three quarters of a sample's time are states solved in C: between "
     "positions that lie 18 or 30 degrees apart some seven pivots each, where the cycle takes 1.6, in a tableau of 90 "
     "candidates. Next: the slope of each state, which its contact set gives, so that a coarser grid does; the curve's "
     "grid for the maps.",
-    "trials": "a table of the error for each draw of stiffnesses and clearances, where one of the preset served before; "
-    "not profiled by parts. Next: tables at further torques only for draws that keep weight after the trials.",
+    "trials": "a table of the error for each draw of stiffnesses and clearances, where one of the preset served "
+    "before; not profiled by parts. Next: tables at further torques only for draws that keep weight after the trials.",
     "tolerance": "of 150 drives: states solved in C 45 %, proposals 12 %, deviation scalars 10 % and tables read 4 % "
     "in numpy, walks and their references made 7 %, imports 5 %; by purpose, tables of the error 15 % and the self "
     "error 11 %. Next: fewer states where a table is sure.",
