@@ -174,11 +174,6 @@ def is_file(path: str | Path) -> bool:
     return os.path.isfile(path)  # noqa: PTH113 (a path's is_file raises where a name is too long)
 
 
-def is_folder(path: str | Path) -> bool:
-    """Whether there is a folder; False for a path that none can have."""
-    return os.path.isdir(path)  # noqa: PTH112 (a path's is_dir raises where a name is too long)
-
-
 def is_there(path: str | Path) -> bool:
     """Whether there is a file, folder or device; False for a path that none can have."""
     return os.path.exists(path)  # noqa: PTH110 (a path's exists raises where a name is too long)

@@ -248,7 +248,8 @@ def provenance(answer: AcceptAnswer) -> dict[str, Any]:
 
 def answer_json(answer: AcceptAnswer) -> dict[str, Any]:
     """An answer as a JSON object; without its place where it has none."""
-    return ANSWER.dump_python(answer, mode="json", exclude=None if answer.place else {"place"})  # type: ignore[no-any-return]
+    fields: dict[str, Any] = ANSWER.dump_python(answer, mode="json", exclude=None if answer.place else {"place"})
+    return fields
 
 
 def to_lines(answers: Iterable[AcceptAnswer]) -> str:

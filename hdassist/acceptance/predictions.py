@@ -19,6 +19,7 @@ from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import (
+    EFFECTIVE_SAMPLES,
     SAMPLE_STATES,
     Samples,
     SamplingEffort,
@@ -26,7 +27,6 @@ from hdassist.belief.samples import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.design.check import CHECK_DRAWS
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
@@ -207,7 +207,7 @@ def quantities(
     return found
 
 
-def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = CHECK_DRAWS) -> int:
+def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that predictions for limits solve, about, for a progress bar."""
 
     def once(some: Sequence[Limit]) -> int:
@@ -226,7 +226,7 @@ def predict(
     limits: Sequence[Limit],
     *,
     wheels: MeasuredTeeth | None = None,
-    draws: int = CHECK_DRAWS,
+    draws: int = EFFECTIVE_SAMPLES,
     sure: float = SURE,
     run: Run = Run(),
 ) -> Predictions:

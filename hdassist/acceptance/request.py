@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import Limit, LimitText, limits_of
 from hdassist.acceptance.predictions import Predictions, order_place, predict
-from hdassist.design.check import CHECK_DRAWS
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_preset
 from hdassist.measuring.cycle import gearing_of
@@ -140,7 +140,7 @@ class Request(ClosedRecord):
     cross_check: str = "highs"
     seed: RequestSeed = 0
     wheels: Wheels = field(default_factory=Wheels)
-    draws: Annotated[int, Field(ge=0)] = CHECK_DRAWS
+    draws: Annotated[int, Field(ge=0)] = EFFECTIVE_SAMPLES
     sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
 
     def files(self) -> list[str]:

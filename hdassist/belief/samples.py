@@ -37,6 +37,7 @@ from hdassist.verdict import SURE, is_settled
 
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
+EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
@@ -57,7 +58,7 @@ class Probability:
 class SamplingEffort:
     """Limits of sampling: effective samples at least and at most, draws at most, and draws at a time."""
 
-    effective: int = 64
+    effective: int = EFFECTIVE_SAMPLES
     most_effective: int = 512
     most_draws: int = 2048
     batch: int = 16

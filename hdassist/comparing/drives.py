@@ -9,8 +9,8 @@ from operator import add
 
 import numpy as np
 
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.comparing.sheet import DriveSheet, at_torques, sheet_of, sheet_states
-from hdassist.design.check import CHECK_DRAWS
 from hdassist.error.error_map import SEARCHED, extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
@@ -125,7 +125,7 @@ def moving(drives: Sequence[Drive]) -> list[str]:
     return [row[0].path for row in field_rows(drives) if differs(row) and not row[0].path.startswith(UNRELATED)]
 
 
-def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = CHECK_DRAWS) -> int:
+def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
     pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
     searches = sum(2 * pairs + min(pairs, SCREENED_PAIRS) * len(moving((drives[0], each))) for each in drives[1:])
@@ -137,7 +137,7 @@ def compare_drives(
     drives: Sequence[Drive],
     torques: Sequence[float],
     *,
-    draws: int = CHECK_DRAWS,
+    draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> DrivesComparison:
     """Compare drives with the first of them, at torques [N*m].

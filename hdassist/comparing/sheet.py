@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hdassist.design.check import CHECK_DRAWS, DesignCheck, check, check_states
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
+from hdassist.design.check import DesignCheck, check, check_states
 from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
 from hdassist.mounting.advice import Advice, advice_states, advise
 from hdassist.mounting.positions import seat_positions
@@ -45,7 +46,7 @@ def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
     return drive.model_copy(update={"operation": drive.operation.model_copy(update={"M_g": tuple(torques)})})
 
 
-def sheet_states(drive: Drive, draws: int = CHECK_DRAWS) -> int:
+def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
     torques, turns = drive.operation.M_g, seat_positions(drive)
     mounting = advice_states(drive, torques, turns, every_state=False, draws=draws)
@@ -56,7 +57,7 @@ def sheet_of(
     drive: Drive,
     *,
     torques: Sequence[float] | None = None,
-    draws: int = CHECK_DRAWS,
+    draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.

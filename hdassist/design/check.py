@@ -14,6 +14,7 @@ from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import (
+    EFFECTIVE_SAMPLES,
     SAMPLE_STATES,
     ErrorBelief,
     Probability,
@@ -37,8 +38,6 @@ from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
-
-CHECK_DRAWS = 64  # effective samples, at least
 
 
 @dataclass(frozen=True)
@@ -191,7 +190,7 @@ class DesignCheck:
         return (*self.drive.origin.warnings, *remarks)
 
 
-def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = CHECK_DRAWS) -> int:
+def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
     return len(drive.operation.M_g) * (
@@ -204,7 +203,7 @@ def check(
     *,
     measured: MeasuredTeeth | None = None,
     solver: str | None = None,
-    draws: int = CHECK_DRAWS,
+    draws: int = EFFECTIVE_SAMPLES,
     samples: Samples | None = None,
     sure: float = SURE,
     run: Run = Run(),
@@ -262,7 +261,7 @@ def drive_samples(
     prior: DrivePrior,
     held_arcsec: Sequence[float | None],
     *,
-    draws: int = CHECK_DRAWS,
+    draws: int = EFFECTIVE_SAMPLES,
     sure: float = SURE,
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,

@@ -42,6 +42,7 @@ class Explorer(Exporting):
     CSS_PATH = "app.tcss"
     TITLE = "hdassist explore"
     ENABLE_COMMAND_PALETTE = False
+    # no class variables for mypy, as Textual declares them
     HORIZONTAL_BREAKPOINTS = [(0, "-tiny"), (60, "-narrow"), (100, "-normal"), (140, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-flat"), (18, "-low"), (28, "-high"), (40, "-tall")]  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [

@@ -11,8 +11,8 @@ from functools import partial
 import numpy as np
 
 from hdassist.belief.prior import FieldPrior, prior_of
-from hdassist.belief.samples import ErrorBelief, Samples, errors_by_turn
-from hdassist.design.check import CHECK_DRAWS, DesignCheck, OperatingPoint, check, drive_samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, errors_by_turn
+from hdassist.design.check import DesignCheck, OperatingPoint, check, drive_samples
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.self_error import self_error
 from hdassist.error.trace import Trace, trace
@@ -64,7 +64,7 @@ class Effort:
     """
 
     grid: int = 8
-    draws: int = CHECK_DRAWS
+    draws: int = EFFECTIVE_SAMPLES
     trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
 

@@ -12,7 +12,15 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences_on
 from hdassist.belief.measure import MeasurementGain, gains_for
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import SAMPLE_STATES, Probability, Samples, SamplingEffort, draw_samples, limits_settled
+from hdassist.belief.samples import (
+    EFFECTIVE_SAMPLES,
+    SAMPLE_STATES,
+    Probability,
+    Samples,
+    SamplingEffort,
+    draw_samples,
+    limits_settled,
+)
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import self_error
 from hdassist.model.deviations import standing_offset
@@ -25,7 +33,6 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
-MOUNT_DRAWS = 64  # effective samples, at least
 GAIN_DRAWS = (
     4  # times as many, after which a gain that chance alone leaves open stays so: four times more halve its interval
 )
@@ -203,7 +210,7 @@ def advise(
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     weights: Sequence[float] | None = None,
-    draws: int = MOUNT_DRAWS,
+    draws: int = EFFECTIVE_SAMPLES,
     criterion: str = "expected",
     needed: float = SURE,
     run: Run = Run(),

@@ -7,7 +7,8 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from hdassist.design.check import CHECK_DRAWS, check
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
+from hdassist.design.check import check
 from hdassist.explorer import state
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST, Known
@@ -222,7 +223,7 @@ TURNABLE = ("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0") 
 def range_of_check(session: Session) -> str:
     """F'_ior over all that is not known exactly, as `hdassist check` has it and the explorer writes it."""
     (point,) = check(session.drive, draws=QUICK.draws).points
-    assert FULL.draws == CHECK_DRAWS and point.belief
+    assert FULL.draws == EFFECTIVE_SAMPLES and point.belief
     return f"4 N·m {point.belief.p5:.2f} - {point.belief.p50:.2f} - {point.belief.p95:.2f}″"
 
 
