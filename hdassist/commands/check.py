@@ -42,7 +42,7 @@ def check_command(
     else INCONCLUSIVE; the error of sampling counts. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no
     trustworthy answer (also: a catalogue that contradicts the other values), 6 INCONCLUSIVE.
     """
-    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.terminal.runs import Answer, answer_of, give, run_each
     from hdassist.terminal.wheels import PitchFiles
 
     out = options.open()
@@ -55,7 +55,7 @@ def check_command(
             torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
             progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
             from hdassist.design.check import check, check_states
-            from hdassist.pages.check import check_answer
+            from hdassist.pages.check import check_report
             from hdassist.run.processes import workers
             from hdassist.run.run import Run
             from hdassist.solve.window import in_wide_enough_window
@@ -73,6 +73,6 @@ def check_command(
                     ),  # a slow solver shows how far it is
                 )
                 result = in_wide_enough_window(drive, analysis)
-        return check_answer(result, seed=seed, plots=plot, details=details)
+        return answer_of(check_report(result, seed), plots=plot, details=details)
 
     raise typer.Exit(give("check", run_each("check", presets, one, options), options, out))

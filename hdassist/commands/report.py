@@ -42,7 +42,7 @@ def report_command(
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """
     from hdassist.comparing.sheet import sheet_of, sheet_states
-    from hdassist.pages.check import check_summary
+    from hdassist.pages.check import check_report
     from hdassist.pages.report import report_exit_code, report_json, report_of
     from hdassist.pages.report_render import report_html, report_markdown
     from hdassist.run.processes import workers
@@ -63,7 +63,7 @@ def report_command(
     if options.json:
         out.text(json_text(report_json(sheet, seed)))
     elif options.quiet:
-        out.text(f"{check_summary(sheet.check)}\n")
+        out.text(f"{check_report(sheet.check, seed).line}\n")
     elif kind == ".html":
         page = report_html(made)
         out.text(page.encode("ascii", "xmlcharrefreplace").decode() if options.ascii else page)

@@ -16,9 +16,10 @@ from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.mounting.trial import Trial
-from hdassist.pages.seat import Hole, Seat, SeatMark, drawing
+from hdassist.report.blocks import Hole, Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
+from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
 MARKS = {Sure.COARSE: "·", Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
@@ -162,7 +163,7 @@ def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
         tuple(SeatMark(LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
         (SeatMark("now", first + session.turn_deg, "o", ""),), "x", "",
     )  # fmt: skip
-    text = Text(drawing(seat))
+    text = Text(seat_in_characters(seat))
     for letter in "BW?":
         text.highlight_words([letter], LETTER_STYLES[letter])
     return text

@@ -11,10 +11,11 @@ from hdassist.belief.samples import Probability
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import FREE_STEP, Choice, Position
 from hdassist.mounting.trial import Tried
-from hdassist.pages.seat import Seat, SeatMark, instruction, place_at, seat_of, turn, wheel
+from hdassist.pages.seat import instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import counted
 from hdassist.preset.yamltext import shown
+from hdassist.report.blocks import Seat, SeatMark
 from hdassist.terminal.texts import HOME, Texts
 from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__

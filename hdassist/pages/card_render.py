@@ -14,8 +14,8 @@ from rich.text import Text
 
 from hdassist.pages.card import Card, CardTable
 from hdassist.pages.card_svg import seat_geometry
-from hdassist.pages.seat import drawing
 from hdassist.terminal.console import PLAIN_CHARACTERS, Style, console, table
+from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
 CARD_COLUMNS = 78  # of the card as plain text
@@ -33,7 +33,7 @@ def html(card: Card) -> str:
 def markdown(card: Card) -> str:
     """The card as Markdown, with the tables of GitHub's dialect."""
     page = environment(finalize=markdown_safe).get_template("card.md")
-    return page.render(card=card, drawing=Markup(drawing(card.seat)), line=MARKDOWN_LINE)
+    return page.render(card=card, drawing=Markup(seat_in_characters(card.seat)), line=MARKDOWN_LINE)
 
 
 def plain_text(card: Card, *, ascii: bool = False) -> str:
@@ -41,7 +41,7 @@ def plain_text(card: Card, *, ascii: bool = False) -> str:
     page = environment(finalize=_visible, wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
     label_width = max(len(label) for label, _ in card.subject) + 2
     text = page.get_template("card.txt").render(
-        card=card, drawing=drawing(card.seat), columns=CARD_COLUMNS, blank=BLANK, label_width=label_width
+        card=card, drawing=seat_in_characters(card.seat), columns=CARD_COLUMNS, blank=BLANK, label_width=label_width
     )
     text = "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
     return _seven_bits(text) if ascii else text

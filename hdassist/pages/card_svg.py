@@ -6,7 +6,7 @@ from itertools import groupby
 from math import ceil, cos, pi, radians, sin
 from typing import Any
 
-from hdassist.pages.seat import Seat
+from hdassist.report.blocks import Seat
 
 CENTRE = (210.0, 146.0)
 HOLE_CIRCLE = 112.0  # radius of the circle of holes

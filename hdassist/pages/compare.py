@@ -16,12 +16,12 @@ from hdassist.comparing.record import Alignment, OrderAmplitude, OrderPair
 from hdassist.json_parts import Json, certificate_object
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.brief import again, facts, not_known, on_what, proof
 from hdassist.terminal.console import Style, TextTable
 from hdassist.terminal.influence_words import named
 from hdassist.terminal.plot import two_curves
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.textfile import STDIN
 

@@ -24,11 +24,11 @@ from hdassist.pages.seat import hole_place
 from hdassist.pages.stiffness import WHOLE_QUANTITIES, segment_objects, stiffness_warnings
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
+from hdassist.report.quantities import as_object
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.answers import cross_check_words, envelope
+from hdassist.terminal.answers import cross_check_words, envelope, report_object
 from hdassist.terminal.brief import again, facts, proof
 from hdassist.terminal.console import Style
-from hdassist.terminal.quantities import as_object
 from hdassist.terminal.runs import Answer, CsvTable
 
 NAMED_PATHS = 6  # in a line
@@ -220,7 +220,7 @@ def _json(result: DrivesComparison, seed: int) -> Json:
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
     """What `check`, `mount` and `stiffness` say of a drive in their JSON, as far as it is compared."""
-    check, best = check_page.check_json(sheet.check, seed), sheet.advice.choice.target
+    check, best = report_object(check_page.check_report(sheet.check, seed)), sheet.advice.choice.target
     ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
     return {
         **check["preset"],
@@ -235,6 +235,6 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
 
 def _figures(result: DrivesComparison) -> CsvTable:
     """One row per drive and torque."""
-    tables = {letter: check_page.check_figures(sheet.check) for letter, sheet in _lettered(result).items()}
+    tables = {letter: check_page.check_csv(sheet.check) for letter, sheet in _lettered(result).items()}
     heads, _ = tables["A"]
     return ["drive", *heads], [[letter, *row] for letter, (_, rows) in tables.items() for row in rows]

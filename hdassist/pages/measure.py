@@ -15,11 +15,11 @@ from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED
 from hdassist.preset.fields import Drive
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.brief import again, facts
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.textfile import STDIN
 

@@ -27,12 +27,12 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.schema import ResolvedField, counted, resolved, value_text
-from hdassist.terminal.answers import cross_check_words, envelope
+from hdassist.report.quantities import Quantity
+from hdassist.terminal.answers import cross_check_words, envelope, report_object
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style, TextTable
 from hdassist.terminal.influence_words import influence_words, measure_words, named, samples_words
 from hdassist.terminal.plot import curve
-from hdassist.terminal.quantities import Quantity
 from hdassist.terminal.texts import texts
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
@@ -68,7 +68,7 @@ def report_json(sheet: DriveSheet, seed: int) -> Json:
         **envelope("report", sheet.drive, report_exit_code(sheet), sheet_warnings(sheet)),
         "verdict": str(sheet.check.verdict),
         "values": counted(sheet.drive),
-        "check": check_page.check_json(sheet.check, seed),
+        "check": report_object(check_page.check_report(sheet.check, seed)),
         "mount": mount_page.mount_json(sheet.advice, seed),
         "stiffness": stiffness_json(sheet.drive, sheet.stiffness),
         "certificate": certificate_object(sheet.certificate, sheet.cross_checks),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdassist.pages.seat import Seat
+from hdassist.report.blocks import Seat
 from hdassist.terminal.console import TextTable
 
 

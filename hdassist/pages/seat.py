@@ -1,20 +1,18 @@
-"""The seat of the fixed wheel: what to do there in words, its places as facts, and drawn in characters."""
+"""The seat of the fixed wheel: what to do there in words, and its places as a figure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil, cos, inf, radians, sin
+from math import inf
 
 from hdassist.mounting.positions import Choice, Position, hole_of
 from hdassist.preset.fields import Drive
+from hdassist.report.blocks import Hole, Seat, SeatMark
 from hdassist.terminal.console import Style
+from hdassist.terminal.seat import seat_in_characters
 from hdassist.terminal.texts import Texts, texts
 
 TRADE = {"rigid": "rigid wheel (circular spline)", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
-SEAT_WIDTH, SEAT_HEIGHT = 41, 15  # of the drawing, in characters
-NUMBERED_IN_TEXT = 24  # holes that have room for their number
-LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
 
 
 def wheel(drive: Drive, say: Texts | None = None) -> str:
@@ -62,47 +60,6 @@ def instruction(choice: Choice, say: Texts | None = None, *, room: float = inf) 
     return say("instruction.turn", wheel=fixed, turn=turn(choice.chosen, say), gains=gains)
 
 
-@dataclass(frozen=True)
-class Hole:
-    """A hole of the seat: its number, counted from now; its direction [deg]; whether it may be used."""
-
-    number: int
-    angle_deg: float
-    usable: bool
-
-
-@dataclass(frozen=True)
-class SeatMark:
-    """A direction on the seat [deg], with a letter and words for it.
-
-    kind: of a place of the wheel now, best or worst; of a pointer from the centre now, after (the wheel's mark) or cam.
-    """
-
-    kind: str
-    angle_deg: float
-    letter: str
-    words: str
-
-
-@dataclass(frozen=True)
-class Seat:
-    """The seat, counter-clockwise from the right, seen from the cam side.
-
-    holes: none where the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
-    way, negative for clockwise; barred: the letter of holes that are not allowed; legend: what letters and numbers
-    mean, for a drawing in characters.
-    """
-
-    title: str
-    holes: tuple[Hole, ...]
-    first_deg: float
-    turn_deg: float
-    places: tuple[SeatMark, ...]
-    pointers: tuple[SeatMark, ...]
-    barred: str
-    legend: str
-
-
 def seat_of(choice: Choice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
     """The seat of a drive with the position now, the worst one, and the one to go to.
 
@@ -136,28 +93,4 @@ def seat_text(choice: Choice, style: Style) -> str:
     Hole 0 is where the wheel stands; it lies at mounting.first_hole, counted counter-clockwise from the right.
     """
     seat = seat_of(choice, texts(), choice.chosen)
-    return style.text(f"{drawing(seat)}\n\n{seat.legend}")
-
-
-def drawing(seat: Seat) -> str:
-    """The seat in characters, seen from the cam side."""
-    canvas = [[" "] * SEAT_WIDTH for _ in range(SEAT_HEIGHT)]
-    each = ceil(len(seat.holes) / NUMBERED_IN_TEXT)
-    for hole in seat.holes:
-        label = "." if hole.number % each else str(hole.number)
-        _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
-    for k in range(0 if seat.holes else NUMBERED_IN_TEXT):
-        _put(canvas, seat.first_deg + 360 * k / NUMBERED_IN_TEXT, ".", 1.0)
-    for place in seat.places:
-        _put(canvas, place.angle_deg, place.letter, 0.72)
-    for pointer in seat.pointers:
-        _put(canvas, pointer.angle_deg, pointer.letter, LETTER_RADIUS[pointer.kind])
-    _put(canvas, 0, "+", 0.0)
-    return "\n".join("".join(row).rstrip() for row in canvas)
-
-
-def _put(canvas: list[list[str]], angle: float, text: str, radius: float) -> None:
-    x = (SEAT_WIDTH - 1) / 2 * (1 + 0.9 * radius * cos(radians(angle)))
-    y = (SEAT_HEIGHT - 1) / 2 * (1 - 0.95 * radius * sin(radians(angle)))
-    start = max(0, min(SEAT_WIDTH - len(text), round(x) - (len(text) - 1) // 2))
-    canvas[round(y)][start : start + len(text)] = list(text)
+    return style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}")

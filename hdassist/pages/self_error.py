@@ -12,11 +12,11 @@ from rich.text import Text
 from hdassist.error.self_error import SelfError
 from hdassist.json_parts import Json, certificate_object
 from hdassist.preset.fields import Drive
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.solve.answers import Certificate
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.brief import again, facts, on_what, proof
 from hdassist.terminal.console import Style, table
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, CsvTable
 
 SELF_ERROR_QUANTITIES: tuple[Quantity[SelfError], ...] = (

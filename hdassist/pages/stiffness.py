@@ -13,11 +13,11 @@ from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
 from hdassist.json_parts import Json, certificate_object
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import cross_check_words, envelope
 from hdassist.terminal.brief import again, facts, on_what, proof
 from hdassist.terminal.console import Style, TextTable, grid
 from hdassist.terminal.plot import curve
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, CsvTable
 
 ARCMIN = pi / 10800  # rad

@@ -15,11 +15,11 @@ from hdassist.error.trace import Trace
 from hdassist.json_parts import Json, certificate_object, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import cross_check_words, envelope
 from hdassist.terminal.brief import again, facts, not_known, on_what, proof
 from hdassist.terminal.console import Style, table
 from hdassist.terminal.plot import curve
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.terminal.wheels_page import heading
 

@@ -17,10 +17,10 @@ from hdassist.mounting.trial import Trial, Tried
 from hdassist.pages.card import CardFacts, after_trials, warnings_of
 from hdassist.pages.losses import SHARES, kept_line, losses_object, losses_table
 from hdassist.pages.seat import TRADE, wheel
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.brief import facts, proof
 from hdassist.terminal.console import Style
-from hdassist.terminal.quantities import Quantity, as_object
 from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice

@@ -11,7 +11,7 @@ from numbers import Number
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError
-from hdassist.json_parts import Json
+from hdassist.json_parts import Json, certificate_object
 from hdassist.numerals import NUMBER
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
@@ -19,6 +19,7 @@ from hdassist.visible import printable, visible
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
+    from hdassist.report.report import Report
     from hdassist.solve.throughcvxpy import CrossCheck
 
 FORMULA = tuple("=+-@\t\n＝＋－＠")  # what a spreadsheet takes for the begin of one
@@ -39,6 +40,12 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
         "exit_code": exit_code,
         "warnings": list(warnings),
     }
+
+
+def report_object(report: Report) -> Json:
+    """A report as a JSON object."""
+    proven = {"certificate": certificate_object(report.certificate, report.cross_checks)} if report.certificate else {}
+    return {**envelope(report.command, report.drive, report.exit_code, report.warnings), **report.values, **proven}
 
 
 def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:

@@ -9,7 +9,7 @@ from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.preset.fields import field_table
 
-REPORTED = 3  # influences and measurements on a short page
+REPORTED = 2  # influences and measurements on a short page
 HOW = {
     "cam.W_0": "on a drawing, or the axes of the cam with a micrometre",
     "supports.C_1": "push the rigid wheel in its housing",
@@ -35,21 +35,21 @@ def named(path: str, holes: int = 0) -> str:
 
 
 def influence_words(found: Sequence[Influence], result: str = "ln F'_ior") -> str:
-    """The largest shares of the variance of a result, and what the rest is."""
-    words = [f"{named(each.group)} {100 * each.share:.0f} %" for each in found[:REPORTED]]
-    rest = 1 - sum(each.share for each in found[:REPORTED])
-    return ", ".join(words) + f", others and unexplained {100 * rest:.0f} %, of the variance of {result}"
+    """The largest shares of the variance of a result: the first field in words, the second by its path."""
+    words = [f"{named(each.group)}: {100 * each.share:.0f} % of the variance of {result}" for each in found[:1]]
+    return "; ".join([*words, *(f"{each.group} {100 * each.share:.0f} %" for each in found[1:REPORTED])])
 
 
 def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) -> str:
-    """The best measurements with what each is expected to gain; held, whether there is a limit; holes of the seat."""
-    words = []
+    """The best measurements with the gain expected of each; held, whether there is a limit; holes of the seat."""
+    words: list[str] = []
     turned = [each for each in found if "+" in each.measured][1:]  # one of them is enough
     for each in [each for each in found if each not in turned][:REPORTED]:
-        gain = f"{100 * each.gain:+.0f} %" if held else f"{-100 * each.gain:.0f} % spread"
-        how = f": {HOW[each.measured]}" if each.measured in HOW else ""
-        words.append(f"{named(each.measured, holes)}{how} ({gain})")
-    return "; ".join(words) + (", of a right verdict" if words and held else "")
+        gain = f"{100 * each.gain:.0f} % " + ("more sure" if held else "less spread")
+        field = each.measured in HOW and words  # the first in words, others by their path
+        how = f", {HOW[each.measured]}" if each.measured in HOW else ""
+        words.append(f"{each.measured if field else named(each.measured, holes)}{how}: {gain}")
+    return "; ".join(words)
 
 
 def samples_words(samples: Samples) -> str:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
-from hdassist.terminal.answers import combine, csv_text, failure, json_text
+from hdassist.report.report import CsvTable as CsvTable
+from hdassist.report.report import Report
+from hdassist.terminal.answers import combine, csv_text, failure, json_text, report_object
 from hdassist.terminal.console import Style, made_or
 from hdassist.terminal.options import AnswerOptions
 from hdassist.terminal.output import Output, complain, note, warn
@@ -18,8 +20,6 @@ from hdassist.verdict import worst_exit_code
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows of a table
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,22 @@ class Answer:
     warnings: Sequence[str] = ()
     proof: object = ""
     exit_code: int = 0
+
+
+def answer_of(report: Report, *, plots: bool = True, details: bool = False) -> Answer:
+    """A report as an answer; plots, whether figures are drawn; details, whether all of it is shown."""
+
+    def page(style: Style) -> RenderableType:
+        from hdassist.terminal.page import report_page
+
+        return report_page(report, style, plots=plots, details=details)
+
+    csv = report.csv
+    return Answer(
+        lambda: report_object(report), page, lambda: report.line, (lambda: csv) if csv else None,
+        report.about or (report.drive.name if report.drive else ""), report.warnings, report.certificate or "",
+        report.exit_code,
+    )  # fmt: skip
 
 
 def run_each(

@@ -13,9 +13,10 @@ from hdassist.acceptance.predictions import predict, quantities
 from hdassist.design.check import check
 from hdassist.error.cycle import kinematic_error
 from hdassist.loading.load import load_preset
-from hdassist.pages.check import check_json
+from hdassist.pages.check import check_report
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.run import UNCHECKED
+from hdassist.terminal.answers import report_object
 from hdassist.verdict import Verdict
 from tests.acceptances import accept
 from tests.process import TINY, run
@@ -30,7 +31,7 @@ def drive(*overrides: str):
 
 def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
     there = drive(*OPEN, "acceptance.F_ior={1: 2500, 4: 2050}", "acceptance.order_amplitude={2@4: 14}")
-    told = check_json(check(there, draws=4), 0)
+    told = report_object(check_report(check(there, draws=4), 0))
     mine = answer_json(accept(there, draws=4))
     points = {p["M_g_Nm"]: p for p in told["operating_points"]}
     for found in (each for each in mine["checks"] if each["code"] == "F_IOR"):

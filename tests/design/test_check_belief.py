@@ -8,8 +8,9 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.design.check import check
-from hdassist.pages.check import check_json
+from hdassist.pages.check import check_report
 from hdassist.run.run import Run
+from hdassist.terminal.answers import report_object
 from hdassist.verdict import Verdict
 from tests.process import SMALL, TINY, run
 
@@ -69,8 +70,8 @@ def test_one_torque_may_be_settled_and_another_open():
 def test_json_has_the_belief_and_the_same_from_any_number_of_workers(open_):
     with ThreadPoolExecutor(2) as executor:
         again = check(load_preset(TINY, ["phases.phi_hb=unknown", PLAY]), run=Run(executor))
-    told = check_json(open_, 0)
-    assert json.dumps(check_json(again, 0)) == json.dumps(told)
+    told = report_object(check_report(open_, 0))
+    assert json.dumps(report_object(check_report(again, 0))) == json.dumps(told)
     assert set(told["operating_points"][0]["belief"]) == {
         "p5_arcsec", "p50_arcsec", "p95_arcsec", "p5_error_arcsec", "p50_error_arcsec", "p95_error_arcsec",
         "probability", "probability_low", "probability_high",

@@ -17,8 +17,9 @@ from hdassist.pages import card_render
 from hdassist.pages.card import Card, warnings_of
 from hdassist.pages.card_svg import CENTRE, HOLE_CIRCLE
 from hdassist.pages.mount import mount_warnings, what_to_do
-from hdassist.pages.seat import drawing, instruction, seat_text
+from hdassist.pages.seat import instruction, seat_text
 from hdassist.terminal.console import Style
+from hdassist.terminal.seat import seat_in_characters
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
 from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded
@@ -125,7 +126,7 @@ def test_holes_that_are_not_allowed():
     assert [h.number for h in made.seat.holes if h.usable] == [2, 3, 9]
     assert ("1 hole clockwise; not allowed", "1", "-", "-", "-") in made.others.rows
     assert made.seat.legend.endswith("; x not allowed")
-    assert drawing(made.seat).count("x") == 9
+    assert seat_in_characters(made.seat).count("x") == 9
     drawn = drawing_of(made)
     crossed = [g.get("data-hole") for g in drawn.iter(f"{SVG}g") if g.find(f"{SVG}path") is not None]
     assert crossed[1:] == ["0", "1", "4", "5", "6", "7", "8", "10", "11"]  # the first is the drawing

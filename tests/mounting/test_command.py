@@ -9,7 +9,7 @@ import json
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.pages.seat import SEAT_HEIGHT
+from hdassist.terminal.seat import SEAT_HEIGHT
 from tests.process import TINY, interrupted, run, run_cold
 
 QUICK = ("mount", TINY, "--set", "mounting.holes=6")

@@ -13,13 +13,14 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.comparing.sheet import DriveSheet, sheet_of
-from hdassist.pages.check import check_json
+from hdassist.pages.check import check_report
 from hdassist.pages.mount import mount_json, what_to_do
 from hdassist.pages.report import report_exit_code, report_json, report_of
 from hdassist.pages.report_blocks import Figure
 from hdassist.pages.report_charts import ENVELOPE_COLUMNS, chart
 from hdassist.pages.report_render import report_html, report_markdown
 from hdassist.preset.schema import counted
+from hdassist.terminal.answers import report_object
 from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 
@@ -97,7 +98,7 @@ def test_its_drawings_are_svg(sheet, folder):
 
 def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sheet, folder):
     text = re.sub(r"\s+", " ", Page((folder / "a.html").read_text(encoding="utf-8")).text.split("}", 1)[1])
-    point = check_json(sheet.check, 0)["operating_points"][0]
+    point = report_object(check_report(sheet.check, 0))["operating_points"][0]
     low = point["belief"]["p5_arcsec"]
     order = ["PASS: within its limits", f"F'_ior {low:.2f} to", "Kinematic error", "Provenance"]
     assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
@@ -175,7 +176,7 @@ def test_faults_end_before_anything_is_computed_or_written(tmp_path, args, code,
 def test_for_scripts_there_is_one_object_and_one_line(sheet):
     told = report_json(sheet, 0)
     assert (told["schema"], told["verdict"], told["exit_code"]) == ("hdassist.report/1", "PASS", 0)
-    assert told["check"] == check_json(sheet.check, 0)
+    assert told["check"] == report_object(check_report(sheet.check, 0))
     json.dumps(told, allow_nan=False)
 
 

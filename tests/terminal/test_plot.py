@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.heat import heat
 from hdassist.terminal.plot import curve, dots_to_braille, two_curves
-from hdassist.terminal.quantities import Quantity, as_object
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
 

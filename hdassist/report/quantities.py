@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
+NO_VALUE = "-"  # in a table
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Quantity(Generic[T]):
         """The quantity as a table shows it."""
         value = self.value(thing)
         if value is None:
-            return "-"
+            return NO_VALUE
         if callable(self.digits):
             return self.digits(value)
         return format(value, self.digits) if self.digits else str(value)

@@ -1,0 +1,179 @@
+"""Parts of a report: texts, tables and figures, as data; whoever writes a report draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.report.quantities import NO_VALUE, Quantity, T
+
+Series = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Labelled lines; those without text are left out."""
+
+    rows: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, rows: Iterable[tuple[str, str]]) -> Facts:
+        """Labelled lines from labels and texts."""
+        return cls(tuple(row for row in rows if row[1]))
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under heads, with a title and notes.
+
+    words: places of the columns of words; the others have numbers. header: whether heads are shown.
+    """
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: Collection[int] = (0,)
+    notes: tuple[str, ...] = ()
+    header: bool = True
+
+    @classmethod
+    def by_row(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T], **more: object) -> Table:
+        """A table with a column for each quantity and a row for each thing; more: as of a table."""
+        shown = tuple(quantities)
+        rows = tuple(tuple(q.text(thing) for q in shown) for thing in things)
+        return cls(title, tuple(q.words.strip() for q in shown), rows, **more)  # type: ignore[arg-type]
+
+    @classmethod
+    def by_column(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
+        """A table with a row for each quantity that any thing has and a column for each thing; the first is heads."""
+        columns = tuple(things)
+        head, *rows = [(q.words, *(q.text(thing) for thing in columns)) for q in quantities]
+        return cls(title, head, tuple(row for row in rows if {*row[1:]} - {NO_VALUE}))
+
+
+@dataclass(frozen=True)
+class CurveMark:
+    """A place of a curve with words; kind: now, target or limit."""
+
+    x: float
+    y: float
+    words: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Curve:
+    """y over x, both shape (n,), x growing; labels with units.
+
+    caption: of a page that has room for it; over: a length of x, around each place of which the least and the greatest
+    y are drawn (0: all of y); limit: a line across; whiskers: x with a least and a greatest value; points: whether each
+    x is marked; from_zero: whether the axis begins there; rows: about how many, of characters.
+    """
+
+    x: Series
+    y: Series
+    x_label: str
+    y_label: str
+    caption: str = ""
+    over: float = 0.0
+    limit: float | None = None
+    whiskers: tuple[tuple[float, float, float], ...] = ()
+    marks: tuple[CurveMark, ...] = ()
+    points: bool = False
+    from_zero: bool = False
+    rows: int = 10
+
+
+@dataclass(frozen=True)
+class TwoCurves:
+    """Two series over x, all shape (n,), with a name each; labels with units."""
+
+    x: Series
+    first: Series
+    second: Series
+    names: tuple[str, str]
+    x_label: str
+    y_label: str
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """z of shape (x, y), NaN where there is none; x and y growing; labels with units, y_label with what is drawn."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    z: Series
+    x_label: str
+    y_label: str
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A hole of the seat: its number, counted from now; its direction [deg]; whether it may be used."""
+
+    number: int
+    angle_deg: float
+    usable: bool
+
+
+@dataclass(frozen=True)
+class SeatMark:
+    """A direction on the seat [deg], with a letter and words for it.
+
+    kind: of a place of the wheel now, best or worst; of a pointer from the centre now, after (the wheel's mark) or cam.
+    """
+
+    kind: str
+    angle_deg: float
+    letter: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Seat:
+    """The seat of the fixed wheel, counter-clockwise from the right, seen from the cam side.
+
+    holes: none where the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
+    way, negative for clockwise; barred: the letter of holes that are not allowed; legend: what letters and numbers
+    mean, for a drawing in characters.
+    """
+
+    title: str
+    holes: tuple[Hole, ...]
+    first_deg: float
+    turn_deg: float
+    places: tuple[SeatMark, ...]
+    pointers: tuple[SeatMark, ...]
+    barred: str
+    legend: str
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Numbers to be seen at once: words, the number, and what stands below each."""
+
+    rows: tuple[tuple[str, str, str], ...]
+
+
+Figure = Curve | TwoCurves | HeatMap | Seat
+
+
+@dataclass(frozen=True)
+class ReportSection:
+    """Blocks under a title."""
+
+    title: str
+    blocks: tuple[Paragraph | Facts | Table | Figure | Tiles, ...]
+
+
+Block = Paragraph | Facts | Table | Figure | Tiles | ReportSection

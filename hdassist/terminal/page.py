@@ -1,0 +1,147 @@
+"""A report as a page of a terminal: verdict and reasons, its blocks, one line of proof."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich import box
+from rich.cells import cell_len
+from rich.console import Group, RenderableType
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from hdassist.json_parts import certificate_object
+from hdassist.report.blocks import Block, Curve, Facts, HeatMap, Paragraph, ReportSection, Seat, Table, Tiles, TwoCurves
+from hdassist.report.report import Report
+from hdassist.solve.certificate import TOLERANCE
+from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
+from hdassist.terminal.brief import COLOURS, proof
+from hdassist.terminal.console import Style
+from hdassist.terminal.heat import heat
+from hdassist.terminal.plot import curve, two_curves
+from hdassist.terminal.seat import seat_in_characters
+from hdassist.verdict import Verdict
+
+PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
+
+
+def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
+    """A report for people; plots: whether figures are drawn; details: whether all of it is shown."""
+    head = Text(style.text(report.head), style="bold")
+    if report.verdict:
+        head.append(style.text(": ")).append(word(report.verdict, style))
+    blocks = [*report.blocks, *(report.details if details else ())]
+    if details and report.certificate:
+        blocks.append(certificate_table(report))
+    more = "(more: --details)" if report.details and not details else ""
+    proven = proof(report.certificate, report.cross_checks) if report.certificate else ""
+    last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
+    parts = [part for block in blocks for part in block_on_page(block, style, plots)]
+    lines = [line for part in parts for line in (part, Text(""))]
+    if plots and blocks and isinstance(blocks[-1], Curve):
+        lines = lines[:-1]  # under an axis its words are enough of a gap
+    why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
+    return Group(head, *why, *lines, *block_on_page(last, style))
+
+
+def word(verdict: str, style: Style) -> Text:
+    """A verdict as a page has it, green or red where there are colours; any other text as it is."""
+    return Text(style.text(PAGE_WORDS.get(verdict, verdict)), style=COLOURS.get(verdict, ""))
+
+
+def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[RenderableType]:
+    """A block in characters; nothing of an empty one, and of figures where no plots are wanted."""
+    match block:
+        case Paragraph():
+            yield Text(style.text(block.text))
+        case Facts() if block.rows:
+            yield labelled(block, style)
+        case Table() if block.rows:
+            yield from tables(block, style)
+        case ReportSection():
+            yield Text(style.text(block.title), style="bold")
+            for inner in block.blocks:
+                yield from block_on_page(inner, style, plots)
+        case Tiles():
+            yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
+        case Curve() | TwoCurves() | HeatMap() | Seat() if plots:
+            if text := in_characters(block, style):
+                yield Text(text)
+
+
+def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> str:
+    """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
+    labels = {} if isinstance(block, Seat) else {"x_label": block.x_label, "y_label": block.y_label}
+    match block:
+        case Curve():
+            return curve(style, block.x, block.y, **labels, height=block.rows, over=block.over)
+        case TwoCurves():
+            return two_curves(style, block.x, block.first, block.second, names=block.names, **labels)
+        case HeatMap():
+            return heat(style, block.x, block.y, block.z, **labels)
+        case Seat():
+            return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
+
+
+def labelled(block: Facts, style: Style) -> RichTable:
+    """Labelled lines; a text that wraps stays beside its label."""
+    grid = RichTable.grid(padding=(0, 2, 0, 0))
+    grid.add_column(no_wrap=True)
+    grid.add_column(overflow="fold")
+    for label, text in block.rows:
+        grid.add_row(style.text(label), style.text(text))
+    return grid
+
+
+def tables(block: Table, style: Style) -> Iterator[RenderableType]:
+    """A table, or several with the same first column where all columns are wider than the page."""
+    columns = list(range(1, len(block.heads)))
+    first = True
+    while columns or first:
+        shown = len(columns)
+        while shown > 1 and _width(block, [0, *columns[:shown]]) > style.width:
+            shown -= 1
+        table = _table(block, [0, *columns[:shown]], style)
+        title = "\n".join((block.title, *block.notes)) if first else ""
+        yield Group(Text(style.text(title), style="bold"), table) if title else table
+        columns, first = columns[shown:], False
+
+
+def _width(block: Table, columns: list[int]) -> int:
+    """Columns of characters of a table in which only words wrap."""
+    whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
+    parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, whole, strict=True)]
+    return sum(max(map(cell_len, cells), default=0) + 3 for cells in parts) + 1
+
+
+def _table(block: Table, columns: list[int], style: Style) -> RichTable:
+    found = RichTable(
+        box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
+        show_header=block.header,
+        pad_edge=False,
+        show_edge=style.ascii,
+    )
+    for k in columns:
+        head = style.text(block.heads[k])
+        if k in block.words:
+            found.add_column(head, overflow="fold")
+        else:
+            found.add_column(head, justify="right", no_wrap=True)
+    for row in block.rows:
+        found.add_row(*(word(row[k], style) for k in columns))
+    return found
+
+
+def certificate_table(report: Report) -> Table:
+    """Residuals of the states behind a report, each with the bound that it keeps."""
+    assert report.certificate
+    found, cross = report.certificate, certificate_object(report.certificate, report.cross_checks)["cross_check"]
+    names = {"negative_force": "negative force, share of its scale", "negative_gap": "negative gap"}
+    names |= {"complementarity": "force on an open gap", "equilibrium": "equilibrium"}
+    rows = [("states solved", f"{found.states}", "")]
+    rows += [(words, f"{getattr(found, name):.1e}", f"<= {TOLERANCE:.0e}") for name, words in names.items()]
+    rows.append(("states that needed a fallback", f"{found.fallbacks}", ""))
+    if cross:
+        apart = f"{cross['max_difference_arcsec']:.1e}"
+        rows.append((f"{cross['states']} again by {cross['solver']}, arcsec", apart, f"<= {CROSS_TOLERANCE:g}"))
+    return Table("proof", ("", "", ""), tuple(rows), header=False)
