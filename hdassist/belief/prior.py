@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtri
 
+from hdassist.belief.sobol import sobol_points
 from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import deviations_of, standing_offset
 from hdassist.model.geometry import Array
@@ -71,10 +72,7 @@ class DrivePrior:
 
         A scrambled Sobol sequence: of more draws by the same seed the first are the same.
         """
-        from scipy.stats import qmc  # imported in half the time of a check's own modules
-
-        sequence = qmc.Sobol(len(self.fields) + 1, scramble=True, rng=np.random.default_rng(seed))
-        return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
+        return sobol_points(count, len(self.fields) + 1, seed)
 
     def values(self, shares: Array) -> list[dict[str, float]]:
         """Values by path of draws, from their shares, shape (draws, at least fields)."""

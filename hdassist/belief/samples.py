@@ -77,7 +77,7 @@ class Samples:
     figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
     made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
     numbers of the samples among the draws, shape (samples,); turned_arcsec: F'_ior with the fixed wheel turned by
-    rotations_deg, shape (samples, torques, rotations).
+    rotations_deg, shape (samples, torques, rotations); made: each draw, also those without an answer.
     """
 
     prior: DrivePrior
@@ -93,6 +93,17 @@ class Samples:
     numbers: NDArray[np.int64]
     rotations_deg: tuple[float, ...]
     turned_arcsec: Array
+    made: tuple[Draw, ...]
+
+    def turned_by(self, rotations_deg: Sequence[float]) -> list[Draw]:
+        """Each draw with F'_ior at some of the rotations alone."""
+        places = [self.rotations_deg.index(each) for each in rotations_deg]
+        return [
+            replace(each, turned_arcsec=tuple(tuple(row[place] for place in places) for row in each.turned_arcsec))
+            if each.turned_arcsec
+            else each
+            for each in self.made
+        ]
 
     def first(self, draws: int) -> Samples:
         """Those among the first draws: the samples had no more been drawn, but for the draws that were refused."""
@@ -188,6 +199,7 @@ def draw_samples(
     torques: Sequence[float],
     *,
     rotations_deg: Sequence[float] = (),
+    begun: Samples | None = None,
     evidence: tuple[Evidence, ...] = (),
     further: FiguresOf | None = None,
     further_name: str = "",
@@ -198,17 +210,18 @@ def draw_samples(
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
-    Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
-    the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
-    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are
-    for; effort, limits of sampling; seen, called with the samples so far. Raises UsageError for a drive with
-    rolling balls, UntrustedError where too few samples agree with the evidence, or too few draws are drives.
+    Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; begun, samples
+    by the same arguments, these turns among theirs, whose draws are gone on from; evidence on the drive; further,
+    figures that each sample has beside F'_ior, and further_name, all that they depend on beside the drive, in words,
+    without which draws with them are not kept; enough, whether samples suffice for what they are for; effort, limits of
+    sampling; seen, called with the samples so far. Raises UsageError for a drive with rolling balls, UntrustedError
+    where too few samples agree with the evidence, or too few draws are drives.
     """
     rotations = tuple(rotations_deg)
     solve: Callable[..., Draw] | None = None
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
-    draws: list[Draw] = []
+    draws = begun.turned_by(rotations) if begun else []
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
@@ -390,6 +403,7 @@ def _collected(
         np.array(rows, dtype=np.int64),
         rotations_deg,
         np.array([each.turned_arcsec for each in kept]).reshape(len(kept), len(torques), len(rotations_deg)),
+        tuple(draws),
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hdassist.design.check import OperatingPoint
 from hdassist.error.stiffness import Segment, Stiffness, catalogue_torques
 from hdassist.preset.catalogue import Catalogue
 from hdassist.preset.fields import Drive
+
+if TYPE_CHECKING:  # the page of the stiffness needs no samples
+    from hdassist.design.check import OperatingPoint
 
 Off = float | None  # per cent that the model is off a catalogue's figure; None where there is nothing to compare
 

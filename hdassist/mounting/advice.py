@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -254,34 +254,35 @@ def advise(
     if any(limit is not None for limit in limits):
         own = [each.range_arcsec for each in self_error(drive, torques)]
         left = [None if limit is None else limit - each for limit, each in zip(limits, own, strict=True)]
-    of_check: list[int] = []  # draws that `check` takes
+    draw = partial(draw_samples, prior, torques, evidence=evidence_of(drive), effort=SamplingEffort.of(draws), run=run)
+    first = draw(rotations_deg=sorted({0.0, *positions}), enough=partial(limits_settled, left))  # as `check` draws them
+    found = PositionStatistics.of(first, positions, criterion, shares)
+    now, place = found.place(0.0), found.challenger
+    advice = replace(advice, samples=first, positions=found, all_draws=first.draws)
 
-    def probabilities(samples: Samples) -> tuple[Probability | None, Probability | None]:
-        found = PositionStatistics.of(samples, positions, criterion, shares)
-        now, place = found.place(0.0), found.challenger
-        gain = None if place is None else found.probability_gain(place)
-        return gain, None if now is None else found.probability_close(now)
+    def with_odds(samples: Samples) -> Advice:
+        """The advice with probabilities over samples, which may have fewer turns."""
+        gain = stay = None
+        if place is not None:
+            gain = PositionStatistics.of(samples, (positions[place],), criterion, shares).probability_gain(0)
+        if now is not None:
+            every = {*positions} <= {*samples.rotations_deg}
+            stay = PositionStatistics.of(samples if every else first, positions, criterion, shares).probability_close(
+                now
+            )
+        return replace(advice, gain_probability=gain, stay_probability=stay, all_draws=samples.draws)
 
     def enough(samples: Samples) -> bool:
-        if not of_check and not limits_settled(left, samples):
-            return False
-        of_check.append(samples.draws)
-        gain, _ = probabilities(samples)
+        gain = with_odds(samples).gain_probability
         enough_for_gain = samples.effective >= GAIN_DRAWS * draws
         return gain is None or advice.any_hole or enough_for_gain or is_settled(gain.low, gain.high, needed)
 
-    samples = draw_samples(
-        prior,
-        torques,
-        rotations_deg=sorted({0.0, *positions}),
-        evidence=evidence_of(drive),
-        enough=enough,
-        effort=SamplingEffort.of(draws),
-        run=run,
-    )
-    gain, stay = probabilities(samples)
-    first = samples.first(of_check[0]) if of_check else samples
-    found = PositionStatistics.of(first, positions, criterion, shares)
-    return replace(
-        advice, samples=first, positions=found, gain_probability=gain, stay_probability=stay, all_draws=samples.draws
-    )
+    advice = with_odds(first)
+    if place is None or enough(first):
+        return advice
+    # a gain needs two positions; whether the present one is nearly as good as the best needs all, unless it is known
+    stay = advice.stay_probability
+    of_gain = stay is None or is_settled(stay.low, stay.high, needed)
+    turns = sorted({0.0, positions[place]}) if of_gain else first.rotations_deg
+    more = draw(rotations_deg=turns, begun=first, enough=enough)
+    return replace(with_odds(more), samples=replace(first, certificate=more.certificate))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on
+from hdassist.belief.sobol import sobol_points
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import TABLE_SECTIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -348,12 +349,10 @@ def _solved(
 
 def _deviations(belief: DrivePrior, count: int, seed: list[int]) -> dict[str, Array]:
     """Draws of the deviations that are not known, by path, with what stands turned, shape (draws, directions)."""
-    from scipy.stats import qmc  # imported in half the time of a check's own modules
-
     drive, directions, every = belief.drive, directions_of(belief.drive), any_direction(belief)
     fields = [each for each in belief.fields if each.path.startswith(TABLE_SECTIONS)]
     count = 2 ** int(np.ceil(np.log2(count if every else count * KNOWN_DIRECTION)))
-    shares = qmc.Sobol(len(fields), rng=np.random.default_rng(seed)).random(count)
+    shares = sobol_points(count, len(fields), seed)
     turn = standing_offset(drive)[1]
     stand = [turn] if drive.mounting.fixed == "flexspline" else [turn, OVALITY]
     drawn = {path: np.full(count, drive.number(path)) for path in standing_offset(drive)}

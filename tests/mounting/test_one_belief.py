@@ -14,6 +14,7 @@ from hdassist.comparing.sheet import sheet_of
 from hdassist.design.check import check
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import Run
 from tests.process import TINY, run
@@ -90,6 +91,24 @@ def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
     low, _, high = (one - other for one, other in zip(loose.gain_range, known.gain_range, strict=True))
     assert (low, -high) < (0, 0)
     assert {each.group for each in loose.influences} <= {each.group for each in prior_of(drive_of(stiff)).fields}
+
+
+def test_further_draws_for_an_open_gain_have_the_two_positions_that_it_lies_between():
+    drive = drive_of("phases.xi_b=200±90")
+    turns = seat_positions(drive)
+    settled = advise(drive, (4.0,), turns, draws=40, run=Run(seed=3))
+    needed = settled.gain_probability.value  # which chance alone leaves open
+    advice = advise(drive, (4.0,), turns, draws=40, needed=needed, run=Run(seed=3))
+    count, proof = advice.all_draws, advice.samples.certificate
+    assert count > advice.samples.draws
+    every = draw_samples(
+        prior_of(drive), (4.0,), rotations_deg=turns, effort=SamplingEffort(count, count, count, 40), run=Run(seed=3)
+    )
+    best = advice.positions.rotations_deg[advice.positions.challenger]
+    gain = PositionStatistics.of(every, (best,), "expected", None).probability_gain(0)
+    assert advice.gain_probability == gain  # as of draws with all positions
+    of_first = every.certificate.states * advice.samples.draws / count
+    assert of_first < proof.states < (of_first + every.certificate.states) / 2
 
 
 def test_a_catalogue_is_heard_by_mount():
