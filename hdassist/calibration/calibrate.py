@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import qmc
 
-from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, computing_fault
+from hdassist.calibration.evaluations import IMPOSSIBLE, Evaluations, residuals_or_fault
 from hdassist.calibration.quantities import REPORTING, SEARCHING, TargetQuantities
 from hdassist.calibration.targets import CalibrationTarget, SoughtField, Targets
 from hdassist.errors import Fault, HdassistError, UntrustedError
@@ -27,8 +27,6 @@ DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unk
 DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a coarse scan
 VALUE_DIGITS = 4  # of a found value
 INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
-AT_BOUND = 0.01  # of the bounds' width: nearer than that a value stands at its bound
-BEYOND_BOUND, GAIN = 0.1, 0.01  # of the width, of the sum of squares: what going on beyond a bound would have to bring
 
 
 @dataclass(frozen=True)
@@ -124,38 +122,42 @@ def calibrate(
     costs = (residuals(list(sobol)) ** 2).sum(axis=1)
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < IMPOSSIBLE**2]
     if not order:
-        fault = computing_fault(drive.with_values(targets.by_path(start)), targets.targets)
+        _, fault = residuals_or_fault(targets.targets, drive.with_values(targets.by_path(start)))
         why = f"; as the preset has it: {fault}" if fault else ""
         hint = "look at the bounds, and check the preset"
         raise UntrustedError(f"no drive within the bounds could be computed{why}", hint, Fault.FIT_UNSETTLED)
     first = [sobol[order[k]] for k in _distant(sobol[order])[:starts]]
     runs = sorted((_settle(point, residuals, iterations) for point in first), key=lambda run: run.cost)
     at_rest = runs[0].status > 0 or float(np.abs(runs[0].fun).max()) <= 1
-    sets = [cube.values(run.x) for run in (runs if at_rest else runs[:1])]
+    runs = runs if at_rest else runs[:1]
     # a coarse scan may not have come to what a fine one does
-    fits = [fit for fit in evaluations.run.map(partial(_fit, drive, targets), sets) if fit is not None]
-    if not fits:
+    fine = evaluations.run.map(partial(_fit, drive, targets), [cube.values(run.x) for run in runs])
+    found = [(fit, run) for fit, run in zip(fine, runs, strict=True) if fit is not None]
+    if not found:
         raise UntrustedError("no set that was found can be computed exactly", "narrow the bounds", Fault.FIT_UNSETTLED)
-    best, *others = sorted(fits, key=lambda fit: float(np.sum(np.square(fit.deviations))))
-    fits = [best, *(fit for fit in others if fit.all_met)]
-    kept = [fits[k] for k in _distant([cube.point(fit.values) for fit in fits])]
-    point = cube.point(best.values)
-    jacobian = _jacobian(point, residuals)
-    held = holding_bounds(targets.unknowns, point, residuals([point])[0], jacobian)
+    found.sort(key=lambda pair: float(np.sum(np.square(pair[0].deviations))))
+    best, run = found[0]
+    bounds = ((u.low, u.high) for u in targets.unknowns)
+    # the sum of squares would go on falling beyond a bound that the search came to
+    held = tuple(
+        None if side * slope >= 0 else low if side < 0 else high
+        for (low, high), side, slope in zip(bounds, run.active_mask, run.grad, strict=True)
+    )
     if not at_rest:
         words = shortfall(targets, best, held) or "its nearest set meets the targets all the same"
         hint = "run again with the same --state and more --evaluations: what was computed is kept"
         raise UntrustedError(f"the fit did not come to rest: {words}", hint, Fault.FIT_UNSETTLED)
-    phases = evaluations.run.map(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in kept])
-    kept = [replace(fit, best_deg=best_deg) for fit, best_deg in zip(kept, phases, strict=True)]
+    fits = [best, *(fit for fit, _ in found[1:] if fit.all_met)]
+    fits = [fits[k] for k in _distant([cube.point(fit.values) for fit in fits])]
+    phases = evaluations.run.map(_best_phases, [drive.with_values(targets.by_path(fit.values)) for fit in fits])
     # equation (12) of docs/theory.md; half the bounds' width is the half-width of a value that no target sees
-    covariance = np.linalg.inv(jacobian.T @ jacobian + 4 * np.eye(len(start)))
+    covariance = np.linalg.inv(run.jac.T @ run.jac + 4 * np.eye(len(start)))
     deviation = np.sqrt(np.diag(covariance))
     return Calibration(
         drive,
         targets,
         start,
-        tuple(kept),
+        tuple(replace(fit, best_deg=best_deg) for fit, best_deg in zip(fits, phases, strict=True)),
         tuple((deviation * cube.slope(best.values)).tolist()),
         tuple((1 - 2 * deviation).tolist()),
         covariance / np.outer(deviation, deviation),
@@ -251,22 +253,6 @@ def _best_phases(drive: Drive) -> tuple[float | None, ...]:
             return None
 
     return tuple(map(best, drive.operation.M_g))
-
-
-def holding_bounds(
-    unknowns: Sequence[SoughtField], point: Array, residuals: Array, jacobian: Array
-) -> tuple[float | None, ...]:
-    """For each unknown the bound at which it stands and beyond which the fit would go on; None where there is none.
-
-    Arguments: point of the unit cube, shape (unknowns,); residuals at it, shape (residuals,); jacobian, their change
-    over the unit cube, shape (residuals, unknowns).
-    """
-    gains, worth = 2 * residuals @ jacobian * BEYOND_BOUND, GAIN * float(residuals @ residuals)
-    bounds: list[float | None] = []
-    for unknown, at, gain in zip(unknowns, point.tolist(), gains.tolist(), strict=True):
-        low, high = at < AT_BOUND and gain > worth, at > 1 - AT_BOUND and -gain > worth
-        bounds.append(unknown.low if low else unknown.high if high else None)
-    return tuple(bounds)
 
 
 def shortfall(targets: Targets, fit: Fit, held: Sequence[float | None]) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -26,8 +25,6 @@ from hdassist.solve.window import in_wide_enough_window
 IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
 
 Values = tuple[float, ...]
-_Task = TypeVar("_Task")
-_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -40,15 +37,11 @@ class Evaluation(ClosedRecord):
 
 def evaluations_kind(targets: Targets) -> RecordKind[Evaluation]:
     """Records of drives computed against targets, and how they are checked."""
-    count = sum(target.residual_count for target in targets.targets)
+    count = len(targets.unknowns), sum(target.residual_count for target in targets.targets)
 
     def fault(_: int, record: Evaluation) -> str:
-        if len(record.values) != len(targets.unknowns) or len(record.residuals) != count:
-            return f"expected values of {len(targets.unknowns)} unknowns, {count} residuals"
-        for unknown, value in zip(targets.unknowns, record.values, strict=True):
-            if not unknown.allows(value):
-                return f"{unknown.path}: expected {unknown.low:g} to {unknown.high:g}"
-        return ""
+        fits = (len(record.values), len(record.residuals)) == count
+        return "" if fits else f"expected values of {count[0]} unknowns, {count[1]} residuals"
 
     return RecordKind(TypeAdapter(Evaluation), fault)
 
@@ -86,7 +79,9 @@ class Evaluations:
         """Residuals [tolerances] at values of the unknowns, shape (points, residuals)."""
         fresh = [point for point in dict.fromkeys(points) if point not in self._known]
         tasks = [self._drive.with_values(self._targets.by_path(point)) for point in fresh]
-        for point, row in zip(fresh, self.run.map(partial(_residuals, self._targets.targets), tasks), strict=True):
+        for point, (row, _) in zip(
+            fresh, self.run.map(partial(residuals_or_fault, self._targets.targets), tasks), strict=True
+        ):
             self._known[point] = row
             self.computed += 1
             if self._kept is not None:
@@ -94,29 +89,16 @@ class Evaluations:
         return np.array([self._known[point] for point in points])
 
 
-def _residuals(targets: Sequence[CalibrationTarget], drive: Drive) -> Values:
-    try:
-        return _computed(targets, drive)
-    except HdassistError:
-        return (IMPOSSIBLE,) * sum(target.residual_count for target in targets)
-
-
-def computing_fault(drive: Drive, targets: Sequence[CalibrationTarget]) -> str:
-    """Why a drive cannot be computed; empty where it can."""
-    try:
-        _computed(targets, drive)
-    except HdassistError as error:
-        return error.message
-    return ""
-
-
-def _computed(targets: Sequence[CalibrationTarget], drive: Drive) -> Values:
-    """Residuals [tolerances] of a drive. Raises HdassistError where there is no such drive."""
-    if (conflict := first_conflict(drive)) is not None:
-        raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
+def residuals_or_fault(targets: Sequence[CalibrationTarget], drive: Drive) -> tuple[Values, str]:
+    """Residuals [tolerances] of a drive, and why it cannot be computed: empty where it can."""
 
     def residuals(windowed: Drive) -> Values:
         quantities = TargetQuantities(windowed, SEARCHING)
         return tuple(float(x) for target in targets for x in quantities.residuals(target))
 
-    return in_wide_enough_window(drive, residuals)
+    try:
+        if (conflict := first_conflict(drive)) is not None:
+            raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
+        return in_wide_enough_window(drive, residuals), ""
+    except HdassistError as error:
+        return (IMPOSSIBLE,) * sum(target.residual_count for target in targets), error.message

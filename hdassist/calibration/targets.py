@@ -35,7 +35,6 @@ from hdassist.readers.trace import read_trace
 TARGETS_SCHEMA = "hdassist.targets/1"
 FEWEST_READINGS = 10  # of a trace
 RANGE_SHARE = 0.1  # of its width: how far outside a range counts as much as a tolerance does
-ROUNDED_BOUND = 1e-3  # of a bound: how far beyond it a value of four digits may be
 _Value = TypeVar("_Value")
 TEXT = "text"  # in place of a unit
 SHARE_HINT = "a number, or a share like 5 %"
@@ -84,10 +83,6 @@ class SoughtField:
     high: float
     log: bool
     start: float
-
-    def allows(self, value: float) -> bool:
-        """Whether a value lies between the bounds, to the digits of a found value."""
-        return self.low - ROUNDED_BOUND * abs(self.low) <= value <= self.high + ROUNDED_BOUND * abs(self.high)
 
     @property
     def unit(self) -> str:
