@@ -1,4 +1,4 @@
-"""The drawings of docs/bench.md: `python -m benchmarks.bench_pictures`. Light or dark as the screen is."""
+"""Drawings of mounting and measuring for docs/: `python -m benchmarks.bench_pictures`. Light or dark as the screen is."""
 
 from __future__ import annotations
 
