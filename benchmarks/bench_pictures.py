@@ -1,4 +1,4 @@
-"""The drawings of docs/bench.md: `python -m benchmarks.bench_pictures`. Light or dark as the screen is."""
+"""Drawings of docs/mount.md and docs/measure.md: `python -m benchmarks.bench_pictures`. Light or dark as the screen."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Presets of published sizes, made as `hdassist presets new` makes them: `python -m benchmarks.catalogue [--check]`.
 
-Writes presets/size-*.yaml and presets/mvz-*.yaml, their targets in docs/targets/, and the table of docs/presets.md:
+Writes presets/size-*.yaml and presets/mvz-*.yaml, their targets in docs/targets/, and the table of docs/theory.md:
 what hdassist says of the stiffness of each beside what its catalogue says; --no-table leaves that out. --check says
 what differs, but for the table.
 """
@@ -19,7 +19,7 @@ from hdassist.preset.similarity import SimilarValue, Wish
 from hdassist.run.run import UNCHECKED
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs/presets.md"
+PAGE = ROOT / "docs/theory.md"
 BEGIN, END = "<!-- made by python -m benchmarks.catalogue -->\n", "<!-- end -->\n"
 MM_A_SIZE = 2.54
 CLEARED = 0.014  # modules per flank: the clearance that brings K1 of most sizes to their catalogue's

@@ -1,4 +1,4 @@
-"""docs/bench.md: its commands run; its drawings are what the script makes, and count as the assembly card does."""
+"""Drawings of the bench are what the script makes, stand on a page, and count as the assembly card does."""
 
 import re
 from math import atan2, degrees
@@ -7,7 +7,6 @@ import pytest
 
 from benchmarks.bench_pictures import DRAWINGS, FIGURES, HOLES, drawn
 from hdassist.pages.card_svg import CENTRE, HOLE_CIRCLE, at
-from tests.tutorial import DOCS, require_told, told_by
 
 
 def direction(x: float, y: float) -> float:
@@ -15,17 +14,11 @@ def direction(x: float, y: float) -> float:
     return degrees(atan2(-y, x)) % 360
 
 
-@pytest.mark.slow
-def test_the_page_runs(tmp_path):
-    require_told("bench.md", told_by("bench.md", tmp_path))
-    card = " ".join((tmp_path / "card.txt").read_text(encoding="utf-8").split())
-    assert "Turn the rigid wheel by 2 holes (60 deg) clockwise" in card
-
-
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_a_drawing_is_as_it_is_made_and_shown(name: str):
     assert (FIGURES / f"{name}.svg").read_text(encoding="utf-8") == drawn(name), "python -m benchmarks.bench_pictures"
-    assert f"](figures/{name}.svg)" in (DOCS / "bench.md").read_text(encoding="utf-8")
+    pages = "".join((FIGURES.parent / page).read_text(encoding="utf-8") for page in ("mount.md", "measure.md"))
+    assert f"](figures/{name}.svg)" in pages
 
 
 def test_holes_count_as_on_the_card():

@@ -40,7 +40,7 @@ def everything(names: set[str]) -> set[str]:
 
 
 def test_each_has_its_reason_and_licence() -> None:
-    page = (ROOT / "docs/dependencies.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/developers.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| ([a-z0-9.-]+) \| .* \| ([^|]+) \|$", page, flags=re.MULTILINE))
     rows = {name: told for name, told in rows.items() if name not in ("package", "---")}
     assert set(rows) == needed()
@@ -55,7 +55,7 @@ def test_no_version_of_jinja2_with_known_advisories_is_let_in() -> None:
 
 
 def test_each_extra_is_told() -> None:
-    page = (ROOT / "docs/dependencies.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/developers.md").read_text(encoding="utf-8")
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     assert {"cluster", "docs"} <= set(extras)
     assert set(re.findall(r"`hdassist\[(\w+)\]`", page)) == set(extras)

@@ -49,16 +49,3 @@ def test_the_sidebar_has_the_groups_of_the_readme():
         title: [{"CONTRIBUTING": "site/contributing", "CHANGELOG": "site/changelog"}.get(n, n) for n in names]
         for title, names in groups.items()
     }
-
-
-def rows_of(page: str, first: str) -> list[list[str]]:
-    """Cells of a page's table rows whose first cell matches."""
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|")
-    return [row for row in rows if re.fullmatch(first, row[0])]
-
-
-def test_the_comparison_has_the_numbers_of_the_pages_that_it_names():
-    for drive in ("`vzp160`, 80 N·m", "`synthetic-160-162`, 10 N·m"):
-        (there,), (here,) = rows_of("tolerance.md", drive), rows_of("alternatives.md", drive)
-        assert here[1:] == [cell.split(" / ")[1] for cell in there[1:]]

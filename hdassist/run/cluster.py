@@ -147,7 +147,7 @@ def _reached(address: str) -> Iterator[Client]:
     try:
         keys = Security().get_connection_args("client")  # type: ignore[no-untyped-call]
         if address.startswith("tls:") and keys.get("ssl_context") is None:
-            raise ValueError("dask's configuration names no key; docs/scale.md shows how")
+            raise ValueError("dask's configuration names no key; docs/tolerance.md shows how")
         if keys.get("require_encryption") and not address.startswith("tls:"):
             raise ValueError("dask's configuration requires encryption: tls://")
         client = Client(address, timeout=WAIT, set_as_default=False)  # type: ignore[no-untyped-call]

@@ -441,7 +441,7 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
 
 
 def test_codes_are_explained_and_in_the_docs():
-    page = (ROOT / "docs/acceptance.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/accept.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `([A-Z_0-9]+)` \|", page, flags=re.MULTILINE)) == set(CODES)
     for item in CODES.values():
         assert item.words == item.words.strip() != ""

@@ -13,7 +13,6 @@ import pytest
 
 from tests.process import SMALL, run
 from tests.rigs import drive_error, text, whole_range
-from tests.tutorial import told_by
 
 ROOT = Path(__file__).parents[2]
 TURNS = np.arange(30 * 60) / 60
@@ -156,12 +155,3 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     assert again.returncode == 2
     both = run("accept", SMALL, SMALL, "--measured", "4:run.csv", "--limit", "F_ior=3", cwd=rig)
     assert (both.returncode, "belongs to one drive" in both.stderr) == (2, True)
-
-
-@pytest.mark.slow  # .ci/run runs it
-def test_the_tutorial_runs(tmp_path):
-    told = told_by("acceptance.md", tmp_path)
-    assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"
-    assert len((tmp_path / "lot.jsonl").read_text().splitlines()) == 4  # the owner, and a line each
-    assert "ship it" in told
-    assert told.count("agrees") >= 2

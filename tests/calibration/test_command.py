@@ -12,7 +12,6 @@ from pydantic import TypeAdapter
 from hdassist import load_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import SMALL, run
-from tests.tutorial import require_told, told_by
 
 TARGETS = """\
 schema: hdassist.targets/1
@@ -114,8 +113,3 @@ def test_a_trace_that_was_measured_again_has_a_state_of_its_own(tmp_path):
 def write_curve(path, values):
     rows = "".join(f"{20 * k},{value:.4f}\n" for k, value in enumerate(values))
     path.write_text(f"cam_deg,error_arcsec\n{rows}")
-
-
-@pytest.mark.slow  # .ci/run runs it
-def test_the_page_of_the_docs_runs(tmp_path):
-    require_told("calibrate.md", told_by("calibrate.md", tmp_path))

@@ -16,7 +16,6 @@ from hdassist.run.run import UNCHECKED
 from hdassist.terminal.plot import HEIGHT
 from tests.process import SMALL, run
 from tests.rigs import text
-from tests.tutorial import told_by
 
 ROOT = Path(__file__).parents[2]
 KEYS = {
@@ -102,10 +101,3 @@ def test_faults_end_clearly_and_write_nothing(rig, args, code, words):
     assert (result.returncode, result.stdout) == (code, "")
     assert words in result.stderr
     assert not (rig / "page.txt").exists()
-
-
-@pytest.mark.slow
-def test_the_page_of_the_docs_runs(tmp_path):
-    told = told_by("compare.md", tmp_path)
-    for words in ("explained by one deviation", "mirrored --error-is output-cam", "agrees"):
-        assert words in told

@@ -19,8 +19,8 @@ ABOUT = (
     "61, 71 and 54, 88, 98. Brought to the pitch diameter of `vzp160`, 160 mm, by its cube from theirs (2.54 mm a "
     "size), both say 50, 79, 90 to 3 %. Nothing was fitted to them. The presets of the sizes are similar to "
     "`vzp160`; size 14, whose catalogue falls off from the cube of the diameter, is missed in all three and is in "
-    "no row. No catalogue's lost motion is at hand to hold the last column against ([presets.md](presets.md) has "
-    "the values)."
+    "no row. No catalogue's lost motion is at hand to hold the last column against "
+    "([theory](theory.md#drives-by-similarity) has the values)."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
 SIMILAR = (17, 20, 25, 32, 40, 45, 50, 58, 65)

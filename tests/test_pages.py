@@ -1,0 +1,116 @@
+"""Pages of docs/ whose commands run as they stand: each command ends as the page has it, and prints the output shown.
+
+A block `sh` runs, a block `text` is output of them, a block `none` is only shown.
+"""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from math import isclose
+from pathlib import Path
+from string import Template
+
+import pytest
+
+from tests.process import CLEAN, run
+
+DOCS = Path(__file__).parents[1] / "docs"
+NAME, COMMAND = r"\w+=\S+", r"hdassist [^|&;<>\n]+( > [\w.-]+)?"  # lines that need no shell
+PLAIN = rf"(({NAME}|{COMMAND})\n)+"
+SHELL = f'set -euo pipefail\nhdassist() {{ "{sys.executable}" -m hdassist "$@"; }}\n'
+
+pytestmark = pytest.mark.slow  # .ci/run runs them
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def output_of(page: str, folder: Path) -> str:
+    """Output of the commands of a page, run in a folder; runs of blanks as one. What the page shows of it is there."""
+    words = "".join(output_of_block(block, folder) for block in blocks(page, "sh")).split()
+    for block in blocks(page, "text"):
+        shown = block.split()
+        starts = range(len(words) - len(shown) + 1)
+        assert any(all(map(alike, shown, words[start:])) for start in starts), f"{block}is not in {' '.join(words)}"
+    return " ".join(words)
+
+
+def output_of_block(block: str, folder: Path) -> str:
+    """Output of a block: plain commands in this process, where Python need not start anew, the rest in a shell."""
+    if not re.fullmatch(PLAIN, block):
+        command = ["bash", "-c", SHELL + block]
+        done = subprocess.run(command, cwd=folder, env=CLEAN, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout + done.stderr
+    output, names = "", {}
+    for line in block.splitlines():
+        if re.fullmatch(NAME, line):
+            names.update([line.split("=", 1)])
+            continue
+        line, _, code = line.partition("  # exit code ")
+        line, _, file = line.partition(" > ")
+        words = [Template(word).substitute(names) for word in shlex.split(line, comments=True)]
+        answer = run(*words[1:], cwd=folder)
+        assert answer.returncode == int(code or 0), f"{line}: {answer.returncode}\n{answer.stderr}"
+        if file:
+            (folder / file).write_text(answer.stdout)
+        output += ("" if file else answer.stdout) + answer.stderr
+    return output
+
+
+def alike(shown: str, word: str) -> bool:
+    """Whether two words are the same but for one per cent of their numbers."""
+    parts = [re.split(r"(\d[\d.]*)", text) for text in (shown, word)]
+    return len(parts[0]) == len(parts[1]) and all(
+        a == b or (k % 2 == 1 and isclose(float(a.rstrip(".")), float(b.rstrip(".")), rel_tol=0.01))
+        for k, (a, b) in enumerate(zip(*parts, strict=True))
+    )
+
+
+def words_of(file: Path) -> str:
+    return " ".join(file.read_text(encoding="utf-8").split())
+
+
+def test_start(tmp_path: Path):
+    output_of("start.md", tmp_path)
+    card = words_of(tmp_path / "card.txt")
+    assert "Turn the rigid wheel by 3 holes (90 deg) clockwise" in card
+    assert "Values of the preset: 4 given, 0 identified, 29 assumed." in card
+    assert "By the trials this position is good (within 5 % of the best one) with a probability of" in card
+    assert "hole 9: 22.1 arcsec" in card
+
+
+def test_design(tmp_path: Path):
+    output_of("design.md", tmp_path)
+    assert (tmp_path / "own.html").stat().st_size > 0
+
+
+def test_mount(tmp_path: Path):
+    output_of("mount.md", tmp_path)
+    assert "Turn the rigid wheel by 4 holes (120 deg) clockwise" in words_of(tmp_path / "known.txt")
+    assert "Turn the rigid wheel by 2 holes (60 deg) clockwise" in words_of(tmp_path / "card.txt")
+
+
+def test_measure(tmp_path: Path):
+    output = output_of("measure.md", tmp_path)
+    for words in ("at least", "full cycle: 100 cam turns, 1 output turn"):
+        assert words in output
+    for words in ("agrees", "explained by one deviation", "mirrored --error-is output-cam"):
+        assert words in output
+    assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
+
+
+def test_accept(tmp_path: Path):
+    output = output_of("accept.md", tmp_path)
+    assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"
+    assert len((tmp_path / "lot.jsonl").read_text().splitlines()) == 4  # the owner, and a line each
+    assert "ship it" in output
+    assert output.count("agrees") >= 2
+
+
+def test_tolerance(tmp_path: Path):
+    output_of("tolerance.md", tmp_path)
+    assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == 4  # the owner, and a line each
