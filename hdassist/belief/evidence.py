@@ -63,12 +63,12 @@ def evidence_of(drive: Drive) -> tuple[Evidence, ...]:
 
 
 def stiffness_figures(drive: Drive) -> tuple[dict[str, float], Certificate]:
-    """Stiffnesses K_1 to K_3 [N*m/rad] and lost motion [arcsec] of a drive, by name, with the proof of their states.
+    """Stiffnesses K_1 to K_3 [N*m/rad], on the weaker side, and lost motion [arcsec] of a drive, with their proof.
 
     Raises UntrustedError where an answer cannot be trusted.
     """
     found = stiffness(drive, points=1, run=UNCHECKED)
-    segments = [segment.stiffness for segment in found.positive]
+    segments = [found.weaker(k) for k in (1, 2, 3)]
     return dict(zip(STIFFNESS_FIGURES, (*segments, found.lost_motion_arcsec), strict=True)), found.certificate
 
 

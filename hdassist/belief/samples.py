@@ -40,6 +40,7 @@ FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a d
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
+LEAST_ERROR = 1e-3  # arcsec
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
@@ -158,6 +159,11 @@ class ErrorBelief:
     def probability_within(self, limit_arcsec: float) -> Probability:
         """Probability that F'_ior is at most a limit [arcsec]."""
         return self.samples.probability_within(limit_arcsec, self.torque)
+
+
+def log_error(arcsec: Array) -> Array:
+    """Logarithm of errors, shape (...,); what is less than a search can see counts as LEAST_ERROR."""
+    return np.asarray(np.log(np.maximum(arcsec, LEAST_ERROR)))
 
 
 def effective_number(weights: Array) -> float:

@@ -20,6 +20,9 @@ from hdassist.belief.samples import (
     probability_of,
     weighted_quantile,
 )
+from hdassist.calibration.quantities import REPORTING, TargetQuantities
+from hdassist.calibration.targets import CalibrationTarget
+from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.run.run import Run
 from hdassist.verdict import Verdict, is_settled, verdict_by_probability
@@ -134,6 +137,17 @@ def test_a_catalogue_is_evidence():
     assert evidence_of(tiny()) == ()
 
 
+def test_a_stiffness_is_that_of_the_weaker_side_for_evidence_and_targets():
+    drive = tiny("bearing.beta=0.25")  # balls beside the axes: the two sides differ
+    found, figures = stiffness(drive, points=1), stiffness_figures(drive)[0]
+    targets = TargetQuantities(drive, REPORTING)
+    for k in (1, 2, 3):
+        one, other = (side[k - 1].stiffness for side in (found.positive, found.negative))
+        assert abs(one / other - 1) > 0.01
+        asked = CalibrationTarget(f"K_{k}", {}, one, one, one, 1.0)
+        assert [figures[f"K_{k}"], targets.predict(asked)[0]] == pytest.approx([min(one, other)] * 2)
+
+
 def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more():
     drive = tiny(C_3, J_N, "phases.phi_hb=unknown")
     prior = prior_of(drive)
@@ -242,6 +256,14 @@ def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C
     gains = {each.measured: each.gain for each in middle}
     assert 0.35 < gains["supports.C_3"] < 0.5  # half of the verdicts are right by chance
     assert measurements(by_C_3, 0, 1000.0) == ()  # all keep it: nothing is left to decide
+
+
+def test_a_drive_without_error_is_weighed_like_any_other(by_C_3):
+    F_ior = by_C_3.F_ior_arcsec.copy()
+    F_ior[3] = 0.0  # of a tiny drive
+    none = replace(by_C_3, F_ior_arcsec=F_ior)
+    assert influences(none, 0)[0].group == "supports.C_3"
+    assert all(np.isfinite(each.gain) for each in (*measurements(none, 0), *measurements(none, 0, 30.0)))
 
 
 def test_the_interval_of_a_percentile_holds_the_true_one(by_C_3):
