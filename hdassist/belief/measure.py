@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import CHANCE_OF_INFLUENCE, chance_probability, columns_of, groups_of
 from hdassist.belief.samples import Samples, effective_number, log_error
 from hdassist.model.geometry import Array
@@ -67,12 +68,14 @@ def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[st
     shares = samples.shares + FIELD_ERROR * rng.standard_normal(samples.shares.shape)
     for group in groups_of(samples):
         yield group, columns_of(samples, shares, group)
-    figures = {f"stiffness.{name}": values for name, values in samples.figures.items()}
+    known = {each.figure for each in evidence_of(samples.prior.drive) if each.path.startswith("measured.")}
+    figures = {f"stiffness.{name}": values for name, values in samples.figures.items() if name not in known}
     figures |= {f"F_ior@{M_g:g}": samples.F_ior_arcsec[:, k] for k, M_g in enumerate(samples.torques)}
     read: dict[str, Array] = {}
     for name, values in figures.items():
         x = read[name] = log_error(values) + FIGURE_ERROR * rng.standard_normal(len(values))
-        yield name, np.stack([x, x**2], axis=1)
+        if name not in known:
+            yield name, np.stack([x, x**2], axis=1)
     for r, rotation in enumerate(samples.rotations_deg):
         for k, M_g in enumerate(samples.torques):
             if rotation % 360:

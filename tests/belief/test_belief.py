@@ -122,17 +122,17 @@ def test_evidence_agrees_best_with_its_value_and_a_wrong_figure_carries_no_order
     assert near.log_likelihood(5e4 * 1.1) == pytest.approx(near.log_likelihood(5e4 / 1.1))
     at_2 = -0.5 * (np.log(2) / 0.15) ** 2  # the logarithm of a normal density
     assert near.log_likelihood(1e5) > at_2 / 2
-    limit = Evidence("catalogue.lost_motion", "lost_motion", 60.0, 0.25, one_sided=True)
+    limit = Evidence("catalogue.lost_motion", "lost_motion", 60.0, 0.25, "limit")
     assert np.array_equal(limit.log_likelihood(np.array([1.0, 60.0])), [0, 0])
     assert limit.log_likelihood(75.0) == pytest.approx(-2.5 * np.log(1.25))
 
 
 def test_a_catalogue_is_evidence():
     drive = tiny("catalogue.K_1=2e3", "catalogue.K_3=4e3", "catalogue.accuracy=60", "catalogue.lost_motion=90")
-    found = {each.path: (each.spread, each.one_sided) for each in evidence_of(drive)}
+    found = {each.path: (each.spread, each.kind) for each in evidence_of(drive)}
     assert found == {
-        "catalogue.K_1": (0.3, False), "catalogue.K_3": (0.15, False), "catalogue.lost_motion": (0.25, True),
-        "catalogue.accuracy": (0.25, True),
+        "catalogue.K_1": (0.3, "ratio"), "catalogue.K_3": (0.15, "ratio"), "catalogue.lost_motion": (0.25, "limit"),
+        "catalogue.accuracy": (0.25, "limit"),
     }  # fmt: skip
     assert evidence_of(tiny()) == ()
 
