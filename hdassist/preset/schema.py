@@ -12,8 +12,8 @@ from hdassist.preset.fields import PRESET_SCHEMA, Drive, fields, measures, secti
 from hdassist.preset.kinds import (
     POSITION_KEY,
     UNKNOWN,
-    UncertainReading,
     Section,
+    UncertainReading,
     bounds_of,
     choices_of,
     is_optional,
