@@ -60,8 +60,9 @@ class Judged:
 def hidden_vzp160(seed: int, order_2: float):
     """The preset vzp160 and F'_ior [arcsec] in each hole of a hidden drive like it."""
     from hdassist import load_preset
-    from hdassist.error.error_map import ErrorMap
+    from hdassist.error.cycle import kinematic_error
     from hdassist.mounting.positions import rotated
+    from hdassist.run.run import UNCHECKED
 
     rng, preset = np.random.default_rng([0, seed]), load_preset("vzp160")
     values = {
@@ -71,10 +72,10 @@ def hidden_vzp160(seed: int, order_2: float):
         "phases.phi_hh": rng.uniform(0, 360),
     }
     drive, phase = preset.with_values(values), rng.uniform(0, 2 * np.pi)
-    error_map = ErrorMap(drive, M_G)
-    more = order_2 * np.sin(2 * error_map.states.phi_h + phase)
     turned = (rotated(drive, 360 * hole / HOLES) for hole in range(HOLES))
-    return preset, np.array([np.ptp(error_map.sign * error_map.rotation(each)[0] + more) for each in turned])
+    found = [kinematic_error(each, M_G, run=UNCHECKED) for each in turned]
+    more = order_2 * np.sin(2 * found[0].states.phi_h + phase)
+    return preset, np.array([np.ptp(each.error_arcsec + more) for each in found])
 
 
 def hidden_by_data_sheet(seed: int):

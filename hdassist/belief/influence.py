@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from hdassist.belief.samples import Samples, effective_number
+from hdassist.belief.samples import Samples, effective_number, log_error
 from hdassist.model.geometry import Array
 
 CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
@@ -33,7 +33,7 @@ def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
 
     What is missing to 1 is unexplained. Empty where samples are too few to tell, or F'_ior does not vary.
     """
-    return influences_on(samples, np.log(samples.F_ior_arcsec[:, torque]))
+    return influences_on(samples, log_error(samples.F_ior_arcsec[:, torque]))
 
 
 def influences_on(samples: Samples, y: Array) -> tuple[Influence, ...]:

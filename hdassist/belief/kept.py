@@ -17,7 +17,7 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
-from hdassist.belief.evidence import ACCURACY, STIFFNESS_FIGURES, Evidence
+from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import DrivePrior
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
@@ -55,7 +55,7 @@ class Draw(ClosedRecord):
     def holds(self, fields: int, torques: int, turns: int, evidence: Sequence[Evidence]) -> bool:
         """Whether it can be a draw of so many fields at so many torques and turns, weeded by evidence."""
         figures = frozenset(self.figures or ())
-        needed = frozenset(STIFFNESS_FIGURES if any(each.figure != ACCURACY for each in evidence) else ())
+        needed = frozenset(STIFFNESS_FIGURES if any(each.figure in STIFFNESS_FIGURES for each in evidence) else ())
         if self.F_ior_arcsec is None:
             is_weeded = not self.refused and figures == needed != frozenset()
             is_refused = bool(self.refused) and self.figures is None
@@ -63,6 +63,7 @@ class Draw(ClosedRecord):
         turned = self.turned_arcsec or ()
         shape = len(self.shares), len(self.F_ior_arcsec), len(turned), {len(each) for each in turned} - {turns}
         is_proven = self.proof[0] > 0
+        needed |= {each.figure for each in evidence if each.M_g}
         return is_proven and not self.refused and shape == (fields, torques, torques, set()) and figures >= needed
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import CHANCE_OF_INFLUENCE, chance_probability, columns_of, groups_of
-from hdassist.belief.samples import Samples, effective_number
+from hdassist.belief.samples import Samples, effective_number, log_error
 from hdassist.model.geometry import Array
 
 FIELD_ERROR = 0.05  # standard uncertainty of a measured field, as a share of its probability
@@ -40,7 +41,7 @@ def measurements(
     Arguments: limit_arcsec that F'_ior is held against, if any; seed of the errors of measurement.
     """
     limit = None if limit_arcsec is None else float(np.log(limit_arcsec))
-    return gains_for(replace(samples, rotations_deg=()), np.log(samples.F_ior_arcsec[:, torque]), limit, seed)
+    return gains_for(replace(samples, rotations_deg=()), log_error(samples.F_ior_arcsec[:, torque]), limit, seed)
 
 
 def gains_for(samples: Samples, y: Array, limit: float | None = None, seed: int = 0) -> tuple[MeasurementGain, ...]:
@@ -67,18 +68,20 @@ def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[st
     shares = samples.shares + FIELD_ERROR * rng.standard_normal(samples.shares.shape)
     for group in groups_of(samples):
         yield group, columns_of(samples, shares, group)
-    figures = {f"stiffness.{name}": values for name, values in samples.figures.items()}
+    known = {each.figure for each in evidence_of(samples.prior.drive) if each.path.startswith("measured.")}
+    figures = {f"stiffness.{name}": values for name, values in samples.figures.items() if name not in known}
     figures |= {f"F_ior@{M_g:g}": samples.F_ior_arcsec[:, k] for k, M_g in enumerate(samples.torques)}
     read: dict[str, Array] = {}
     for name, values in figures.items():
-        x = read[name] = np.log(np.maximum(values, 1e-9)) + FIGURE_ERROR * rng.standard_normal(len(values))
-        yield name, np.stack([x, x**2], axis=1)
+        x = read[name] = log_error(values) + FIGURE_ERROR * rng.standard_normal(len(values))
+        if name not in known:
+            yield name, np.stack([x, x**2], axis=1)
     for r, rotation in enumerate(samples.rotations_deg):
         for k, M_g in enumerate(samples.torques):
             if rotation % 360:
                 now, turned = f"F_ior@{M_g:g}", samples.turned_arcsec[:, k, r]
                 error = FIGURE_ERROR * rng.standard_normal(len(turned))
-                x = np.log(np.maximum(turned, 1e-9)) + error - read[now]
+                x = log_error(turned) + error - read[now]
                 yield f"{now}+{rotation:g}", np.stack([x, x**2], axis=1)
 
 

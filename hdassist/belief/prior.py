@@ -20,6 +20,8 @@ from hdassist.preset.kinds import least_of
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
 SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
 
+EVIDENCE = ("catalogue.", "measured.")  # sections that tell of fields, and are none of the drive's
+
 FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
 
 
@@ -97,7 +99,7 @@ def prior_of(drive: Drive) -> DrivePrior:
     largest |= {path: drive.number(path) + uncertain[path] for path in sized() if path in uncertain}
     unknown = {each.path: each for each in (*unknowns(drive.with_values(largest)), *unknowns(drive))}
     found = []
-    for path in measures():
+    for path in [path for path in measures() if not path.startswith(EVIDENCE)]:
         own, owner = groups.get(path, path), owner_of(drive, path)
         if path in uncertain:
             low, high = (drive.number(path) + sign * uncertain[path] for sign in (-1, 1))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
-from hdassist.belief.evidence import ACCURACY, Evidence, log_likelihood, stiffness_figures
+from hdassist.belief.evidence import ACCURACY, STIFFNESS_FIGURES, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
@@ -40,6 +40,7 @@ FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a d
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
+RESOLVED_ERROR = 1e-3  # arcsec
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
@@ -171,9 +172,15 @@ class ErrorBelief:
         return self.samples.probability_within(limit_arcsec, self.torque)
 
 
+def log_error(arcsec: Array) -> Array:
+    """Logarithm of errors, shape (...,); what is less than a search can see counts as RESOLVED_ERROR."""
+    return np.asarray(np.log(np.maximum(arcsec, RESOLVED_ERROR)))
+
+
 def effective_number(weights: Array) -> float:
     """Effective number of weighted samples (Kish); 0 of none."""
-    return float(weights.sum() ** 2 / (weights**2).sum()) if len(weights) else 0.0
+    shares = weights / weights.max() if weights.any() else weights  # squares of tiny ones are 0
+    return float(shares.sum() ** 2 / (shares**2).sum()) if weights.any() else 0.0
 
 
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:
@@ -238,7 +245,7 @@ def draw_samples(
             for each in chain(earlier[now], solved):
                 draws.append(each)
                 run.solved(each.certificate.states)
-            samples = _collected(prior, tuple(torques), rotations, draws, run.seed)
+            samples = _collected(prior, tuple(torques), rotations, evidence, draws, run.seed)
             if seen:
                 seen(samples)
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
@@ -287,12 +294,14 @@ def _solved(
         figures, probability, proof = going_on(moved, evidence, density)
         if chance >= probability:
             return Draw(figures=figures, proof=astuple(proof))
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike)
-        F_ior, turned, found = in_wide_enough_window(moved, search)
+        measured = [each for each in evidence if each.M_g]
+        places = [(each.M_g, each.rotation_deg) for each in measured]
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike, measured=places)
+        F_ior, turned, there, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
         return Draw(refused=str(error.fault))
-    figures = {**figures, **more}
+    figures = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
     if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
         least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
         figures[ACCURACY] = float(F_ior[least])
@@ -318,33 +327,46 @@ def going_on(
     Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that.
     Argument density: that it was drawn with, over the prior's. Raises UntrustedError where an answer cannot be trusted.
     """
-    if all(each.figure == ACCURACY for each in evidence):
+    if not any(each.figure in STIFFNESS_FIGURES for each in evidence):
         return {}, 1.0, EMPTY
     figures, proof = in_wide_enough_window(drive, stiffness_figures)
     return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD), proof
 
 
 def errors_by_turn(
-    drive: Drive, torques: Sequence[float], rotations_deg: Sequence[float], alike: _Maps | None = None
-) -> tuple[Array, Array, Certificate]:
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    alike: _Maps | None = None,
+    measured: Sequence[tuple[float, float]] = (),
+) -> tuple[Array, Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
-    Results of shape (torques,) and (torques, rotations). All turns share one contact system, set up once. Arguments:
-    alike, `maps_by_turn` of a drive with the same deviations. Raises UsageError for rolling balls, UntrustedError where
-    an answer cannot be trusted.
+    Results of shape (torques,), (torques, rotations) and (measured,). All share one contact system, set up once.
+    Arguments: alike, `maps_by_turn` of a drive with the same deviations; measured, single torques [N*m] with a turn
+    each [deg]. Raises UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
     """
     (own, turned), moved = _turns(drive, rotations_deg)
     like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
     F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
-    for k, M_g in enumerate(torques):
+    at_measured, torque_of = np.empty(len(measured)), np.array([M_g for M_g, _ in measured])
+    for k, M_g in enumerate(dict.fromkeys((*torques, *torque_of.tolist()))):
         error_map = ErrorMap(drive, M_g, formulation, like)
-        like, maps = error_map.fresh, alike[k] if alike else (None, None)
+        like, maps = error_map.fresh, alike[k] if alike and k < len(torques) else (None, None)
         now = error_map.many_extremes(own, grid=COARSE_POINTS, alike=maps[0])
-        F_ior[k], found[k], proof = now.first, now.first, proof + now.certificate
-        if len(moved):
-            there = error_map.many_extremes(turned, grid=COARSE_POINTS, alike=maps[1])
-            found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
-    return F_ior, found, proof
+        proof += now.certificate
+        if k < len(torques):
+            F_ior[k], found[k] = now.first, now.first
+            if len(moved):
+                there = error_map.many_extremes(turned, grid=COARSE_POINTS, alike=maps[1])
+                found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
+        rows = np.flatnonzero(torque_of == M_g)
+        (_, elsewhere), away = _turns(drive, [turn for torque, turn in measured if torque == M_g])
+        at_measured[rows] = now.first
+        if len(away):  # by themselves, so that their digits are the same whatever else is searched
+            there = error_map.many_extremes(elsewhere, grid=COARSE_POINTS)
+            at_measured[rows[away]], proof = there.F_ior_arcsec, proof + there.certificate
+    return F_ior, found, at_measured, proof
 
 
 _Maps = Sequence[tuple[Array, Array]]  # of each torque
@@ -383,12 +405,14 @@ def _collected(
     prior: DrivePrior,
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
+    evidence: tuple[Evidence, ...],
     draws: Sequence[Draw],
     seed: int,
 ) -> Samples:
     rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
     kept = [draws[k] for k in rows]
-    names = [name for name in (kept[0].figures or {} if kept else {}) if name != ACCURACY]
+    given = {ACCURACY, *(each.figure for each in evidence if each.M_g)}  # F'_ior, and no figures beside it
+    names = [name for name in (kept[0].figures or {} if kept else {}) if name not in given]
     return Samples(
         prior,
         torques,

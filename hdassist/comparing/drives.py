@@ -28,10 +28,10 @@ SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest 
 REPORTED_FIELDS = 3
 SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
 SURE_SHARE = 0.95  # of the pairs that agree: the least for a verdict
-# have no bearing on F'_ior at a torque: loads, figures of catalogues, limits, the seat's holes, resolution of other
-# answers, uncertainties
+# have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
+# uncertainties
 UNRELATED = (
-    "operation.", "catalogue.", "acceptance.", "mounting.holes", "mounting.first_hole", "mounting.allowed",
+    "operation.", "catalogue.", "measured.", "acceptance.", "mounting.holes", "mounting.first_hole", "mounting.allowed",
     "numerics.n_phase", "uncertainty.",
 )  # fmt: skip
 

@@ -16,6 +16,7 @@ SETTING_SECTIONS = (
     "mounting",
     "operation",
     "catalogue",
+    "measured",
     "acceptance",
     "numerics",
 )  # sections that are no part of the drive

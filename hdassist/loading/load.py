@@ -99,7 +99,7 @@ def _drive(document: Document) -> Drive | None:
     valid = _valid(drive, data, document)
     _check_ranges(valid, data, document)
     for conflict, involved in conflicts(valid):
-        paths = [tuple(path.split(".")) for path in (conflict.path, *involved)]
+        paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         path = next((p for p in paths if document.is_override(p)), paths[0])
         document.add(path, conflict.message, conflict.hint, conflict.got)
     for field in drive.uncertainty if drive else ():

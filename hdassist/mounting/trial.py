@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import hole_of
 from hdassist.numerals import number_of
+from hdassist.preset.measured import position_fault, turn_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import LARGEST_ERROR
-
-FARTHEST = 3600.0  # deg that a wheel can be meant to be turned by
 
 
 @dataclass(frozen=True)
@@ -34,20 +33,11 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
     where, _, value = text.lower().partition(":")
     hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec, with a point"
-    rotation, F_ior = number_of(where.removeprefix("h")), number_of(value)
-    if not (0 < F_ior <= LARGEST_ERROR and abs(rotation) <= FARTHEST):
+    rotation, F_ior = turn_of(where, holes), number_of(value)
+    if not (0 < F_ior <= LARGEST_ERROR and rotation == rotation):
         raise UsageError(f"{shown(text)!r} is no trial", hint)
-    if where.startswith("h"):
-        if not holes:
-            raise UsageError(f"{text!r} names a hole of a seat that has none", "mounting.holes says how many")
-        if rotation not in range(holes):
-            raise UsageError(f"{text!r}: the seat's holes are h0 to h{holes - 1}", hint)
-        rotation *= 360 / holes
-    elif holes and hole_of(rotation, holes) is None:
-        raise UsageError(
-            f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
-            f"was hole {round(rotation) % holes} meant? h{round(rotation) % holes}:{value}",
-        )
+    if fault := position_fault(where, holes):
+        raise UsageError(f"{text!r}: {fault[0]}", fault[1] or hint)
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(

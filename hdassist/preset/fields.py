@@ -30,6 +30,7 @@ from hdassist.preset.kinds import (
     range_of,
     unit_of,
 )
+from hdassist.preset.measured import Measured
 from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
 from hdassist.preset.yamltext import MAX_FINDINGS, Unread
 
@@ -238,6 +239,7 @@ class Drive(BaseModel):
     mounting: Mounting = Mounting()
     operation: Operation
     catalogue: Catalogue = Catalogue()
+    measured: Measured = Measured()
     acceptance: Acceptance = Acceptance()
     numerics: Numerics = Numerics()
     alternatives: tuple[dict[str, float], ...] = field(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from math import inf, isfinite
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -20,11 +20,11 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from hdassist.numerals import NUMBER
-from hdassist.preset.units import read_count, read_number
+from hdassist.numerals import NUMBER, number_of
+from hdassist.preset.units import UnitError, read_count, read_number, read_spread
 from hdassist.preset.yamltext import Unread, near_miss
 
-FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
+FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders", "readings"]
 
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -91,6 +91,22 @@ PerTorque = dict[str, LimitArcsec]
 PerOrder = Annotated[dict[str, LimitArcsec], PER_ORDER]
 
 
+class UncertainReading(NamedTuple):
+    """A measured value with its expanded uncertainty (k = 2), both in the unit of its field."""
+
+    value: float
+    uncertainty: float
+
+    def __str__(self) -> str:
+        return f"{self.value:g} ± {self.uncertainty:g}"
+
+
+LARGEST_READING = 1e6
+PER_POSITION = "by positions of the fixed wheel"
+PerPosition = Annotated[dict[str, UncertainReading], PER_POSITION]
+POSITION_KEY = rf"(?:h[0-9]+|{NUMBER})@{NUMBER}"
+
+
 def read_value(info: FieldInfo, value: Any) -> Any:
     """What a preset gives for a field, in the form that the field holds; what cannot be read in it is `Unread`."""
     kind, unit = kind_of(info), unit_of(info)
@@ -114,7 +130,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
         return tuple(read_number(item, unit) for item in _items(value))
     if kind == "holes":
         return value if value == "all" else _read_holes(value)
-    return _read_limits(value, unit, kind == "orders")
+    return _read_readings(value, unit) if kind == "readings" else _read_limits(value, unit, kind == "orders")
 
 
 def _items(value: Any) -> list[Any]:
@@ -157,6 +173,26 @@ def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
     return limits
 
 
+def _read_readings(value: Any, unit: str) -> Any:
+    if not isinstance(value, dict):
+        return Unread("must be a table of positions", "like {h0@80: 28.1 ± 1}")
+    where = Unread("must be a hole, or a turn in deg, at a torque in N*m", "like h4@80 or 120@80", at_key=True)
+    is_position = {key: re.fullmatch(POSITION_KEY, key) and number_of(key.split("@")[1]) for key in value}
+    return {key: _read_reading(item, unit) if is_position[key] else where for key, item in value.items()}
+
+
+def _read_reading(value: Any, unit: str) -> UncertainReading | Unread:
+    if isinstance(value, Unread | UncertainReading):
+        return value
+    try:
+        reading = UncertainReading(*read_spread(str(value), unit))
+    except UnitError as error:
+        return Unread(error.message, error.hint)
+    if all(0 < number <= LARGEST_READING for number in reading):
+        return reading
+    return Unread(f"out of range: value and uncertainty above 0, up to {plain(LARGEST_READING)} {unit}")
+
+
 def _order_and_torque(key: str) -> tuple[float, ...]:
     """The order above 0 and the torque, if any, that a key of a table of limits names; empty for any other."""
     parts = key.split("@")
@@ -173,7 +209,7 @@ def unit_of(info: FieldInfo) -> str:
 
 
 def kind_of(info: FieldInfo) -> FieldKind:
-    """What a field takes: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
+    """What a field takes: a number, count, text, choice, several numbers, holes, limits, readings."""
     union = get_origin(info.annotation) in (Union, UnionType)
     parts = get_args(info.annotation) if union else (info.annotation,)
     if float in parts:
@@ -184,7 +220,7 @@ def kind_of(info: FieldInfo) -> FieldKind:
     if Literal in origins:
         return "holes" if tuple in origins else "choice"
     if dict in origins:
-        return "orders" if PER_ORDER in info.metadata else "limits"
+        return "orders" if PER_ORDER in info.metadata else "readings" if PER_POSITION in info.metadata else "limits"
     return "numbers" if tuple in origins else "text"
 
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from hdassist.preset.measured import position_fault
+
 LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
 
@@ -39,6 +41,9 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
         if all(name in paths for name in names):
             involved = tuple(paths[name] for name in names)
             yield from ((conflict, involved) for conflict in rule(*(values[path] for path in involved)))
+    for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
+        if fault := position_fault(key.split("@")[0], values["mounting.holes"]):
+            yield Conflict(f"measured.F_ior.{key}", fault[0], key, fault[1]), ()
     for path, phase in values.items():
         size = path.replace("harmonics.xi_", "harmonics.a_")
         if size != path and phase is not None and values.get(size, phase) is None:

@@ -9,7 +9,18 @@ from pydantic.fields import FieldInfo
 
 from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, fields, measures, sections, sized
-from hdassist.preset.kinds import UNKNOWN, Section, bounds_of, choices_of, is_optional, kind_of, may_be_unknown, unit_of
+from hdassist.preset.kinds import (
+    POSITION_KEY,
+    UNKNOWN,
+    Section,
+    UncertainReading,
+    bounds_of,
+    choices_of,
+    is_optional,
+    kind_of,
+    may_be_unknown,
+    unit_of,
+)
 from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
@@ -81,6 +92,10 @@ def _field(info: FieldInfo) -> Schema:
     one = _quantity({"type": "integer" if kind == "count" else "number"} | bounds, unit)
     if kind == "numbers":
         return about | {"anyOf": [*one, {"type": "array", "items": {"anyOf": one}, "minItems": 1}]}
+    if kind == "readings":
+        reading = {"type": "string", "pattern": spread_pattern(unit)}
+        keys = {"pattern": f"^{POSITION_KEY}$"}
+        return about | {"type": "object", "propertyNames": keys, "additionalProperties": reading}
     if kind in KEYS:
         keys, limit = {"pattern": KEYS[kind]}, {"anyOf": one}
         limits = {"type": "object", "propertyNames": keys, "additionalProperties": limit}
@@ -157,7 +172,7 @@ def value_text(value: Any) -> str:
     """A value with every digit it has."""
     if value is None:
         return "-"
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and not isinstance(value, UncertainReading):
         return ", ".join(map(value_text, value))
     if isinstance(value, dict):
         return ", ".join(f"{key}: {value_text(item)}" for key, item in value.items()) or "-"

@@ -129,7 +129,7 @@ class Production:
         samples = draw_samples(
             self.law.joint,
             self.torques,
-            evidence=evidence_of(self.drive),
+            evidence=evidence_of(self.drive, of_type=True),
             enough=lambda found: len(found.weights) >= count,
             effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(count, max(16, count // 4))),
             run=replace(run, seed=self.seed),

@@ -1,12 +1,8 @@
 """What trials teach of F'_ior: draws of it in every position, as likely as the measured values make them.
 
-Given a sample of the cloud all is normal. The drive shows the sample's F'_ior f times a scale, and on top a misfit that
-goes smoothly from hole to hole, for no preset is the drive:
-
-    y = f + SCALE u f + a GP + noise,  a^2 = (misfit mean(f))^2 + table^2,  GP ~ exp(-(2 sin(d/2) / LENGTH)^2 / 2)
-
-with the misfit among MISFITS and the noise about the told one, both weighed by what is measured. Any one value may be
-misread (MISREAD), so that one wrong value does not carry an order.
+Given a sample of the cloud all is normal: the drive shows it with a scale, a smooth misfit and noise about the told
+one (belief/misfit.py), the misfit and the noise both weighed by what is measured. Any one value may be misread, so that
+one wrong value does not carry an order.
 """
 
 from __future__ import annotations
@@ -20,6 +16,7 @@ from scipy.special import logsumexp, softmax
 from scipy.stats import chi2, norm
 
 from hdassist.belief.evidence import FREEDOM
+from hdassist.belief.misfit import MISFITS, MISREAD, SCALE, kernel, likelihood_of_errors, spreads_with_misread
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.mounting.losses import GOOD, Criterion, PositionStatistics
@@ -27,13 +24,8 @@ from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
 from hdassist.trials.prior import Places, Prior
 
-SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
-LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
-MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
 NOISES = tuple(2.0 ** (k / 2) for k in range(-2, 5))  # of the told noise
 MISFIT_KINDS, AS_TOLD = np.array(list(product(MISFITS, NOISES))), np.array([[0.0, 1.0]])  # pairs of them
-MISREAD = 0.05  # probability of one of the values to be misread
-MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
 ANY_TWO = 3  # values: of no more, the two that agree may do so by chance
 NOISE_SPREAD = 0.35  # of its logarithm before any trial: within half and twice with 95 %
 POSTERIOR_DRAWS = 2048
@@ -191,12 +183,12 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
         each_kind = [(s, factor, -1, share - shares + doubts) for s, factor, _, share in plain]
         doubt = np.log(MISREAD / len(trials) / len(MISFITS))
         each_kind += [(s, 1.0, k, doubt) for k in range(len(trials)) for s in MISFITS]
-    spreads = np.array([_with_misread(told, y, k) for _, _, k, _ in each_kind])
+    spreads = np.array([spreads_with_misread(told, y, k) for _, _, k, _ in each_kind])
     with np.errstate(divide="ignore"):
         log = np.log(prior.weight.ravel()[possible]) + np.array([share for *_, share in each_kind])[:, None]
     if trials:
         log += [
-            _likelihood(f, y, spread, _variance(prior, s, possible), tried, factor)[1]
+            likelihood_of_errors(f, y, spread, _variance(prior, s, possible), kernel(tried, tried), factor)[1]
             for (s, factor, _, _), spread in zip(each_kind, spreads, strict=True)
         ]
     weight = softmax(log)
@@ -222,38 +214,10 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
     return Draws(places, misfit, noise, scale, F_ior, noise[:, None] * prior.noise(F_ior), effective, misread)
 
 
-def _with_misread(told: Array, y: Array, k: int) -> Array:
-    """Standard deviations of values [arcsec], shape (trials,), where the k-th is misread; -1: none of them."""
-    return np.where(np.arange(len(y)) == k, np.hypot(told, MISREAD_SHARE * y), told)
-
-
 def _variance(prior: Prior, misfit: Array | float, places: Places | slice = slice(None)) -> Array:
     """Variance of the misfit [arcsec^2] of samples: the drive's and the table's."""
     mean = np.repeat(prior.F_ior_arcsec.mean(axis=1), prior.weight.shape[1])[places]
     return np.asarray((np.square(misfit) + prior.read_error[prior.M_g] ** 2) * mean**2)
-
-
-def _likelihood(
-    f: Array, y: Array, told: Array, variance: Array, tried: Sequence[float], noise: float = 1.0
-) -> tuple[Array, Array]:
-    """How far measured values lie off samples, squared, in standard deviations, and their log likelihood.
-
-    Arguments: F'_ior of the samples there, shape (samples, trials); told, standard deviation of each value, and noise,
-    over that; variance of the misfit, shape (samples,). In the eigenvectors of the GP's kernel, whitened by what was
-    told, the covariance is diagonal, but for the scale's, which has rank one.
-    """
-    own, basis = np.linalg.eigh(kernel(tried, tried) / np.multiply.outer(told, told))
-    f, off = f / told @ basis, (y - f) / told @ basis
-    each = noise**2 + variance[:, None] * np.maximum(own, 0)
-    more = 1 + SCALE**2 * (f**2 / each).sum(axis=1)
-    squares = (off**2 / each).sum(axis=1) - (SCALE * (f * off / each).sum(axis=1)) ** 2 / more
-    return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more))
-
-
-def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
-    """Correlation of the misfit between positions [deg], shape (a, b)."""
-    apart = np.radians(np.subtract.outer(a_deg, b_deg))
-    return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
 
 
 def _smooth(rotations_deg: Sequence[float], draws: int, rng: np.random.Generator) -> Array:
@@ -273,7 +237,8 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
 
     def off(some: list[int]) -> Array:
         variance = _variance(prior, MISFITS[-1], prior.possible)
-        return _likelihood(f[:, some], y[some], prior.noise(y[some]), variance, [tried[k] for k in some])[0]
+        at = [tried[k] for k in some]
+        return likelihood_of_errors(f[:, some], y[some], prior.noise(y[some]), variance, kernel(at, at))[0]
 
     squares = off(every)
     nearest = int(np.argmin(squares))

@@ -19,8 +19,12 @@ from numpy.typing import NDArray
 
 from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
+<<<<<<< HEAD
 from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on
 from hdassist.belief.sobol import sobol_points
+=======
+from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on, log_error
+>>>>>>> belief
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import TABLE_SECTIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -381,7 +385,9 @@ def _tables(
     # first, for it tells soon where the flank window is too narrow
     exact = [error_map.many_extremes(Batch(drive, some), grid=COARSE_POINTS) for error_map in maps]
     tables = [error_table(error_map, reach, effort.mesh) for error_map in maps]
-    log_missed = [np.log(known.F_ior_arcsec / table.F_ior(some)) for known, table in zip(exact, tables, strict=True)]
+    log_missed = [
+        log_error(known.F_ior_arcsec) - log_error(table.F_ior(some)) for known, table in zip(exact, tables, strict=True)
+    ]
     return (
         tables,
         np.array(log_missed),

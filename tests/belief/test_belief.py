@@ -20,6 +20,9 @@ from hdassist.belief.samples import (
     probability_of,
     weighted_quantile,
 )
+from hdassist.calibration.quantities import REPORTING, TargetQuantities
+from hdassist.calibration.targets import CalibrationTarget
+from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.run.run import Run
 from hdassist.verdict import Verdict, is_settled, verdict_by_probability
@@ -119,19 +122,30 @@ def test_evidence_agrees_best_with_its_value_and_a_wrong_figure_carries_no_order
     assert near.log_likelihood(5e4 * 1.1) == pytest.approx(near.log_likelihood(5e4 / 1.1))
     at_2 = -0.5 * (np.log(2) / 0.15) ** 2  # the logarithm of a normal density
     assert near.log_likelihood(1e5) > at_2 / 2
-    limit = Evidence("catalogue.lost_motion", "lost_motion", 60.0, 0.25, one_sided=True)
+    limit = Evidence("catalogue.lost_motion", "lost_motion", 60.0, 0.25, "limit")
     assert np.array_equal(limit.log_likelihood(np.array([1.0, 60.0])), [0, 0])
     assert limit.log_likelihood(75.0) == pytest.approx(-2.5 * np.log(1.25))
 
 
 def test_a_catalogue_is_evidence():
     drive = tiny("catalogue.K_1=2e3", "catalogue.K_3=4e3", "catalogue.accuracy=60", "catalogue.lost_motion=90")
-    found = {each.path: (each.spread, each.one_sided) for each in evidence_of(drive)}
+    found = {each.path: (each.spread, each.kind) for each in evidence_of(drive)}
     assert found == {
-        "catalogue.K_1": (0.3, False), "catalogue.K_3": (0.15, False), "catalogue.lost_motion": (0.25, True),
-        "catalogue.accuracy": (0.25, True),
+        "catalogue.K_1": (0.3, "ratio"), "catalogue.K_3": (0.15, "ratio"), "catalogue.lost_motion": (0.25, "limit"),
+        "catalogue.accuracy": (0.25, "limit"),
     }  # fmt: skip
     assert evidence_of(tiny()) == ()
+
+
+def test_a_stiffness_is_that_of_the_weaker_side_for_evidence_and_targets():
+    drive = tiny("bearing.beta=0.25")  # balls beside the axes: the two sides differ
+    found, figures = stiffness(drive, points=1), stiffness_figures(drive)[0]
+    targets = TargetQuantities(drive, REPORTING)
+    for k in (1, 2, 3):
+        one, other = (side[k - 1].stiffness for side in (found.positive, found.negative))
+        assert abs(one / other - 1) > 0.01
+        asked = CalibrationTarget(f"K_{k}", {}, one, one, one, 1.0)
+        assert [figures[f"K_{k}"], targets.predict(asked)[0]] == pytest.approx([min(one, other)] * 2)
 
 
 def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more():
@@ -242,6 +256,14 @@ def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C
     gains = {each.measured: each.gain for each in middle}
     assert 0.35 < gains["supports.C_3"] < 0.5  # half of the verdicts are right by chance
     assert measurements(by_C_3, 0, 1000.0) == ()  # all keep it: nothing is left to decide
+
+
+def test_a_drive_without_error_is_weighed_like_any_other(by_C_3):
+    F_ior = by_C_3.F_ior_arcsec.copy()
+    F_ior[3] = 0.0  # of a tiny drive
+    none = replace(by_C_3, F_ior_arcsec=F_ior)
+    assert influences(none, 0)[0].group == "supports.C_3"
+    assert all(np.isfinite(each.gain) for each in (*measurements(none, 0), *measurements(none, 0, 30.0)))
 
 
 def test_the_interval_of_a_percentile_holds_the_true_one(by_C_3):

@@ -108,7 +108,7 @@ def test_other_questions_have_other_samples(folder, solved, monkeypatch):
     asked = [
         {"torques": (5.0,)}, {"run": Run(seed=1)}, {"rotations_deg": (0.0, 90.0)}, {"overrides": ("gears.j_n=17",)},
         {"overrides": ("tolerances.e_hb=20±2",)},
-        {"evidence": (Evidence("catalogue.accuracy", "accuracy", 50.0, 0.25, one_sided=True),)},
+        {"evidence": (Evidence("catalogue.accuracy", "accuracy", 50.0, 0.25, "limit"),)},
         {"further": stiffness_figures, "further_name": "stiffness"},
     ]  # fmt: skip
     for number, options in enumerate(asked, 2):

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from hdassist.belief.prior import EVIDENCE
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import Drive, fields
-from hdassist.preset.kinds import may_be_unknown
+from hdassist.preset.kinds import is_optional, may_be_unknown
 
 BASE = """\
 schema: hdassist.preset/1
@@ -243,6 +244,23 @@ def test_optional_fields_may_be_empty() -> None:
          ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
         ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",
          ["my.yaml:9:29: acceptance.F_ior.80.0: the same torque twice (got 80.0)"]),
+        ([], "measured: {K_2: 0}\n",
+         ["my.yaml:9:17: measured.K_2: out of range: 0.001 to 1e+12 N*m/rad (got 0)"]),
+        ([], "measured: {F_ior: 28}\n", ["my.yaml:9:19: measured.F_ior: must be a table of positions "
+         "(got 28; like {h0@80: 28.1 ± 1})"]),
+        ([], "measured: {F_ior: {h4@80: 28}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
+         "must be a number and its uncertainty (got 28; like 260 ± 10)"]),
+        ([], "measured: {F_ior: {h4@80: 28 ± 0}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
+         "out of range: value and uncertainty above 0, up to 1e6 arcsec (got 28 ± 0)"]),
+        *([([], f"measured: {{F_ior: {{{key}: 28 ± 1}}}}\n", [f"my.yaml:9:20: measured.F_ior.{key}: "
+         f"must be a hole, or a turn in deg, at a torque in N*m (got {key}; like h4@80 or 120@80)"])
+          for key in ("h4", "x@80", "h4@0", "h-1@80", "h4@80 Nm")]),
+        ([], "measured: {F_ior: {h12@80.5: 28 ± 1}}\n",
+         ["my.yaml:9:30: measured.F_ior.h12@80.5: the seat's holes are h0 to h11 (got h12@80.5)"]),
+        ([], "measured: {F_ior: {4@80: 28 ± 1}}\n", ["my.yaml:9:26: measured.F_ior.4@80: 4 deg is no hole of the seat, "
+         "whose holes are 30 deg apart (got 4@80; was hole 4 meant? h4)"]),
+        ([], "mounting: {holes: 0}\nmeasured: {F_ior: {h4@80: 28 ± 1}}\n", ["my.yaml:10:27: measured.F_ior.h4@80: "
+         "names a hole of a seat that has none (got h4@80; mounting.holes says how many)"]),
         ([], "acceptance: {F_ior: 0}\n",
          ["my.yaml:9:21: acceptance.F_ior: out of range: above 0, up to 1e6 arcsec (got 0)"]),
     ],
@@ -314,7 +332,7 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
     may_be_empty = ("bearing.d_ball", "cam.shaft_d", "cam.overhang", "supports.C_3",
                     "operation.rated", "acceptance.lost_motion", "acceptance.K_1", "acceptance.K_2",
                     "acceptance.K_3",
-                    *(path for path, _ in fields() if path.startswith("catalogue.")),
+                    *(path for path, info in fields() if path.startswith(EVIDENCE) and is_optional(info)),
                     *(path for path, info in fields() if may_be_unknown(info)))  # fmt: skip
     assert taken == {(path, "null") for path in may_be_empty}
 

@@ -41,7 +41,7 @@ def test_what_is_commented_out_is_valid_too() -> None:
     text = new_preset("x")
     opened = "\n".join(
         line[1:] if line.startswith(("#  ", "#material", "#contact", "#phases", "#harmonics", "#mounting",
-                                     "#catalogue", "#acceptance", "#numerics", "#source")) else line
+                                     "#catalogue", "#measured", "#acceptance", "#numerics", "#source")) else line
         for line in text.splitlines()
         if "d_ball:" not in line
     )  # fmt: skip

@@ -31,9 +31,11 @@ def drive_of(*overrides: str):
     return load_preset(TINY, [*OPEN, *overrides])
 
 
-@pytest.mark.parametrize("limit", [None, 28, 40])
-def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(limit):
-    drive = drive_of(*([f"acceptance.F_ior={limit}"] if limit else []))
+@pytest.mark.parametrize(
+    "more", ["name=any", "acceptance.F_ior=28", "acceptance.F_ior=40", "measured.F_ior={h0@4: 30 ± 2, h2@4: 25 ± 2}"]
+)
+def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
+    drive = drive_of(more)
     points = check(drive, draws=8, run=Run(seed=3)).points
     advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=8, run=Run(seed=3))
     sheet = sheet_of(drive, draws=8, run=Run(seed=3))

@@ -1,0 +1,49 @@
+"""What was measured on the drive itself: evidence of it, by which all that is not known of it is weighed."""
+
+from __future__ import annotations
+
+from math import nan
+
+from hdassist.numerals import number_of
+from hdassist.preset.kinds import PerPosition, Section, field
+
+
+class Measured(Section):
+    """What was measured on this drive; ± is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
+
+    K_1: float | None = field("torsional stiffness up to catalogue.T_1, cam held", "N*m/rad", None, ge=1e-3, le=1e12)
+    K_2: float | None = field("torsional stiffness from there to catalogue.T_2", "N*m/rad", None, ge=1e-3, le=1e12)
+    K_3: float | None = field("torsional stiffness above that", "N*m/rad", None, ge=1e-3, le=1e12)
+    lost_motion: float | None = field("twist between +-4 % of the rated torque", "arcsec", None, ge=0, le=1e6)
+    play: float | None = field("twist that the clearances leave free, without load", "arcsec", None, ge=0, le=1e6)
+    F_ior: PerPosition = field(
+        "F'_ior where the wheel was, hole of its seat or turn in deg from where it stands, @ torque in N*m "
+        "{h0@80: 28.1 ± 1, h4@80: 17.3 ± 1}",
+        "arcsec", {},
+    )  # fmt: skip
+
+
+FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
+
+
+def turn_of(where: str, holes: int) -> float:
+    """Turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); NaN for any other text."""
+    number = number_of(where.removeprefix("h"))
+    turn = number * 360 / holes if where.startswith("h") and holes else number
+    return turn if abs(turn) <= FARTHEST_TURN else nan
+
+
+def position_fault(where: str, holes: int) -> tuple[str, str] | None:
+    """Why a position ("h4", "120") is none of a seat with so many holes, 0 for a free angle, and a hint."""
+    number = number_of(where.removeprefix("h"))
+    if where.startswith("h"):
+        if not holes:
+            return "names a hole of a seat that has none", "mounting.holes says how many"
+        return None if number in range(holes) else (f"the seat's holes are h0 to h{holes - 1}", "")
+    turned = number * holes / 360
+    if not holes or abs(turned - round(turned)) < 1e-9:
+        return None
+    return (
+        f"{number:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
+        f"was hole {round(number) % holes} meant? h{round(number) % holes}",
+    )

@@ -1,0 +1,119 @@
+"""What was measured on a drive is evidence of it: each figure narrows what is not known, and a wrong one is named."""
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
+from hdassist.belief.measure import measurements
+from hdassist.belief.misfit import MISFITS, MISREAD, MISREAD_SHARE, SCALE, kernel, log_likelihood_of_errors
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
+from hdassist.error.error_map import ErrorMap
+from hdassist.errors import UntrustedError
+from hdassist.mounting.positions import rotated
+from tests.process import TINY
+
+W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"
+J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"
+UNKNOWN = ("phases.phi_hb=unknown", "tolerances.e_hb=unknown", "mounting.holes=6")
+FEW = SamplingEffort(effective=8, most_effective=8, most_draws=512, batch=64)
+
+
+def tiny(*overrides: str):
+    return load_preset(TINY, ["operation.M_g=4", *overrides])
+
+
+def believed(drive, torques=(), effort=FEW):
+    return draw_samples(prior_of(drive), torques, evidence=evidence_of(drive), effort=effort)
+
+
+@pytest.mark.moves("measured.K_1", "measured.K_2", "measured.K_3", "measured.lost_motion", "measured.play")
+@pytest.mark.parametrize("figure", ["K_1", "K_2", "K_3", "lost_motion", "play"])
+def test_a_measured_figure_narrows_the_wave_to_that_of_the_drive(figure):
+    value = stiffness_figures(tiny("cam.W_0=1.62", "gears.j_n=17"))[0][figure]
+    off = []
+    for spread in (0.1, 4.0):
+        samples = believed(tiny(W_0, J_N, f"measured.{figure}={value} ± {spread * value}"))
+        found = np.log(np.maximum(samples.figures[figure], 1) / value)
+        off.append(np.sqrt(samples.weights @ found**2 / samples.weights.sum()))
+    assert off[0] < 0.95 * off[1]  # K_1 of whole flanks is believed to 30 % only
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    """F'_ior [arcsec] of a drive in three holes of its seat."""
+    drive = tiny("phases.phi_hb=20", "tolerances.e_hb=20", "mounting.holes=6")
+    return {hole: ErrorMap(drive, 4.0).extremes(rotated(drive, 60.0 * hole)).first for hole in (0, 2, 4)}
+
+
+@pytest.mark.moves("measured.F_ior")
+def test_errors_in_holes_narrow_the_error_and_the_direction_of_the_offset(hidden):
+    readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
+    open_, known = (tiny(*UNKNOWN, *more) for more in ((), (f"measured.F_ior={{{readings}}}",)))
+    before, after = (believed(drive, (4.0,), SamplingEffort(24, 24, 1024, 128)) for drive in (open_, known))
+    low, high = (after.percentile(share, 0) for share in (0.05, 0.95))
+    assert low < hidden[0] < high
+    assert high - low < 0.7 * (before.percentile(0.95, 0) - before.percentile(0.05, 0))
+    (k,) = (k for k, each in enumerate(after.prior.fields) if each.path == "phases.phi_hb")
+    off = np.abs((360 * after.shares[:, k] - 20 + 180) % 360 - 180)
+    assert weighted_quantile(off, after.weights, 0.5) < 45  # of any direction: 90
+    assert {"F_ior@4"} <= {each.measured for each in measurements(before, 0)}
+    assert not {"F_ior@4"} & {each.measured for each in measurements(after, 0)}  # it was measured
+
+
+def test_errors_count_by_the_normal_distribution_of_scale_misfit_noise_and_one_misread_value():
+    y, f, told = np.array([[24.0, 15.0, 20.0], [25.0, 15.5, 28.0], [0.5, 1.0, 0.5]])
+    turns = (0.0, 60.0, 180.0)
+
+    def density(f):
+        total = 0.0
+        for wrong in (-1, 0, 1, 2):
+            spread = np.where(np.arange(3) == wrong, np.hypot(told, MISREAD_SHARE * y), told)
+            for misfit in MISFITS:
+                both = (misfit * f.mean()) ** 2 * kernel(turns, turns) + SCALE**2 * np.outer(f, f) + np.diag(spread**2)
+                share = (1 - MISREAD if wrong < 0 else MISREAD / 3) / len(MISFITS)
+                total += share * np.exp(-0.5 * (y - f) @ np.linalg.solve(both, y - f)) / np.sqrt(np.linalg.det(both))
+        return total
+
+    found = log_likelihood_of_errors(f[None], y, told, kernel(turns, turns))
+    assert found == pytest.approx([np.log(density(f) / density(y))], rel=1e-9)
+
+
+def test_errors_at_one_torque_share_a_scale_and_a_smooth_misfit():
+    def readings(*places):
+        return tuple(
+            Evidence(f"measured.F_ior.{k}", f"{k}", 20.0, 0.1, "difference", *at) for k, at in enumerate(places)
+        )
+
+    def heard(evidence, *predicted):
+        return log_likelihood(evidence, {str(k): value for k, value in enumerate(predicted)})
+
+    near = readings((4.0, 0.0), (4.0, 10.0))
+    assert heard(near, 20, 20) == 0
+    assert heard(near, 22, 22) > heard(near, 22, 18)  # both off by a tenth is one tenth of scale
+    at_another_torque = readings((4.0, 0.0), (8.0, 10.0))  # the misfit is another
+    assert heard(at_another_torque, 21, 19) > heard(near, 21, 19)
+
+
+def test_a_measured_figure_that_contradicts_is_named(hidden):
+    readings = ", ".join(f"h{hole}@4: {value * (9 if hole == 2 else 1)} ± 0.5" for hole, value in hidden.items())
+    drive = tiny("phases.phi_hb=unknown", "mounting.holes=6", f"measured.F_ior={{{readings}}}", "measured.play=5 ± 5")
+    with pytest.raises(UntrustedError, match=r"measured\.F_ior\.h2@4 = .* contradicts the other evidence"):
+        believed(drive, (4.0,), SamplingEffort(24, 24, 32, 32))
+
+
+def test_of_one_drive_the_others_of_its_type_share_the_stiffness_alone():
+    drive = tiny("measured={K_2: 1400 ± 140, lost_motion: 80, play: 0 ± 1, F_ior: {0@4: 20 ± 1}}")
+    own, others = evidence_of(drive), evidence_of(drive, of_type=True)
+    assert [each.path for each in own] == [
+        "measured.K_2", "measured.lost_motion", "measured.play", "measured.F_ior.0@4"
+    ]  # fmt: skip
+    assert [each.path for each in others] == ["measured.K_2"]
+    assert own[0].spread == pytest.approx(np.hypot(0.10, 0.05))
+    assert others[0].spread == pytest.approx(np.hypot(0.15, 0.05))
+
+
+def test_the_uncertainty_of_a_figure_is_no_field_to_draw():
+    assert prior_of(tiny("measured.K_2=1400 ± 140", "catalogue.K_2=1400 ± 140")).fields == ()
+    assert evidence_of(tiny("catalogue.K_2=1400 ± 140"))[0].spread == pytest.approx(np.hypot(0.15, 0.05))
