@@ -10,9 +10,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from hdassist.model.assumed import assumptions
-from hdassist.model.deviations import deviations_of, standing_offset
+from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknowns
+from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive, field_table, measures, sized
 from hdassist.preset.kinds import least_of
 
@@ -89,9 +90,7 @@ def prior_of(drive: Drive) -> DrivePrior:
     over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
     not given is even up to what its part may have, its direction even around. All others are points.
     """
-    groups = {
-        path: each.size for each in deviations_of(drive.mounting.mark_kind) for path in (each.size, each.direction)
-    }
+    groups = {path: each.size for each in DEVIATIONS for path in (each.size, each.direction)}
     assumed = {each.path: each for each in assumptions(drive)}
     uncertain = {path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None}
     # the direction of a deviation of size 0 matters where that size may be another

@@ -210,7 +210,8 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
         if source is not None and value != before.value(path):
             ref = f"changed by hand; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
-    if "supports.C_3" not in changes and changes & {*coupling.FIELDS}:  # the support follows from them, on the line too
+    # the support follows from the coupling, on the command line too
+    if "supports.C_3" not in changes and changes & {*coupling.COUPLING_FIELDS}:
         _table(tables, "source").pop("supports.C_3", None)
         _table(tables, "supports")["C_3"] = None
     return _written(tables, file, wanted)

@@ -49,6 +49,16 @@ class Gears(Section):
     h_f: float = field("dedendum of the flexspline, in modules", default=1.35, ge=0.3, le=2)
     j_n: float = field("clearance per flank (tooth thinning)", "um", 0.0, ge=0, le=200)
 
+    @property
+    def pitch_diameter(self) -> float:
+        """Pitch diameter of the flexspline [mm]."""
+        return self.m * self.z_g
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of the root of the flexspline's teeth [mm]."""
+        return self.m * (self.z_g + 2 * self.x_g - 2 * self.h_f) / 2
+
 
 class Material(Section):
     """Material of the flexspline, of the cam and of its bearing."""
