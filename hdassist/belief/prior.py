@@ -14,7 +14,7 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknowns
 from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import Drive, field_table, measures, sized
+from hdassist.preset.fields import Drive, deviation_sizes, field_table, measures
 from hdassist.preset.kinds import least_of
 
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
@@ -94,8 +94,8 @@ def prior_of(drive: Drive) -> DrivePrior:
     assumed = {each.path: each for each in assumptions(drive)}
     uncertain = {path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None}
     # the direction of a deviation of size 0 matters where that size may be another
-    largest = {path: assumed[path].high for path in sized() if path in assumed}
-    largest |= {path: drive.number(path) + uncertain[path] for path in sized() if path in uncertain}
+    largest = {path: assumed[path].high for path in deviation_sizes() if path in assumed}
+    largest |= {path: drive.number(path) + uncertain[path] for path in deviation_sizes() if path in uncertain}
     unknown = {each.path: each for each in (*unknowns(drive.with_values(largest)), *unknowns(drive))}
     found = []
     for path in measures():

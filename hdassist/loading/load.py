@@ -28,7 +28,7 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.knowledge import implausible
-from hdassist.preset.yamltext import OVERRIDE, Document, Path, Unread, in_order, near_miss, shown
+from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
 
 
 def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
@@ -55,7 +55,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
         sets.apply(document, parsed)
     drive = _drive(document)
     if document.findings or drive is None:
-        found = in_order(document.findings)
+        found = ordered_findings(document.findings)
         if not all(finding.file == OVERRIDE for finding in found):
             own = yamltext.read_yaml(text, file)
             if not overrides or not _drive(own) or own.findings:
@@ -67,7 +67,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
         file=file,
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
-        warnings=tuple(map(str, in_order(document.warnings))),
+        warnings=tuple(map(str, ordered_findings(document.warnings))),
     )
     return drive
 
@@ -77,7 +77,7 @@ def _drive(document: Document) -> Drive | None:
     if not document.complete:
         return None
     if not isinstance(document.data, dict):
-        if not isinstance(document.data, Unread):
+        if not isinstance(document.data, InvalidValue):
             message, got = (
                 ("the preset is empty", "") if document.data is None else ("a preset must be a table of keys", None)
             )
@@ -118,7 +118,7 @@ def _follows_coupling(drive: Drive, document: Document) -> bool:
 def _check_schema(document: Document, data: dict[str, Any]) -> None:
     if "schema" not in data:
         document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
-    elif not isinstance(given := data.pop("schema"), Unread) and given != PRESET_SCHEMA:
+    elif not isinstance(given := data.pop("schema"), InvalidValue) and given != PRESET_SCHEMA:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
 
 
@@ -163,7 +163,7 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
     if kind == "extra_forbidden":
         hint = "" if len(document.findings) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
         document.add(path, "unknown key", hint, "", key=True)
-    elif isinstance(value, Unread):
+    elif isinstance(value, InvalidValue):
         document.refuse(path, value)
     elif kind in ("model_type", "dict_type"):
         document.add(path, "must be a table of keys")
@@ -178,7 +178,7 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
         document.add(path, "must have 1 to 200 characters")
     elif info is not None:
         unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
-        converted = isinstance(yamltext.resolve(document.written(path)), str)  # written in another unit
+        converted = isinstance(yamltext.scalar_value(document.written(path)), str)  # written in another unit
         hint = f"that is {value:g} {unit}" if converted else ""
         document.add(path, f"out of range: {range_of(info, unit)}", hint)
 

@@ -26,7 +26,7 @@ from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.schema import ResolvedField, counted, resolved, value_text
+from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields, value_text
 from hdassist.terminal.answers import cross_check_words, envelope
 from hdassist.terminal.brief import again
 from hdassist.terminal.console import Style, TextTable
@@ -67,7 +67,7 @@ def report_json(sheet: DriveSheet, seed: int) -> Json:
     return {
         **envelope("report", sheet.drive, report_exit_code(sheet), sheet_warnings(sheet)),
         "verdict": str(sheet.check.verdict),
-        "values": counted(sheet.drive),
+        "values": origin_counts(sheet.drive),
         "check": check_page.check_json(sheet.check, seed),
         "mount": mount_page.mount_json(sheet.advice, seed),
         "stiffness": stiffness_json(sheet.drive, sheet.stiffness),
@@ -135,7 +135,7 @@ def _tiles(sheet: DriveSheet) -> Iterator[Tile]:
         yield Tile("position of the wheel", hole_place(advice.choice.target), below.replace("%", " %"))
     if sheet.stiffness.positive:
         yield Tile("K1", f"{sheet.stiffness.positive[0].stiffness * ARCMIN:.3g}", "N·m/arcmin near zero")
-    values = counted(sheet.drive)
+    values = origin_counts(sheet.drive)
     yield Tile("values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified")
 
 
@@ -283,7 +283,7 @@ def _basis(sheet: DriveSheet) -> Iterator[Block]:
 
 
 def _values(drive: Drive) -> Iterator[Block]:
-    rows, values = resolved(drive), counted(drive)
+    rows, values = resolved_fields(drive), origin_counts(drive)
     yield Paragraph(
         f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "
         f"{values['assumed']} assumed. What values were identified from agrees with the model by itself and proves "

@@ -22,7 +22,7 @@ from pydantic_core import InitErrorDetails
 
 from hdassist.numerals import NUMBER
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import Unread, near_miss
+from hdassist.preset.yamltext import InvalidValue, near_miss
 
 FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders"]
 
@@ -94,23 +94,23 @@ PerOrder = Annotated[dict[str, LimitArcsec], PER_ORDER]
 def read_value(info: FieldInfo, value: Any) -> Any:
     """What a preset gives for a field, in the form that the field holds; what cannot be read in it is `Unread`."""
     kind, unit = kind_of(info), unit_of(info)
-    if isinstance(value, Unread) or kind in ("text", "choice") or (value is None and is_optional(info)):
+    if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
     if isinstance(value, str) and may_be_unknown(info):
         if value == UNKNOWN:
             return None
         if meant := near_miss(value, [UNKNOWN]):
-            return Unread("must be a number", meant)
+            return InvalidValue("must be a number", meant)
     if value is None and not info.is_required() and kind not in ("numbers", "holes"):
         what = "a whole number" if kind == "count" else "a number"
-        return Unread(f"must be {what}", f"leave the key out for its default, {info.default}")
+        return InvalidValue(f"must be {what}", f"leave the key out for its default, {info.default}")
     if kind == "number":
         return read_number(value, unit, spread=True)
     if kind == "count":
         return read_count(value)
     if kind == "numbers":
         if value is None or isinstance(value, dict):
-            return Unread("must be a list of numbers")
+            return InvalidValue("must be a list of numbers")
         return tuple(read_number(item, unit) for item in _items(value))
     if kind == "holes":
         return value if value == "all" else _read_holes(value)
@@ -123,12 +123,12 @@ def _items(value: Any) -> list[Any]:
 
 def _read_holes(value: Any) -> Any:
     if value is None or isinstance(value, dict | str):
-        return Unread("must be all, or a list of hole numbers")
+        return InvalidValue("must be all, or a list of hole numbers")
     holes = tuple(map(read_count, _items(value)))
     unread = [
         InitErrorDetails(type="int_type", loc=(index,), input=hole)
         for index, hole in enumerate(holes)
-        if isinstance(hole, Unread)
+        if isinstance(hole, InvalidValue)
     ]
     if unread:  # said here, as pydantic would put the names of the types of a union into the place
         raise ValidationError.from_exception_data("holes", unread)
@@ -138,18 +138,18 @@ def _read_holes(value: Any) -> Any:
 def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
     if not isinstance(value, dict):
         limit = read_number(value, unit)
-        if by_order and not isinstance(limit, Unread):
-            return Unread("must be a table of orders per cam turn", "like {2: 10}")
-        return limit if isinstance(limit, Unread) else {"all": limit}
+        if by_order and not isinstance(limit, InvalidValue):
+            return InvalidValue("must be a table of orders per cam turn", "like {2: 10}")
+        return limit if isinstance(limit, InvalidValue) else {"all": limit}
     what = "an order per cam turn, or ORDER@TORQUE in N*m" if by_order else "a torque in N*m, or all"
-    limits: dict[str, float | Unread] = {}
+    limits: dict[str, float | InvalidValue] = {}
     seen: set[tuple[float, ...]] = set()
     for key, item in value.items():
         own = _order_and_torque(key) if by_order else (float(key),) if is_number(key) else ()
         if not own and (by_order or key != "all"):
-            limits[key] = Unread(f"must be {what}", at_key=True)
+            limits[key] = InvalidValue(f"must be {what}", at_key=True)
         elif own and own in seen:
-            limits[key] = Unread(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
+            limits[key] = InvalidValue(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
         else:
             limits[key] = read_number(item, unit)
         if own:

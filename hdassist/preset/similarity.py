@@ -42,7 +42,7 @@ class SimilarValue:
 
 
 @dataclass(frozen=True)
-class Wish:
+class Requirements:
     """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
 
     derived: whether the diameter only follows from something else; said: where each comes from, by "teeth", "diameter",
@@ -77,7 +77,7 @@ def rated_of(drive: Drive) -> float:
     return drive.operation.rated or max(map(abs, drive.operation.M_g))
 
 
-def size_of(like: Drive, wish: Wish) -> Size:
+def size_of(like: Drive, wish: Requirements) -> Size:
     """Pitch diameter of a drive that is like another one, from what is given of it.
 
     A diameter counts as it is given; without one K3 says it by the cube law of catalogues, without that the torque
@@ -124,11 +124,11 @@ def _require_torque(d: float, T: float) -> None:
         )
 
 
-def similar(like: Drive, wish: Wish) -> dict[str, SimilarValue]:
+def similar(like: Drive, wish: Requirements) -> dict[str, SimilarValue]:
     """Fields of a drive that is like another one, by path: what is given of it as given, the rest as assumed.
 
     Deviations but F'_i, offsets and all phases are not known and left out.
-    Raises UsageError: wishes that contradict each other.
+    Raises UsageError: requirements that contradict each other.
     """
     size = size_of(like, wish)
     d, s = size.diameter, size.diameter / like.gears.pitch_diameter
@@ -226,7 +226,7 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
     return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
 
 
-def _load(like: Drive, wish: Wish, s: float, d: float) -> dict[str, SimilarValue]:
+def _load(like: Drive, wish: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
     own = rated_of(like)
     rated = rounded(own * s**3, 3) if wish.torque is None else wish.torque
     shares = tuple(rounded(torque / own * rated, 3) for torque in like.operation.M_g)

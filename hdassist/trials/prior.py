@@ -26,7 +26,7 @@ from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, measures, sized
+from hdassist.preset.fields import Drive, deviation_sizes, measures
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
@@ -323,7 +323,7 @@ def _solved(
             return _System(certificate=proof)
         weight = float(np.exp(log_likelihood(evidence, figures))) / probability
         columns = _deviations(belief, effort.deviations, [seed, number])
-        sizes = {path: float(column.max()) for path, column in columns.items() if path in sized()}
+        sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
         if reseated:
             sizes["tolerances.e_b"] = sizes.get("tolerances.e_b", moved.number("tolerances.e_b")) + SEAT_STEP
         tabled = partial(_tables, torques=torques, sizes=sizes, columns=columns, effort=effort, number=number)

@@ -19,7 +19,7 @@ from hdassist.pages.report import report_exit_code, report_json, report_of
 from hdassist.pages.report_blocks import Figure
 from hdassist.pages.report_charts import ENVELOPE_COLUMNS, chart
 from hdassist.pages.report_render import report_html, report_markdown
-from hdassist.preset.schema import counted
+from hdassist.preset.schema import origin_counts
 from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 
@@ -104,7 +104,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     assert what_to_do(sheet.advice).replace("->", "→") in text
     mount = mount_json(sheet.advice, 0)
     assert f"hole {mount['recommended']['hole']}" in text
-    values = counted(sheet.drive)
+    values = origin_counts(sheet.drive)
     assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
     assert "clearance between outer ring and balls (bearing.g_b)" in text
     for words in (
