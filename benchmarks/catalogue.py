@@ -15,7 +15,7 @@ from pathlib import Path
 from hdassist import Drive, Stiffness, load_preset, stiffness
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
-from hdassist.preset.similarity import SimilarValue, Wish
+from hdassist.preset.similarity import Requirements, SimilarValue
 from hdassist.run.run import UNCHECKED
 
 ROOT = Path(__file__).parents[1]
@@ -99,7 +99,7 @@ def presets() -> Iterator[tuple[str, str]]:
         }
         others = each.figures | ({"mounting.holes": SimilarValue(*each.holes)} if each.holes else {})
         yield each.name, similar_preset(
-            each.name, like, Wish(200, d, each.rated, derived=True, said=said, others=others),
+            each.name, like, Requirements(200, d, each.rated, derived=True, said=said, others=others),
             f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
             f"Given are ratio and rated torque (Harmonic Drive CSF), beside them what catalogues say; targets in "
             f"docs/targets/{each.name}.targets.yaml. "
@@ -112,7 +112,7 @@ def presets() -> Iterator[tuple[str, str]]:
         }
         title = f"MVz-{d:g}"
         yield name, similar_preset(
-            name, like, Wish(None, d, rated, derived=True, said=said),
+            name, like, Requirements(None, d, rated, derived=True, said=said),
             f"Motor gear unit {title}, by similarity from vzp160. Nobody measured this model of it. "
             "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
         )  # fmt: skip

@@ -95,13 +95,15 @@ def hidden_drive(rng: np.random.Generator):
     from hdassist.loading.load import load_text
     from hdassist.loading.write import similar_preset
     from hdassist.model.rules import first_conflict
-    from hdassist.preset.wishes import read_wish
+    from hdassist.preset.requirements import read_requirements
     from hdassist.solve.window import in_wide_enough_window
 
     like = load_preset("vzp160")
     ratio, diameter = float(rng.choice([50, 80, 100, 120])), float(rng.choice([42, 63.5, 90, 160]))
-    wish = partial(read_wish, like, ratio=ratio, diameter=f"{diameter} mm", torque=f"{67 * (diameter / 63.5) ** 3:.4g}")
-    known = load_text(similar_preset("own", like, wish()), "own.yaml")
+    requirements = partial(
+        read_requirements, like, ratio=ratio, diameter=f"{diameter} mm", torque=f"{67 * (diameter / 63.5) ** 3:.4g}"
+    )
+    known = load_text(similar_preset("own", like, requirements()), "own.yaml")
     while True:
         there = known.with_values(_values(prior_of(known), rng))
         if first_conflict(there) is None:
@@ -114,7 +116,7 @@ def hidden_drive(rng: np.random.Generator):
     there = there.model_copy(update={"numerics": there.numerics.model_copy(update=numerics)})
     figures, _ = in_wide_enough_window(there, stiffness_figures)
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
-    text = similar_preset("own", like, wish(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
+    text = similar_preset("own", like, requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
     return preset, there, _teeth(there, rng)
 

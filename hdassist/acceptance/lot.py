@@ -22,7 +22,7 @@ from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near_miss, path_text, shown
-from hdassist.readers.table import CellTable, few, read_texts
+from hdassist.readers.table import CellTable, read_texts, shortened
 from hdassist.textfile import STDIN
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
@@ -117,7 +117,7 @@ def read_lot(path: str, base: Request) -> Lot:
     rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
     notes = [f"{len(rows)} drives"]
     if inside := [number for number in table.remarks if number > table.names_line]:
-        notes.append(f"left out as remarks: line {few(inside, 20)}")
+        notes.append(f"left out as remarks: line {shortened(inside, 20)}")
     if base.measured_only and {("pitch_b", ""), ("pitch_g", "")} & set(columns):
         notes.append("measured teeth are not used: --measured-only predicts nothing")
     left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]

@@ -11,10 +11,11 @@ from scipy.special import ndtri
 
 from hdassist.belief.sobol import sobol_points
 from hdassist.model.assumed import assumptions
-from hdassist.model.deviations import deviations_of, standing_offset
+from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknowns
-from hdassist.preset.fields import Drive, field_table, measures, sized
+from hdassist.preset.deviations import DEVIATIONS
+from hdassist.preset.fields import Drive, deviation_sizes, field_table, measures
 from hdassist.preset.kinds import least_of
 
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
@@ -89,14 +90,12 @@ def prior_of(drive: Drive) -> DrivePrior:
     over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
     not given is even up to what its part may have, its direction even around. All others are points.
     """
-    groups = {
-        path: each.size for each in deviations_of(drive.mounting.mark_kind) for path in (each.size, each.direction)
-    }
+    groups = {path: each.size for each in DEVIATIONS for path in (each.size, each.direction)}
     assumed = {each.path: each for each in assumptions(drive)}
     uncertain = {path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None}
     # the direction of a deviation of size 0 matters where that size may be another
-    largest = {path: assumed[path].high for path in sized() if path in assumed}
-    largest |= {path: drive.number(path) + uncertain[path] for path in sized() if path in uncertain}
+    largest = {path: assumed[path].high for path in deviation_sizes() if path in assumed}
+    largest |= {path: drive.number(path) + uncertain[path] for path in deviation_sizes() if path in uncertain}
     unknown = {each.path: each for each in (*unknowns(drive.with_values(largest)), *unknowns(drive))}
     found = []
     for path in [path for path in measures() if not path.startswith(EVIDENCE)]:

@@ -25,9 +25,10 @@ from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried, deviations_of
+from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
+from hdassist.preset.deviations import DEVIATION_FIELDS
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
@@ -391,8 +392,7 @@ def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, B
 
 def _alike(prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run) -> _Maps | None:
     """Maps of the drive as given where its draws have the same deviations; None where they do not."""
-    deviations = {path for d in deviations_of(prior.drive.mounting.mark_kind) for path in (d.size, d.direction)}
-    if deviations & {each.path for each in prior.fields}:
+    if DEVIATION_FIELDS & {each.path for each in prior.fields}:
         return None
     solve = partial(maps_by_turn, rotations_deg=rotations_deg)
     try:

@@ -29,7 +29,7 @@ from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Document, Path, Unread, in_order, near_miss
+from hdassist.preset.yamltext import Document, InvalidValue, Path, near_miss, ordered_findings
 from hdassist.readers.trace import read_trace
 
 TARGETS_SCHEMA = "hdassist.targets/1"
@@ -172,7 +172,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     reader = _TargetsReader(document, drive, Folder(file).parent)
     result = reader.read(document.data) if document.complete else None
     if document.findings or result is None:
-        raise PresetError(in_order(document.findings))
+        raise PresetError(ordered_findings(document.findings))
     name, unknowns, targets = result
     return Targets(name, hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
 
@@ -222,7 +222,7 @@ class _TargetsReader:
                 self.findings.add(
                     at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True
                 )
-            elif isinstance(read := value if unit in (TEXT, None) else read_number(value, unit), Unread):
+            elif isinstance(read := value if unit in (TEXT, None) else read_number(value, unit), InvalidValue):
                 self.findings.refuse(at, read)
             elif unit == TEXT and not isinstance(value, str):
                 self.findings.add(at, "must be the name of a file" if key == "file" else "must be text")
@@ -322,16 +322,16 @@ class _TargetsReader:
         whole: float = value or 0.0  # what a share is of
         if value is None:
             whole = high - low if low is not None and high is not None else low or high or 0.0
-        tolerance: float | Unread = RANGE_SHARE * abs(whole) or 1.0
+        tolerance: float | InvalidValue = RANGE_SHARE * abs(whole) or 1.0
         if stated is not None:
             is_share = isinstance(stated, str) and stated.strip().endswith("%")
             tolerance = read_number(stated, "%" if is_share else unit)
-            if isinstance(tolerance, Unread) and not is_share:
+            if isinstance(tolerance, InvalidValue) and not is_share:
                 self.findings.refuse(at, tolerance)
                 return None
-            if is_share and not isinstance(tolerance, Unread):
+            if is_share and not isinstance(tolerance, InvalidValue):
                 tolerance = tolerance / 100 * abs(whole)
-        if isinstance(tolerance, Unread) or not 0 < tolerance < inf:
+        if isinstance(tolerance, InvalidValue) or not 0 < tolerance < inf:
             self.findings.add(at, f"must be above 0: {SHARE_HINT}")
             return None
         if value is not None:

@@ -62,7 +62,7 @@ def list_(options: TableOptions) -> None:
     """
     from hdassist.loading.load import load_preset
     from hdassist.preset.library import preset_names
-    from hdassist.preset.schema import counted
+    from hdassist.preset.schema import origin_counts
     from hdassist.terminal.answers import envelope
 
     drives = {name: load_preset(name) for name in preset_names()}
@@ -75,7 +75,7 @@ def list_(options: TableOptions) -> None:
                 "z_g": drive.gears.z_g,
                 "z_b": drive.gears.z_b,
                 "m_mm": drive.gears.m,
-                "values": counted(drive),
+                "values": origin_counts(drive),
                 "description": drive.description,
             }
             for drive in drives.values()
@@ -87,7 +87,7 @@ def list_(options: TableOptions) -> None:
             name,
             f"{drive.gears.z_g}/{drive.gears.z_b}",
             f"{drive.gears.m!r} mm",
-            ", ".join(map(str, counted(drive).values())),
+            ", ".join(map(str, origin_counts(drive).values())),
             _first_sentence(drive.description),
         )
         for name, drive in drives.items()
@@ -122,11 +122,10 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
         else:
             give_stdout(text)
         return
-    from hdassist.preset.schema import resolved as rows_of
-    from hdassist.preset.schema import value_text
+    from hdassist.preset.schema import resolved_fields, value_text
 
     drive = drives.load(preset)
-    rows = rows_of(drive)
+    rows = resolved_fields(drive)
     if options.json:
         answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
         _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
@@ -154,7 +153,7 @@ def validate(
 
     Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
     """
-    from hdassist.preset.schema import counted
+    from hdassist.preset.schema import origin_counts
     from hdassist.terminal.answers import combine, envelope, failure
     from hdassist.terminal.console import Style
     from hdassist.terminal.files import write_text
@@ -165,7 +164,7 @@ def validate(
         try:
             origin = (drive := drives.load(name)).origin
             answer = envelope("presets-validate", drive, warnings=origin.warnings)
-            values = counted(drive)
+            values = origin_counts(drive)
             answers.append(answer | {"file": name, "valid": True, "values": values, "findings": []})
             verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
         except HdassistError as error:
@@ -250,7 +249,7 @@ def new(
     """
     from hdassist.loading.load import load_preset
     from hdassist.loading.write import new_preset, similar_preset
-    from hdassist.preset.wishes import read_wish
+    from hdassist.preset.requirements import read_requirements
     from hdassist.terminal.files import write_text
 
     asked = (coupling, shaft, like, pitch_diameter, teeth, ratio, torque, stiffness, lost_motion, accuracy)
@@ -258,7 +257,7 @@ def new(
         text = new_preset(name)
     else:
         other = load_preset(like if like is not None else "vzp160")
-        wish = read_wish(
+        wish = read_requirements(
             other, coupling=coupling, shaft=shaft, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque,
             stiffness=stiffness, lost_motion=lost_motion, accuracy=accuracy,
         )  # fmt: skip

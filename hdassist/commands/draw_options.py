@@ -51,12 +51,13 @@ class DrawOptions(o.LoadedDriveOptions):
 
         Raises UsageError and DataError for invalid options.
         """
-        from hdassist.tolerance.law import assumed_sizes, deviations, production_law
+        from hdassist.preset.deviations import DEVIATION_FIELDS
+        from hdassist.tolerance.law import assumed_sizes, production_law
 
         laws = dict.fromkeys(assumed_sizes(drive), self.distribution) if chosen else {}
         by_field = laws | dict(map(_scatter_of, self.scatter))
         found = production_law(drive, self.distribution, by_field=by_field, known=self.known)
-        if not any(each.path == each.group and each.path in deviations(drive) for each in found.own):
+        if not any(each.path == each.group and each.path in DEVIATION_FIELDS for each in found.own):
             raise UsageError("no field scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
         return found
 

@@ -18,7 +18,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import listed, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN
-from hdassist.preset.schema import ResolvedField, resolved
+from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.window import in_wide_enough_window
@@ -103,7 +103,7 @@ def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
 
 def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
     """Every field of some drives, in the order of the declarations; uncertainties of fields behind them."""
-    rows = list(zip(*map(resolved, drives), strict=True))
+    rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     paths = dict.fromkeys(path for drive in drives for path in drive.uncertainty)
     return (*rows, *(tuple(_uncertainty(drive, path, units[path]) for drive in drives) for path in paths))
@@ -120,7 +120,7 @@ def differs(row: FieldRow) -> bool:
     return any(cell.value != row[0].value for cell in row)
 
 
-def moving(drives: Sequence[Drive]) -> list[str]:
+def differing_fields(drives: Sequence[Drive]) -> list[str]:
     """Paths of the fields in which drives differ and that may move F'_ior at a torque."""
     return [row[0].path for row in field_rows(drives) if differs(row) and not row[0].path.startswith(UNRELATED)]
 
@@ -128,7 +128,9 @@ def moving(drives: Sequence[Drive]) -> list[str]:
 def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
     pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
-    searches = sum(2 * pairs + min(pairs, SCREENED_PAIRS) * len(moving((drives[0], each))) for each in drives[1:])
+    searches = sum(
+        2 * pairs + min(pairs, SCREENED_PAIRS) * len(differing_fields((drives[0], each))) for each in drives[1:]
+    )
     sheets = sum(sheet_states(at_torques(drive, torques), draws) for drive in drives)
     return sheets + SEARCHED * len(torques) * searches
 
@@ -168,7 +170,7 @@ def drive_changes(
     """
     drawn = searchable(first) and searchable(second)
     before, after = paired_draws((first, second), pairs if drawn else 0, run.seed)
-    proof, paths = EMPTY, moving((first, second))
+    proof, paths = EMPTY, differing_fields((first, second))
 
     def F_ior(drives: Sequence[Drive], *, required: bool = False) -> Array:
         """F'_ior [arcsec], shape (drives, torques); NaN where one has no answer, unless it is required."""
@@ -196,7 +198,7 @@ def drive_changes(
     ranged = drawn or not (unknowns(first) or unknowns(second))
     changes = DriveChanges(
         len(before),
-        tuple(sense(change) if ranged else UNKNOWN for change in (others - errors).T),
+        tuple(sense_of_change(change) if ranged else UNKNOWN for change in (others - errors).T),
         ErrorChange.of("", errors, others),
         tuple(_largest_first(single[change.field] for change in chosen)),
         tuple(path for path in paths if not single[path]),
@@ -204,7 +206,7 @@ def drive_changes(
     return changes, proof
 
 
-def sense(change: Array) -> str:
+def sense_of_change(change: Array) -> str:
     """Whether F'_ior gets less, more or stays the same, by changes [arcsec], shape (pairs,); unknown if they differ."""
     if np.all(np.abs(change) < SAME_ERROR):
         return "the same"

@@ -11,10 +11,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from hdassist.error.waves import Complex
-from hdassist.model.deviations import deviations_of
+from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive
 
-VECTORS = tuple(d for d in deviations_of("xi") if d.order != 3 and not d.size.endswith((".e_b", ".a_s2")))
+VECTORS = tuple(d for d in DEVIATIONS if d.order != 3 and d.kind not in ("centre", "seat"))
 VECTOR_ORDERS = np.array([vector.order for vector in VECTORS])
 # um, in which each is counted, so that all weigh about alike: first harmonics nearly cancel on two opposite zones
 VECTOR_UNITS = np.where(VECTOR_ORDERS > 1, 0.1, 1.0)

@@ -10,6 +10,7 @@ import numpy as np
 from hdassist.model.deviations import is_half_turn_symmetric
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
+from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive
 
 DEGREE = 4  # products of up to so many deviations are named
@@ -46,16 +47,16 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     together, and an odd product needs the offset that turns with the cam, e_hh, as well.
     """
     even = is_half_turn_symmetric(drive)
-    kinematics, t, h = Kinematics.of(drive), drive.tolerances, drive.harmonics
+    kinematics = Kinematics.of(drive)
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
-    of_g, of_b = (t.F_i1, t.e_hg, h.a_g2, h.a_g3, h.a_g4), (t.F_i2, t.e_hb, t.e_b, h.a_b2, h.a_b3, h.a_b4, h.a_s2)
-    most_g, most_b = DEGREE * any(of_g), DEGREE * any(of_b)
+    deviating = {each.part for each in DEVIATIONS if drive.number(each.size)}
+    most_g, most_b = DEGREE * ("g" in deviating), DEGREE * ("b" in deviating)
     found = {}
     for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
         degree = k_g + abs(k_b)
         needs_cam = even and degree % 2 == 1
-        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and (t.e_hh or not needs_cam):
+        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and ("h" in deviating or not needs_cam):
             found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
     return found
 

@@ -105,7 +105,7 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     are those of catalogues at the drive's pitch diameter, by the cube law.
     """
     T_1, T_2 = drive.catalogue.T_1, drive.catalogue.T_2
-    scale = (drive.gears.m * drive.gears.z_g / D_58) ** 3
+    scale = (drive.gears.pitch_diameter / D_58) ** 3
     first = T_58[0] * scale if T_2 is None else T_2 * T_58[0] / T_58[1]
     second = T_58[1] * scale if T_1 is None else T_1 * T_58[1] / T_58[0]
     return first if T_1 is None else T_1, second if T_2 is None else T_2

@@ -22,12 +22,14 @@ from hdassist.model.deviations import (
     ODD_COLUMNS,
     SHIFT,
     TEETH,
-    deviations_of,
+    column_of,
     displaced,
+    factor_of,
     is_half_turn_symmetric,
     scalars_of,
 )
 from hdassist.model.geometry import Array
+from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate
 from hdassist.solve.loadcase import LoadCase
@@ -77,9 +79,10 @@ class Reach:
         """What a drive comes to in any direction of its deviations."""
         mark_kind = drive.mounting.mark_kind
         sizes: dict[int, float] = {}
-        for each in deviations_of(mark_kind):
-            size = abs(each.factor) * drive.number(each.size) * 1e-3
-            sizes[each.column] = sizes.get(each.column, 0.0) + size
+        for each in DEVIATIONS:
+            column = column_of(each, mark_kind)
+            size = abs(factor_of(each, mark_kind)) * drive.number(each.size) * 1e-3
+            sizes[column] = sizes.get(column, 0.0) + size
         teeth = SHIFT if mark_kind == "runout" else TEETH
         pair = [WIDER_SPAN * max(sizes.get(column, 0.0), LEAST_REACH) for column in (teeth, CAM_COLUMNS)]
         rest = sorted(column for column, size in sizes.items() if size and column not in (teeth, CAM_COLUMNS))

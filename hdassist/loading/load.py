@@ -12,7 +12,7 @@ from hdassist.errors import PresetError, UsageError
 from hdassist.model.rules import conflicts
 from hdassist.preset import coupling, library, yamltext
 from hdassist.preset import overrides as sets
-from hdassist.preset.deviations import Harmonics
+from hdassist.preset.deviations import COMPOSITES, DEVIATIONS
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
@@ -27,8 +27,8 @@ from hdassist.preset.fields import (
     spreads,
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
-from hdassist.preset.plausible import remarks
-from hdassist.preset.yamltext import OVERRIDE, Document, Path, Unread, in_order, near_miss, shown
+from hdassist.preset.knowledge import implausible
+from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
 
 
 def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
@@ -45,7 +45,7 @@ def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
 def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Drive:
     """Read and validate a preset.
 
-    Arguments: text of the preset; file, its name in messages; overrides, such as "tolerances.F_i2=60".
+    Arguments: text of the preset; file, its name in messages; overrides, such as "cam.W_0=0.95".
     Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
@@ -55,7 +55,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
         sets.apply(document, parsed)
     drive = _drive(document)
     if document.findings or drive is None:
-        found = in_order(document.findings)
+        found = ordered_findings(document.findings)
         if not all(finding.file == OVERRIDE for finding in found):
             own = yamltext.read_yaml(text, file)
             if not overrides or not _drive(own) or own.findings:
@@ -67,7 +67,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
         file=file,
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
-        warnings=tuple(map(str, in_order(document.warnings))),
+        warnings=tuple(map(str, ordered_findings(document.warnings))),
     )
     return drive
 
@@ -77,7 +77,7 @@ def _drive(document: Document) -> Drive | None:
     if not document.complete:
         return None
     if not isinstance(document.data, dict):
-        if not isinstance(document.data, Unread):
+        if not isinstance(document.data, InvalidValue):
             message, got = (
                 ("the preset is empty", "") if document.data is None else ("a preset must be a table of keys", None)
             )
@@ -110,7 +110,7 @@ def _drive(document: Document) -> Drive | None:
 
 def _follows_coupling(drive: Drive, document: Document) -> bool:
     """Whether the cam's support is that of its coupling: not given, or the coupling alone is on the command line."""
-    places = {path: document.places.get(tuple(path.split("."))) for path in ("supports.C_3", *coupling.FIELDS)}
+    places = {path: document.places.get(tuple(path.split("."))) for path in ("supports.C_3", *coupling.COUPLING_FIELDS)}
     tried = {path for path, place in places.items() if place and place.file == OVERRIDE}
     return drive.supports.C_3 is None or (bool(tried) and "supports.C_3" not in tried)
 
@@ -118,7 +118,7 @@ def _follows_coupling(drive: Drive, document: Document) -> bool:
 def _check_schema(document: Document, data: dict[str, Any]) -> None:
     if "schema" not in data:
         document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
-    elif not isinstance(given := data.pop("schema"), Unread) and given != PRESET_SCHEMA:
+    elif not isinstance(given := data.pop("schema"), InvalidValue) and given != PRESET_SCHEMA:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
 
 
@@ -163,7 +163,7 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
     if kind == "extra_forbidden":
         hint = "" if len(document.findings) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
         document.add(path, "unknown key", hint, "", key=True)
-    elif isinstance(value, Unread):
+    elif isinstance(value, InvalidValue):
         document.refuse(path, value)
     elif kind in ("model_type", "dict_type"):
         document.add(path, "must be a table of keys")
@@ -178,7 +178,7 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
         document.add(path, "must have 1 to 200 characters")
     elif info is not None:
         unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
-        converted = isinstance(yamltext.resolve(document.written(path)), str)  # written in another unit
+        converted = isinstance(yamltext.scalar_value(document.written(path)), str)  # written in another unit
         hint = f"that is {value:g} {unit}" if converted else ""
         document.add(path, f"out of range: {range_of(info, unit)}", hint)
 
@@ -237,7 +237,7 @@ def _warn(drive: Drive, document: Document) -> None:
     _warn_of_limits(drive, document)
     _warn_of_amplitudes(drive, document)
     _warn_of_model(drive, document)
-    for path, message, usual in remarks(drive):
+    for path, message, usual in implausible(drive):
         document.warn(tuple(path.split(".")), message, usual)
 
 
@@ -256,12 +256,15 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
 
 def _warn_of_amplitudes(drive: Drive, document: Document) -> None:
     """Warn of harmonics that are more than the whole deviation of their wheel."""
-    for name in Harmonics.model_fields:
-        wheel = "F_i1" if name[-2] == "g" else "F_i2"
-        size, whole = drive.number(f"harmonics.{name}"), drive.number(f"tolerances.{wheel}")
-        if name.startswith("a_") and size > whole > 0:
-            message = f"{size:g} um, more than all of {wheel}: {whole:g} um from peak to peak"
-            document.warn(("harmonics", name), message, "an amplitude in um, half of what it does from peak to peak")
+    for each in DEVIATIONS:
+        composite = COMPOSITES.get(each.part)
+        if composite is None or each.order == 1:
+            continue
+        size, whole = drive.number(each.size), drive.number(composite.size)
+        if size > whole > 0:
+            message = f"{size:g} um, more than all of {composite.name}: {whole:g} um from peak to peak"
+            hint = "an amplitude in um, half of what it does from peak to peak"
+            document.warn(tuple(each.size.split(".")), message, hint)
 
 
 def _warn_of_model(drive: Drive, document: Document) -> None:

@@ -19,8 +19,8 @@ from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, fields, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain, unit_of
 from hdassist.preset.overrides import path_of
-from hdassist.preset.similarity import SimilarValue, Wish, similar
-from hdassist.preset.yamltext import resolve
+from hdassist.preset.similarity import Requirements, SimilarValue, similar
+from hdassist.preset.yamltext import scalar_value
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
@@ -95,14 +95,14 @@ def _value(value: Any) -> str:
 def _name(text: str) -> str:
     """A text as YAML: as it is where that is safe, else in quotes."""
     word = re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", text)
-    return text if word and isinstance(resolve(text), str) else _quoted(text)
+    return text if word and isinstance(scalar_value(text), str) else _quoted(text)
 
 
-def similar_preset(name: str, like: Drive, wish: Wish, description: str = "") -> str:
+def similar_preset(name: str, like: Drive, wish: Requirements, description: str = "") -> str:
     """Text of a preset of a drive that is like another one.
 
     Arguments: name; like, the other drive; wish, what is given of the new one; description, in place of the usual.
-    Raises UsageError: a name that a preset cannot have, wishes that contradict each other, or no drive that meshes.
+    Raises UsageError: a name that no preset can have, requirements that contradict each other, no drive that meshes.
     """
     _require_name(name)
     entries = similar(like, wish)
@@ -210,7 +210,8 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
         if source is not None and value != before.value(path):
             ref = f"changed by hand; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
-    if "supports.C_3" not in changes and changes & {*coupling.FIELDS}:  # the support follows from them, on the line too
+    # the support follows from the coupling, on the command line too
+    if "supports.C_3" not in changes and changes & {*coupling.COUPLING_FIELDS}:
         _table(tables, "source").pop("supports.C_3", None)
         _table(tables, "supports")["C_3"] = None
     return _written(tables, file, wanted)

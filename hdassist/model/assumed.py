@@ -34,6 +34,6 @@ def assumptions(drive: Drive) -> tuple[Assumption, ...]:
             found.append(Assumption(path, *source.range, source.ref))
         elif source is None and name not in getattr(drive, section).model_fields_set and path in LAWS:
             law, g = LAWS[path], drive.gears
-            if law.assumed and (bounds := law.range_at(g.m * g.z_g, g.m, value)):
+            if law.assumed and (bounds := law.range_at(g.pitch_diameter, g.m, value)):
                 found.append(Assumption(path, *bounds, law.why))
     return tuple(a for a in found if a.low < a.high and drive.allows(a.path, a.low) and drive.allows(a.path, a.high))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import TOOTH_ORDERS, ContactSystem, StateGaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
+from hdassist.preset.deviations import CAM_OFFSETS, DEVIATIONS, IN_TEETH, Deviation, Part
 from hdassist.preset.fields import Drive
 
 MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
@@ -35,58 +35,43 @@ def tooth_phases(drive: Drive) -> tuple[float, float]:
     return float(np.radians(drive.number("phases.xi_g") + turn)), float(np.radians(drive.number("phases.xi_b") + turn))
 
 
-@dataclass(frozen=True)
-class Deviation:
-    """A deviation of a part as a size [um] and a direction [deg], by their paths in the preset.
-
-    column: of the first of its two scalars; part: what it turns with, flexspline g, rigid wheel b or cam h; order:
-    waves around the part; factor: of the size, in the scalars; mark: added to the direction [deg].
-    """
-
-    size: str
-    direction: str
-    column: int
-    part: Literal["g", "b", "h"]
-    order: int = 1
-    factor: float = 1.0
-    mark: float = 0.0
-
-
-def deviations_of(mark_kind: str) -> tuple[Deviation, ...]:
-    """Deviations that a drive can have, by what its phases xi_g and xi_b are."""
-    column, sign, mark = (SHIFT, -1, 0.0) if mark_kind == "runout" else (TEETH, 1, MARK_TO_PHASE[mark_kind])
-    return (
-        Deviation("tolerances.F_i1", "phases.xi_g", column, "g", factor=sign / 2, mark=mark),
-        Deviation("tolerances.F_i2", "phases.xi_b", column, "b", factor=-sign / 2, mark=mark),
-        *_OTHERS,
-    )
-
-
 TEETH, CAM_COLUMNS, SHIFT = 0, 2, 4  # first columns; those of the orders follow
 ODD_COLUMNS = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
 _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
-_OTHERS = (
-    Deviation("tolerances.e_hh", "phases.phi_hh", CAM_COLUMNS, "h"),
-    Deviation("tolerances.e_hg", "phases.phi_hg", CAM_COLUMNS, "g"),
-    Deviation("tolerances.e_hb", "phases.phi_hb", CAM_COLUMNS, "b"),
-    Deviation("tolerances.e_b", "phases.phi_eb", SHIFT, "b"),
-    *(Deviation(f"harmonics.a_g{n}", f"harmonics.xi_g{n}", _COLUMN[n], "g", n) for n in TOOTH_ORDERS),
-    *(Deviation(f"harmonics.a_b{n}", f"harmonics.xi_b{n}", _COLUMN[n], "b", n, factor=-1.0) for n in TOOTH_ORDERS),
-    Deviation("harmonics.a_s2", "harmonics.xi_s2", _COLUMN[2], "b", 2, factor=-1.0),
-)
+
+
+def column_of(deviation: Deviation, mark_kind: str) -> int:
+    """First of the two columns of scalars that a deviation counts in; mark_kind: what xi_g and xi_b are."""
+    if deviation.order > 1:
+        return _COLUMN[deviation.order]
+    if deviation.kind == "cam":
+        return CAM_COLUMNS
+    return TEETH if deviation.kind == "composite" and mark_kind != "runout" else SHIFT
+
+
+def factor_of(deviation: Deviation, mark_kind: str) -> float:
+    """Share of the size of a deviation in its scalars, with the sign in which they count it."""
+    if deviation.kind in ("cam", "centre"):
+        return 1.0
+    sign = -1.0 if deviation.part == "b" else 1.0
+    half = -0.5 if mark_kind == "runout" else 0.5  # of F'_i, from peak to peak; a run-out points the other way
+    return sign * half if deviation.kind == "composite" else sign
 
 
 def standing_offset(drive: Drive) -> tuple[str, str]:
     """Fields of size and direction of the cam offset that stands with the fixed wheel."""
-    end = "b" if drive.mounting.fixed == "rigid" else "g"
-    return f"tolerances.e_h{end}", f"phases.phi_h{end}"
+    offset = CAM_OFFSETS[fixed_part(drive)]
+    return offset.size, offset.direction
+
+
+def fixed_part(drive: Drive) -> Part:
+    """The wheel that is fixed: the rigid one b, or the flexspline g."""
+    return "b" if drive.mounting.fixed == "rigid" else "g"
 
 
 def carried(drive: Drive) -> tuple[str, ...]:
-    """Directions that turn with the fixed wheel where it is turned on its seat; what its seat does stands still."""
-    if drive.mounting.fixed == "rigid":
-        return ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{n}" for n in TOOTH_ORDERS))
-    return ("phases.xi_g", *(f"harmonics.xi_g{n}" for n in TOOTH_ORDERS))
+    """Directions that turn with the fixed wheel where it is turned on its seat."""
+    return tuple(d.direction for d in DEVIATIONS if d.part == fixed_part(drive) and not d.stays_with_seat)
 
 
 def is_half_turn_symmetric(drive: Drive) -> bool:
@@ -113,12 +98,13 @@ def scalars_of(value: FieldValue, mark_kind: str, alpha_g: Array, alpha_b: Array
     alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes broadcast.
     """
     waves: dict[tuple[int, str, int], Array] = {}  # amplitudes at angle 0, by column, part and order
-    for each in deviations_of(mark_kind):
-        size = np.asarray(value(each.size)) * each.factor * 1e-3
-        if size.any() or each.column in (TEETH, CAM_COLUMNS):
-            wave = size * np.exp(1j * each.order * np.radians(value(each.direction) + each.mark))
-            key = each.column, each.part, each.order
-            waves[key] = waves.get(key, 0) + wave
+    mark = 0.0 if mark_kind == "runout" else MARK_TO_PHASE[mark_kind]
+    for each in DEVIATIONS:
+        column, size = column_of(each, mark_kind), np.asarray(value(each.size)) * factor_of(each, mark_kind) * 1e-3
+        if size.any() or column in (TEETH, CAM_COLUMNS):
+            direction = value(each.direction) + (mark if each.kind == "composite" else 0.0)
+            key = column, each.part, each.order
+            waves[key] = waves.get(key, 0) + size * np.exp(1j * each.order * np.radians(direction))
     once = {"g": np.exp(1j * np.asarray(alpha_g)), "b": np.exp(1j * np.asarray(alpha_b)), "h": np.ones(())}
     sums: dict[int, Array] = {}
     for (column, part, order), wave in waves.items():
@@ -158,11 +144,6 @@ class ToothDeviations:
 
     g: Array | None = None
     b: Array | None = None
-
-
-IN_TEETH = {  # what measured teeth hold already
-    wheel: (f"tolerances.F_i{k}", *(f"harmonics.a_{wheel}{n}" for n in TOOTH_ORDERS)) for k, wheel in enumerate("gb", 1)
-}
 
 
 def state_gaps(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> StateGaps:

@@ -80,7 +80,7 @@ class Geometry:
         alpha = float(np.radians(g.alpha))
         growth = 1 + drive.material.alpha_T * drive.operation.dT
         m, h_1, ring_h = growth * g.m, growth * drive.flexspline.h_1, growth * drive.bearing.ring_h
-        r_f = m * (g.z_g + 2 * g.x_g - 2 * g.h_f) / 2
+        r_f = growth * g.root_radius
         r_m = r_f - h_1 / 2
         bore = r_f - h_1
         return cls(

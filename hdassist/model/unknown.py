@@ -9,18 +9,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from hdassist.model.deviations import Deviation, deviations_of, standing_offset
+from hdassist.model.deviations import fixed_part, standing_offset
 from hdassist.model.geometry import Array
+from hdassist.preset.deviations import COMPOSITES, DEVIATIONS, Deviation
 from hdassist.preset.fields import Drive
-from hdassist.preset.knowledge import F_p
-
-CLASS = 9  # of ISO 1328-1:2013: F_p of the coarsest teeth that a drive is taken to have; the paper's drive is there
-# of the pitch diameter, um/mm, as the drive of Lyuminarsky et al. (2019) has them: 80 and 30 um at 160 mm
-STANDING, TURNING = 0.5, 0.2
-PILOT_PLAY = 0.06  # of the pitch diameter, um/mm: 10 um at 160 mm, assumed
-# of half of F'_i, of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that catalogues promise
-# of size 20, half as much makes the one recorded drive one in fifty (docs/validation.md)
-EVEN, ODD = 0.08, 0.04
+from hdassist.preset.knowledge import (
+    CENTRE_OFFSET,
+    COARSEST_CLASS,
+    HIGHER_ORDERS,
+    SECOND_ORDER,
+    STANDING_OFFSET,
+    TURNING_OFFSET,
+    F_p,
+)
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,10 @@ class Unknown:
 def unknowns(drive: Drive) -> tuple[Unknown, ...]:
     """Deviations of a drive that are not known, and matter: a direction without a size does not."""
     found = []
-    for each in deviations_of(drive.mounting.mark_kind):
+    for each in DEVIATIONS:
         size, direction = drive.value(each.size), drive.value(each.direction)
         if size is None:
-            high, reason = _most(drive, each)
+            high, reason = _largest(drive, each)
             if not high:
                 continue
             found.append(Unknown(each.size, 0.0, high, reason))
@@ -77,14 +78,12 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
 
     Offsets of a cam that floats (C_3 = 0) are not felt, and not among them.
     """
-    rigid = drive.mounting.fixed == "rigid"
-    part, still = ("b", ("e_hb", "a_s2")) if rigid else ("g", ("e_hg",))
+    floats = not drive.number("supports.C_3")
     sides: tuple[list[Deviation], list[Deviation]] = ([], [])
-    for each in deviations_of(drive.mounting.mark_kind):
-        size, name = drive.value(each.size), each.size.split(".")[1]
-        felt = drive.number("supports.C_3") or not name.startswith("e_h")
-        if each.part == part and felt and (size is None or size > 0):
-            sides[name not in still].append(each)
+    for each in DEVIATIONS:
+        deviates = drive.value(each.size) is None or drive.number(each.size) > 0
+        if each.part == fixed_part(drive) and deviates and not (floats and each.kind == "cam"):
+            sides[not each.stays_with_seat].append(each)
     return sides
 
 
@@ -119,24 +118,19 @@ def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
 
 def pitch_deviation(drive: Drive, grade: int) -> float:
     """Total cumulative pitch deviation F_p [um] of a drive's wheels in an accuracy class. Source: ISO 1328-1:2013."""
-    return F_p(drive.gears.m * drive.gears.z_g, drive.gears.m, grade)
+    return F_p(drive.gears.pitch_diameter, drive.gears.m, grade)
 
 
-def _most(drive: Drive, each: Deviation) -> tuple[float, str]:
+def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
     """Greatest size [um] that a deviation is taken to have, and why."""
-    d = drive.gears.m * drive.gears.z_g
-    name = each.size.split(".")[1]
-    if name.startswith("F_i"):
-        return pitch_deviation(drive, CLASS), f"F_p of class {CLASS}, ISO 1328-1:2013"
-    if name.startswith("e_h"):
-        still = name == ("e_hb" if drive.mounting.fixed == "rigid" else "e_hg")
-        share = STANDING if still else TURNING
-        return share * d, f"assumed: {share:g} um for each mm of the pitch diameter"
-    if name == "e_b":
-        return PILOT_PLAY * d, f"assumed: {PILOT_PLAY:g} um for each mm of the pitch diameter"
-    whole = "tolerances.F_i1" if each.part == "g" else "tolerances.F_i2"
-    share = EVEN if each.order == 2 else ODD
-    reach = drive.value(whole)
-    if reach is None:
-        reach = _most(drive, next(o for o in deviations_of("xi") if o.size == whole))[0]
-    return share * reach / 2, f"assumed: {share:.0%} of half of {whole.split('.')[1]}"
+    if deviation.kind == "composite":
+        return pitch_deviation(drive, COARSEST_CLASS), f"F_p of class {COARSEST_CLASS}, ISO 1328-1:2013"
+    if deviation.kind in ("cam", "centre"):
+        share = STANDING_OFFSET if deviation.size == standing_offset(drive)[0] else TURNING_OFFSET
+        share = CENTRE_OFFSET if deviation.kind == "centre" else share
+        return share * drive.gears.pitch_diameter, f"assumed: {share:g} um for each mm of the pitch diameter"
+    composite, share = COMPOSITES[deviation.part], SECOND_ORDER if deviation.order == 2 else HIGHER_ORDERS
+    size = drive.value(composite.size)
+    if size is None:
+        size, _ = _largest(drive, composite)
+    return share * size / 2, f"assumed: {share:.0%} of half of {composite.name}"

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.deviations import IN_TEETH, ToothDeviations
+from hdassist.model.deviations import ToothDeviations
+from hdassist.preset.deviations import IN_TEETH
 from hdassist.preset.fields import Drive
 
 MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands

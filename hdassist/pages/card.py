@@ -13,7 +13,7 @@ from hdassist.mounting.positions import FREE_STEP, Choice, Position
 from hdassist.mounting.trial import Tried
 from hdassist.pages.seat import instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
-from hdassist.preset.schema import counted
+from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
 from hdassist.report.blocks import Seat, SeatMark
 from hdassist.terminal.texts import HOME, Texts
@@ -259,7 +259,7 @@ def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
         yield say("chance.good", good=say.percent(facts.good))
     if facts.weights:
         yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
-    kinds = counted(choice.drive)
+    kinds = origin_counts(choice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 
 

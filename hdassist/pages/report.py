@@ -17,7 +17,7 @@ from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.schema import ResolvedField, counted, resolved, value_text
+from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields, value_text
 from hdassist.report.blocks import Block, Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
@@ -73,7 +73,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         cross_checks=tuple(sheet.cross_checks),
         values={
             "verdict": str(verdict),
-            "values": counted(drive),
+            "values": origin_counts(drive),
             "check": report_object(check),
             "mount": report_object(mount),
             "stiffness": report_object(stiff),
@@ -134,7 +134,7 @@ def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
         yield ("position of the wheel", hole_place(advice.choice.target), below.replace("%", " %"))
     if sheet.stiffness.positive:
         yield ("K1", f"{sheet.stiffness.positive[0].stiffness * ARCMIN:.3g}", "N·m/arcmin near zero")
-    values = counted(sheet.drive)
+    values = origin_counts(sheet.drive)
     yield ("values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified")
 
 
@@ -159,7 +159,7 @@ def _basis(sheet: DriveSheet) -> Iterator[Block]:
 
 
 def _values(drive: Drive) -> Iterator[Block]:
-    rows, values = resolved(drive), counted(drive)
+    rows, values = resolved_fields(drive), origin_counts(drive)
     yield Paragraph(
         f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "
         f"{values['assumed']} assumed. What values were identified from agrees with the model by itself and proves "

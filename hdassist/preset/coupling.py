@@ -1,36 +1,27 @@
-"""The support of the cam by the way its wave generator sits on the shaft, where nobody gives its stiffness."""
+"""The stiffness of the cam's support from the way the wave generator sits on its shaft, where it is not given."""
 
 from __future__ import annotations
 
 from math import pi
 
 from hdassist.preset.fields import Drive, Source
-from hdassist.preset.knowledge import REFERENCE
+from hdassist.preset.knowledge import CAM_SUPPORTS, REFERENCE, SHAFT_BEARING
 
-PATH = "supports.C_3"
-FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
-# stiffness and its plausible range [N/mm] at the reference diameter, with which they grow, and why
-SUPPORTS = {
-    "unknown": (1e4, 1e3, 1e5, "the middle of a range from a compliant to a solid hub"),
-    "solid": (4.5e4, 2e4, 1e5, "a solid hub on a stiff shaft; by judgement"),
-    # the cam's 8 N*m at 15 mm press the slides by 530 N: friction of 0.08 of that over an offset of 80 um is 500 N/mm
-    "oldham": (0.0, 0.0, 500.0, "self-aligning; what friction of its slides adds is a guess"),
-}
-SHAFT_BEARING = (
-    5e3,
-    2e3,
-    1e4,
-)  # N/mm for each mm of its bore: radial stiffness of a shaft's bearing, and its range; a guess
+SUPPORT_FIELD = "supports.C_3"
+COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 
 def with_cam_support(drive: Drive) -> Drive:
     """The drive with supports.C_3 as its coupling has it: assumed, within a range; None where a size is missing."""
-    found, source = _support(drive), {path: each for path, each in drive.source.items() if path != PATH}
-    supports = drive.supports.model_copy(update={"C_3": found[0] if found else None})
-    if found:
-        why = f"cam.coupling: {drive.cam.coupling}; {found[3]}"
-        source[PATH] = Source(kind="assumed", range=found[1:3], ref=why)
-    others = tuple({path: value for path, value in each.items() if path != PATH} for each in drive.alternatives)
+    support = _support(drive)
+    source = {path: entry for path, entry in drive.source.items() if path != SUPPORT_FIELD}
+    supports = drive.supports.model_copy(update={"C_3": support[0] if support else None})
+    if support:
+        reason = f"cam.coupling: {drive.cam.coupling}; {support[3]}"
+        source[SUPPORT_FIELD] = Source(kind="assumed", range=support[1:3], ref=reason)
+    others = tuple(
+        {path: value for path, value in values.items() if path != SUPPORT_FIELD} for values in drive.alternatives
+    )
     return drive.model_copy(update={"supports": supports, "source": source, "alternatives": others})
 
 
@@ -38,8 +29,8 @@ def _support(drive: Drive) -> tuple[float, float, float, str] | None:
     """Stiffness [N/mm] of the cam's support, its range, and why."""
     cam, why = drive.cam, "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is a guess"
     if cam.coupling != "overhung":
-        size = drive.gears.m * drive.gears.z_g / REFERENCE
-        *numbers, why = SUPPORTS[cam.coupling]
+        size = drive.gears.pitch_diameter / REFERENCE
+        *numbers, why = CAM_SUPPORTS[cam.coupling]
         value, low, high = (float(f"{number * size:.4g}") for number in numbers)
     elif cam.shaft_d is None or cam.overhang is None:
         return None

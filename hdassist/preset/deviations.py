@@ -1,10 +1,17 @@
-"""What a preset may say of deviations: their sizes and directions. What it does not say is not known, and not zero."""
+"""Deviations of the parts: the fields of their sizes and directions, and the table of them that all else reads.
+
+A size or direction that a preset does not give is unknown, not zero.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from hdassist.preset.kinds import Section, field
+
+Part = Literal["g", "b", "h"]
+WHEELS: tuple[Part, Part] = ("g", "b")
 
 
 def _size(meaning: str, example: float | None = None) -> Any:
@@ -62,3 +69,57 @@ class Harmonics(Section):
     xi_b3: float | None = _phase("a_b3")
     xi_b4: float | None = _phase("a_b4")
     xi_s2: float | None = _phase("a_s2")
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A deviation of a part, by the paths of its size [um] and its direction [deg].
+
+    kind: composite, the first harmonic of a wheel's teeth from peak to peak (F'_i); harmonic of the teeth, an
+    amplitude; seat, a harmonic that the seat of the rigid wheel presses on it; cam, an offset of the cam; centre, an
+    offset of a wheel's teeth. part: what it turns with, flexspline g, rigid wheel b or cam h; order: waves around it.
+    """
+
+    size: str
+    direction: str
+    kind: Literal["composite", "harmonic", "seat", "cam", "centre"]
+    part: Part
+    order: int = 1
+
+    @property
+    def name(self) -> str:
+        """Name of the size within its section."""
+        return self.size.split(".")[1]
+
+    @property
+    def stays_with_seat(self) -> bool:
+        """Whether it stands still where the wheel that it belongs to is turned on its seat."""
+        return self.kind in ("cam", "seat")
+
+
+COMPOSITES: dict[Part, Deviation] = {
+    "g": Deviation("tolerances.F_i1", "phases.xi_g", "composite", "g"),
+    "b": Deviation("tolerances.F_i2", "phases.xi_b", "composite", "b"),
+}
+CAM_OFFSETS: dict[Part, Deviation] = {
+    "h": Deviation("tolerances.e_hh", "phases.phi_hh", "cam", "h"),
+    "g": Deviation("tolerances.e_hg", "phases.phi_hg", "cam", "g"),
+    "b": Deviation("tolerances.e_hb", "phases.phi_hb", "cam", "b"),
+}
+DEVIATIONS = (
+    *COMPOSITES.values(),
+    *CAM_OFFSETS.values(),
+    Deviation("tolerances.e_b", "phases.phi_eb", "centre", "b"),
+    *(
+        Deviation(f"harmonics.a_{wheel}{order}", f"harmonics.xi_{wheel}{order}", "harmonic", wheel, order)
+        for wheel in WHEELS
+        for order in (2, 3, 4)
+    ),
+    Deviation("harmonics.a_s2", "harmonics.xi_s2", "seat", "b", 2),
+)
+DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
+# sizes, by wheel, of what measured teeth hold already
+IN_TEETH: dict[str, tuple[str, ...]] = {
+    wheel: tuple(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic"))
+    for wheel in WHEELS
+}

@@ -32,7 +32,7 @@ from hdassist.preset.kinds import (
 )
 from hdassist.preset.measured import Measured
 from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
-from hdassist.preset.yamltext import MAX_FINDINGS, Unread
+from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue
 
 PRESET_SCHEMA = "hdassist.preset/1"
 
@@ -49,6 +49,16 @@ class Gears(Section):
     h_a: float = field("addendum of both wheels, in modules", default=0.6, ge=0.2, le=1.5)
     h_f: float = field("dedendum of the flexspline, in modules", default=1.35, ge=0.3, le=2)
     j_n: float = field("clearance per flank (tooth thinning)", "um", 0.0, ge=0, le=200)
+
+    @property
+    def pitch_diameter(self) -> float:
+        """Pitch diameter of the flexspline [mm]."""
+        return self.m * self.z_g
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of the root of the flexspline's teeth [mm]."""
+        return self.m * (self.z_g + 2 * self.x_g - 2 * self.h_f) / 2
 
 
 class Material(Section):
@@ -263,14 +273,18 @@ class Drive(BaseModel):
     @field_validator("uncertainty", mode="before")
     @classmethod
     def _read_uncertainty(cls, table: Any) -> Any:
-        return _read_measures(table, Unread("only single measures have an uncertainty", at_key=True))
+        return _read_measures(table, InvalidValue("only single measures have an uncertainty", at_key=True))
 
     @field_validator("alternatives", mode="before")
     @classmethod
     def _read_alternatives(cls, tables: Any) -> Any:
         if tables is None or isinstance(tables, list | tuple):
             return tuple(_read_alternative(table) for table in tables or ())
-        return tables if isinstance(tables, Unread) else Unread("must be a list of tables", "like - {gears.j_n: 6.1}")
+        return (
+            tables
+            if isinstance(tables, InvalidValue)
+            else InvalidValue("must be a list of tables", "like - {gears.j_n: 6.1}")
+        )
 
     @field_validator("source", "cost", mode="before")
     @classmethod
@@ -356,18 +370,18 @@ def spreads(data: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def _read_measures(table: Any, no_measure: Unread | None) -> Any:
+def _read_measures(table: Any, no_measure: InvalidValue | None) -> Any:
     """A table of measures by path, each in the unit of its field; no_measure, what is said of a field that is none."""
     if not isinstance(table, dict):
         return {} if table is None else table
-    read: dict[str, float | Unread] = {}
+    read: dict[str, float | InvalidValue] = {}
     for path, value in table.items():
         if path in measures():
             read[path] = read_number(value, unit_of(measures()[path]))
         elif no_measure is not None and path in field_table():
             read[path] = no_measure
         else:
-            read[path] = Unread(
+            read[path] = InvalidValue(
                 "names no field" if no_measure else "names no measure of a preset",
                 _near_path(path, measures(), table),
                 at_key=True,
@@ -378,8 +392,8 @@ def _read_measures(table: Any, no_measure: Unread | None) -> Any:
 def _read_alternative(table: Any) -> Any:
     read = _read_measures(table, None)
     for path, value in read.items() if isinstance(read, dict) else ():
-        if not isinstance(value, Unread) and not in_range(info := measures()[path], value):
-            read[path] = Unread(f"out of range: {range_of(info, unit_of(info))}")
+        if not isinstance(value, InvalidValue) and not in_range(info := measures()[path], value):
+            read[path] = InvalidValue(f"out of range: {range_of(info, unit_of(info))}")
     return read
 
 
@@ -388,40 +402,44 @@ def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> A
     known, words, example = (
         (tuple(field_table()), "names no field", "like {kind: given, ref: page 6}")
         if name == "source"
-        else (sized(), "names no size of a deviation", "like {share: 2, k: 1.5}")
+        else (deviation_sizes(), "names no size of a deviation", "like {share: 2, k: 1.5}")
     )
     if path not in known:
-        return Unread(words, _near_path(path, known, table), at_key=True)
+        return InvalidValue(words, _near_path(path, known, table), at_key=True)
     if isinstance(entry, dict) and name == "source" and "range" in entry:
         return entry | {"range": read_range(path, entry["range"])}
-    return entry if isinstance(entry, dict | Unread | Source | CostLaw) else Unread("must be a table of keys", example)
+    return (
+        entry
+        if isinstance(entry, dict | InvalidValue | Source | CostLaw)
+        else InvalidValue("must be a table of keys", example)
+    )
 
 
 @cache
-def sized() -> tuple[str, ...]:
+def deviation_sizes() -> tuple[str, ...]:
     """Paths of the sizes of deviations, which are tolerances where drives are drawn."""
     return tuple(path for path in field_table() if path.startswith("tolerances.") or path.startswith("harmonics.a_"))
 
 
-def read_range(path: str, bounds: Any) -> tuple[float, float] | Unread | None:
+def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | None:
     """A plausible range as a preset gives it, in the unit of its field, by path; else why it is none."""
     info = field_table()[path]
     unit = unit_of(info)
-    if bounds is None or isinstance(bounds, Unread):
+    if bounds is None or isinstance(bounds, InvalidValue):
         return bounds
     if path not in measures():
-        return Unread("only single measures have a range")
+        return InvalidValue("only single measures have a range")
     if not isinstance(bounds, list | tuple) or len(bounds) != 2:
-        return Unread("must be two numbers, the lower one first", "like [0, 20]")
+        return InvalidValue("must be two numbers, the lower one first", "like [0, 20]")
     low, high = (read_number(bound, unit) for bound in bounds)
-    if isinstance(low, Unread):
+    if isinstance(low, InvalidValue):
         return low
-    if isinstance(high, Unread):
+    if isinstance(high, InvalidValue):
         return high
     if not low < high:
-        return Unread("the lower one must stand first")
+        return InvalidValue("the lower one must stand first")
     if not (in_range(info, low) and in_range(info, high)):
-        return Unread(f"reaches beyond what the field takes: {range_of(info, unit)}")
+        return InvalidValue(f"reaches beyond what the field takes: {range_of(info, unit)}")
     return low, high
 
 

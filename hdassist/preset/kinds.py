@@ -22,7 +22,7 @@ from pydantic_core import InitErrorDetails
 
 from hdassist.numerals import NUMBER, number_of
 from hdassist.preset.units import UnitError, read_count, read_number, read_spread
-from hdassist.preset.yamltext import Unread, near_miss
+from hdassist.preset.yamltext import InvalidValue, near_miss
 
 FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders", "readings"]
 
@@ -108,25 +108,25 @@ POSITION_KEY = rf"(?:h[0-9]+|{NUMBER})@{NUMBER}"
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
-    """What a preset gives for a field, in the form that the field holds; what cannot be read in it is `Unread`."""
+    """What a preset gives for a field, in the form that the field holds; what cannot be read in it is `InvalidValue`."""
     kind, unit = kind_of(info), unit_of(info)
-    if isinstance(value, Unread) or kind in ("text", "choice") or (value is None and is_optional(info)):
+    if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
     if isinstance(value, str) and may_be_unknown(info):
         if value == UNKNOWN:
             return None
         if meant := near_miss(value, [UNKNOWN]):
-            return Unread("must be a number", meant)
+            return InvalidValue("must be a number", meant)
     if value is None and not info.is_required() and kind not in ("numbers", "holes"):
         what = "a whole number" if kind == "count" else "a number"
-        return Unread(f"must be {what}", f"leave the key out for its default, {info.default}")
+        return InvalidValue(f"must be {what}", f"leave the key out for its default, {info.default}")
     if kind == "number":
         return read_number(value, unit, spread=True)
     if kind == "count":
         return read_count(value)
     if kind == "numbers":
         if value is None or isinstance(value, dict):
-            return Unread("must be a list of numbers")
+            return InvalidValue("must be a list of numbers")
         return tuple(read_number(item, unit) for item in _items(value))
     if kind == "holes":
         return value if value == "all" else _read_holes(value)
@@ -139,12 +139,12 @@ def _items(value: Any) -> list[Any]:
 
 def _read_holes(value: Any) -> Any:
     if value is None or isinstance(value, dict | str):
-        return Unread("must be all, or a list of hole numbers")
+        return InvalidValue("must be all, or a list of hole numbers")
     holes = tuple(map(read_count, _items(value)))
     unread = [
         InitErrorDetails(type="int_type", loc=(index,), input=hole)
         for index, hole in enumerate(holes)
-        if isinstance(hole, Unread)
+        if isinstance(hole, InvalidValue)
     ]
     if unread:  # said here, as pydantic would put the names of the types of a union into the place
         raise ValidationError.from_exception_data("holes", unread)
@@ -154,18 +154,18 @@ def _read_holes(value: Any) -> Any:
 def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
     if not isinstance(value, dict):
         limit = read_number(value, unit)
-        if by_order and not isinstance(limit, Unread):
-            return Unread("must be a table of orders per cam turn", "like {2: 10}")
-        return limit if isinstance(limit, Unread) else {"all": limit}
+        if by_order and not isinstance(limit, InvalidValue):
+            return InvalidValue("must be a table of orders per cam turn", "like {2: 10}")
+        return limit if isinstance(limit, InvalidValue) else {"all": limit}
     what = "an order per cam turn, or ORDER@TORQUE in N*m" if by_order else "a torque in N*m, or all"
-    limits: dict[str, float | Unread] = {}
+    limits: dict[str, float | InvalidValue] = {}
     seen: set[tuple[float, ...]] = set()
     for key, item in value.items():
         own = _order_and_torque(key) if by_order else (float(key),) if is_number(key) else ()
         if not own and (by_order or key != "all"):
-            limits[key] = Unread(f"must be {what}", at_key=True)
+            limits[key] = InvalidValue(f"must be {what}", at_key=True)
         elif own and own in seen:
-            limits[key] = Unread(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
+            limits[key] = InvalidValue(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
         else:
             limits[key] = read_number(item, unit)
         if own:
@@ -175,22 +175,22 @@ def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
 
 def _read_readings(value: Any, unit: str) -> Any:
     if not isinstance(value, dict):
-        return Unread("must be a table of positions", "like {h0@80: 28.1 ± 1}")
-    where = Unread("must be a hole, or a turn in deg, at a torque in N*m", "like h4@80 or 120@80", at_key=True)
+        return InvalidValue("must be a table of positions", "like {h0@80: 28.1 ± 1}")
+    where = InvalidValue("must be a hole, or a turn in deg, at a torque in N*m", "like h4@80 or 120@80", at_key=True)
     is_position = {key: re.fullmatch(POSITION_KEY, key) and number_of(key.split("@")[1]) for key in value}
     return {key: _read_reading(item, unit) if is_position[key] else where for key, item in value.items()}
 
 
-def _read_reading(value: Any, unit: str) -> UncertainReading | Unread:
-    if isinstance(value, Unread | UncertainReading):
+def _read_reading(value: Any, unit: str) -> UncertainReading | InvalidValue:
+    if isinstance(value, InvalidValue | UncertainReading):
         return value
     try:
         reading = UncertainReading(*read_spread(str(value), unit))
     except UnitError as error:
-        return Unread(error.message, error.hint)
+        return InvalidValue(error.message, error.hint)
     if all(0 < number <= LARGEST_READING for number in reading):
         return reading
-    return Unread(f"out of range: value and uncertainty above 0, up to {plain(LARGEST_READING)} {unit}")
+    return InvalidValue(f"out of range: value and uncertainty above 0, up to {plain(LARGEST_READING)} {unit}")
 
 
 def _order_and_torque(key: str) -> tuple[float, ...]:

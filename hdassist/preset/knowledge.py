@@ -7,7 +7,7 @@ Tolerances do not scale like that: they follow ISO 1328-1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import pi, sqrt
 
@@ -22,6 +22,27 @@ CATALOGUE_K3 = 9.0e5
 # to size 20 of the high-torque series (52 N*m); d = 2.54 mm a size
 TORQUE_DENSITY = (1.7e-4, 4.0e-4)
 PAPER = "Lyuminarsky et al. (2019)"
+ROUNDING = 1e-9  # of a bound
+WAVE = (1.0, 1.27)  # modules, cam.W_0
+# Greatest deviations where a preset does not give them. F'_i: F_p of this class of ISO 1328-1:2013, the coarsest teeth
+# that a drive is taken to have; those of the paper are there
+COARSEST_CLASS = 9
+# um for each mm of the pitch diameter, cam offsets: 80 and 30 um at 160 mm in the paper; a wheel's centre: assumed,
+# 10 um at 160 mm
+STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
+# of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
+# catalogues promise of size 20, half as much makes the one recorded drive one in fifty (docs/validation.md)
+SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
+# by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, with which
+# they grow, and why
+CAM_SUPPORTS = {
+    "unknown": (1e4, 1e3, 1e5, "the middle of a range from a compliant to a solid hub"),
+    "solid": (4.5e4, 2e4, 1e5, "a solid hub on a stiff shaft; by judgement"),
+    # the cam's 8 N*m at 15 mm press the slides by 530 N: friction of 0.08 of that over an offset of 80 um is 500 N/mm
+    "oldham": (0.0, 0.0, 500.0, "self-aligning; what friction of its slides adds is a guess"),
+}
+# N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
+SHAFT_BEARING = (5e3, 2e3, 1e4)
 
 
 def F_p(d: float, m: float, accuracy: int) -> float:
@@ -80,7 +101,9 @@ LAWS: dict[str, Law] = {
     "bearing.g_b": Law("sqrt d", (0.0, 20.0), JUDGED, assumed=True),
     "bearing.ball_motion": Law("same"),
     "bearing.beta": Law("same", (0.0, 1.0), "any ball phase"),
-    "cam.W_0": Law("m", (0.8, 1.016), "1.00 to 1.27 modules; no catalogue prints it"),
+    "cam.W_0": Law(
+        "m", (WAVE[0] * REFERENCE_MODULE, WAVE[1] * REFERENCE_MODULE), "1.00 to 1.27 modules; no catalogue prints it"
+    ),
     "cam.coupling": Law("same"),
     "cam.shaft_d": Law("d"),
     "cam.overhang": Law("d"),
@@ -115,15 +138,11 @@ class Proportion:
     usual: str
 
 
-def _diameter(drive: Drive) -> float:
-    return drive.gears.m * drive.gears.z_g
-
-
-def _way(drive: Drive) -> float:
-    """Balls that fill the way round at the middle of the balls."""
-    g, ball = drive.gears, drive.bearing.d_ball or 0.0
-    middle = g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) / 2 - drive.flexspline.h_1 - drive.bearing.ring_h - ball / 2
-    return max(2 * pi * middle, 0.0) / ball if ball else 0.0
+def _balls_around(drive: Drive) -> float:
+    """Number of balls that fill the circle of their centres; 0 where their diameter is not given."""
+    ball = drive.bearing.d_ball or 0.0
+    radius = drive.gears.root_radius - drive.flexspline.h_1 - drive.bearing.ring_h - ball / 2
+    return max(2 * pi * radius, 0.0) / ball if ball else 0.0
 
 
 PROPORTIONS = (
@@ -133,21 +152,48 @@ PROPORTIONS = (
         f"{{low:.3g}} to {{high:.3g}} times, by judgement; 1.0 in {PAPER}",
     ),
     Proportion(
-        "flexspline.h_1", _diameter, 0.004, 0.02,
+        "flexspline.h_1", lambda drive: drive.gears.pitch_diameter, 0.004, 0.02,
         "a rim of {value:g} mm on a pitch diameter of {base:.4g} mm, {share:.2%} of it",
         f"{{low:.1%}} to {{high:.1%}}, by judgement; 0.9% in {PAPER}",
     ),
     Proportion(
-        "cam.W_0", lambda drive: drive.gears.m, 1.0, 1.27, "a wave of {value:g} mm is {share:.3g} modules",
+        "cam.W_0", lambda drive: drive.gears.m, *WAVE, "a wave of {value:g} mm is {share:.3g} modules",
         f"{{low:.3g}} to {{high:.3g}}, half the difference of teeth being 1; 1.2 in {PAPER}",
     ),
     Proportion(
-        "bearing.d_ball", _diameter, 0.04, 0.15,
+        "bearing.d_ball", lambda drive: drive.gears.pitch_diameter, 0.04, 0.15,
         "balls of {value:g} mm on a pitch diameter of {base:.4g} mm, {share:.1%} of it",
         f"{{low:.0%}} to {{high:.0%}}, by judgement; 9% fits the 24 balls of {PAPER}",
     ),
     Proportion(
-        "bearing.N", _way, 0.5, 1.2, "{value} balls of {ball:g} mm fill {share:.0%} of the way round",
+        "bearing.N", _balls_around, 0.5, 1.2, "{value} balls of {ball:g} mm fill {share:.0%} of the way round",
         "{low:.0%} and more, by judgement",
     ),
 )  # fmt: skip
+
+
+def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
+    """Fields of a drive that can be computed with and are hardly meant: path, message with the number, usual range."""
+    for each in PROPORTIONS:
+        value, base = drive.value(each.path), each.base(drive)
+        share = value / base if value and base else None
+        if share is not None and not each.low * (1 - ROUNDING) <= share <= each.high * (1 + ROUNDING):
+            words = each.words.format(value=value, base=base, share=share, ball=drive.bearing.d_ball)
+            yield each.path, words, f"usual: {each.usual.format(low=each.low, high=each.high)}"
+    yield from _implausible_torques(drive)
+
+
+def _implausible_torques(drive: Drive) -> Iterator[tuple[str, str, str]]:
+    """Torques beyond those of a drive of this size."""
+    most, rated, d = max(map(abs, drive.operation.M_g)), drive.operation.rated, drive.gears.pitch_diameter
+    limit = TORQUE_DENSITY[1] * d**3
+    usual = f"{limit:.3g} N*m, the highest of catalogues at {d:.4g} mm: 52 N*m for size 20, ratio 100, by d^3"
+    beyond = "times what drives of this size are rated for"
+    if rated is None and most > limit:
+        words = f"{most:g} N*m is {most / limit:.3g} {beyond}"
+        yield "operation.M_g", words, f"{usual}; give operation.rated where it is another"
+    if rated is not None and most > rated * (1 + ROUNDING):
+        words = f"{most:g} N*m is {most / rated:.3g} times the rated torque"
+        yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
+    if rated is not None and rated > limit * 1.01:
+        yield "operation.rated", f"{rated:g} N*m is {rated / limit:.3g} {beyond}", usual

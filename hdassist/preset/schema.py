@@ -8,7 +8,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.catalogue import of_catalogue
-from hdassist.preset.fields import PRESET_SCHEMA, Drive, fields, measures, sections, sized
+from hdassist.preset.fields import PRESET_SCHEMA, Drive, deviation_sizes, fields, measures, sections
 from hdassist.preset.kinds import (
     POSITION_KEY,
     UNKNOWN,
@@ -53,7 +53,7 @@ def preset_schema() -> Schema:
     }
     properties["cost"] |= {
         "type": ["object", "null"],
-        "propertyNames": {"enum": list(sized())},
+        "propertyNames": {"enum": list(deviation_sizes())},
         "additionalProperties": _without(("title", "unit"), schema["$defs"]["CostLaw"]),
     }
     return {
@@ -144,7 +144,7 @@ class ResolvedField:
     range: tuple[float, float] | None
 
 
-def resolved(drive: Drive) -> list[ResolvedField]:
+def resolved_fields(drive: Drive) -> list[ResolvedField]:
     """Rows for every field of a drive that stands in a section, in the order of the declarations."""
     rows = []
     for path, info in fields():
@@ -162,9 +162,9 @@ def resolved(drive: Drive) -> list[ResolvedField]:
     return rows
 
 
-def counted(drive: Drive) -> dict[str, int]:
+def origin_counts(drive: Drive) -> dict[str, int]:
     """How many fields that a preset gives are given, identified, or only assumed; the model rests on no catalogue."""
-    kinds = [row.kind for row in resolved(drive) if not of_catalogue(row.path)]
+    kinds = [row.kind for row in resolved_fields(drive) if not of_catalogue(row.path)]
     return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
 
 

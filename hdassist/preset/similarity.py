@@ -11,7 +11,8 @@ from math import log10
 from typing import Any
 
 from hdassist.errors import UsageError
-from hdassist.preset.coupling import FIELDS as COUPLING
+from hdassist.preset.coupling import COUPLING_FIELDS
+from hdassist.preset.deviations import COMPOSITES
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, range_of, unit_of
 from hdassist.preset.knowledge import CATALOGUE_K3, LAWS, REFERENCE, TORQUE_DENSITY, F_p, Law, growth
@@ -19,7 +20,8 @@ from hdassist.preset.knowledge import CATALOGUE_K3, LAWS, REFERENCE, TORQUE_DENS
 FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
 ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
-WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING)  # by the drive to be like; else left to their defaults
+# only where the drive to be like gives them; else left to their defaults
+WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 SIMILAR_WORDS = {
     "same": "as {like}",
     "d": "{like} x {s:.4g}, as d",
@@ -40,7 +42,7 @@ class SimilarValue:
 
 
 @dataclass(frozen=True)
-class Wish:
+class Requirements:
     """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
 
     derived: whether the diameter only follows from something else; said: where each comes from, by "teeth", "diameter",
@@ -75,14 +77,14 @@ def rated_of(drive: Drive) -> float:
     return drive.operation.rated or max(map(abs, drive.operation.M_g))
 
 
-def size_of(like: Drive, wish: Wish) -> Size:
+def size_of(like: Drive, wish: Requirements) -> Size:
     """Pitch diameter of a drive that is like another one, from what is given of it.
 
     A diameter counts as it is given; without one K3 says it by the cube law of catalogues, without that the torque
     by the cube law, and with nothing it is that of the other drive.
     Raises UsageError: a torque or a stiffness that no drive of such a size has.
     """
-    d, own = wish.diameter, like.gears.m * like.gears.z_g
+    d, own = wish.diameter, like.gears.pitch_diameter
     T, K = wish.torque, wish.stiffness
     if K is not None and not 0 < K[0] <= K[1] <= K[2]:
         raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
@@ -122,14 +124,14 @@ def _require_torque(d: float, T: float) -> None:
         )
 
 
-def similar(like: Drive, wish: Wish) -> dict[str, SimilarValue]:
+def similar(like: Drive, wish: Requirements) -> dict[str, SimilarValue]:
     """Fields of a drive that is like another one, by path: what is given of it as given, the rest as assumed.
 
     Deviations but F'_i, offsets and all phases are not known and left out.
-    Raises UsageError: wishes that contradict each other.
+    Raises UsageError: requirements that contradict each other.
     """
     size = size_of(like, wish)
-    d, s = size.diameter, size.diameter / (like.gears.m * like.gears.z_g)
+    d, s = size.diameter, size.diameter / like.gears.pitch_diameter
     z_g = wish.z_g or like.gears.z_g
     m = rounded(d / z_g, 12)
     sure = "given" if wish.z_g else "assumed"
@@ -202,7 +204,7 @@ def _around(like: Drive, path: str, value: float, low: float, high: float) -> tu
 def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[str, SimilarValue]:
     """Profile shifts that keep the bore in proportion to the pitch diameter, and the tips as far apart in modules."""
     g = like.gears
-    bore = (g.m * (g.z_g + 2 * g.x_g - 2 * g.h_f) - 2 * like.flexspline.h_1) / (g.m * g.z_g)
+    bore = 2 * (g.root_radius - like.flexspline.h_1) / g.pitch_diameter
     m, z_g, h_f = (entries[path].value for path in ("gears.m", "gears.z_g", "gears.h_f"))
     x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 3)
     apart = round(g.x_b - g.x_g, 4)
@@ -221,10 +223,10 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
     )
     if m < 1:
         ref += "; GOST 9178-81 is the Russian series for such modules"
-    return {f"tolerances.{name}": SimilarValue(usual, "assumed", ref, (0.0, coarse)) for name in ("F_i1", "F_i2")}
+    return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
 
 
-def _load(like: Drive, wish: Wish, s: float, d: float) -> dict[str, SimilarValue]:
+def _load(like: Drive, wish: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
     own = rated_of(like)
     rated = rounded(own * s**3, 3) if wish.torque is None else wish.torque
     shares = tuple(rounded(torque / own * rated, 3) for torque in like.operation.M_g)

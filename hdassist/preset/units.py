@@ -13,7 +13,7 @@ from math import isfinite, isinf
 from typing import Any
 
 from hdassist.numerals import NUMBER
-from hdassist.preset.yamltext import Unread, shown
+from hdassist.preset.yamltext import InvalidValue, shown
 
 PI = Decimal("3.14159265358979323846264338328")
 _DEGREE = PI / 180
@@ -156,29 +156,29 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     return value, spread
 
 
-def read_number(value: Any, unit: str, *, spread: bool = False) -> float | Unread:
+def read_number(value: Any, unit: str, *, spread: bool = False) -> float | InvalidValue:
     """A number in a unit, from what a preset gives: a number, or a text with a unit; else why it is none.
 
     spread: an uncertainty may stand behind it, which is left to `read_spread`.
     """
-    if isinstance(value, Unread):
+    if isinstance(value, InvalidValue):
         return value
     if isinstance(value, str):
         try:
             return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
         except UnitError as error:
-            return Unread(error.message, error.hint)
+            return InvalidValue(error.message, error.hint)
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return value if isfinite(value) else Unread("must be a finite number")
-    return Unread("must be a number", f"in {unit}" if unit else "")
+        return value if isfinite(value) else InvalidValue("must be a finite number")
+    return InvalidValue("must be a number", f"in {unit}" if unit else "")
 
 
-def read_count(value: Any) -> int | Unread:
+def read_count(value: Any) -> int | InvalidValue:
     """A whole number, from what a preset gives; else why it is none."""
     if isinstance(value, float) and not value.is_integer():
-        return Unread("must be a whole number")
+        return InvalidValue("must be a whole number")
     number = read_number(value, "")
-    if isinstance(number, Unread):
+    if isinstance(number, InvalidValue):
         words = number.message.replace("a number", "a whole number").replace("a pure", "a whole")
         return replace(number, message=words)
     return int(number)

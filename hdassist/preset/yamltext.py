@@ -29,7 +29,7 @@ Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
-class Unread:
+class InvalidValue:
     """Stands for a value that cannot be read: why (empty where a finding says it already), a hint, or a bad key."""
 
     message: str = ""
@@ -37,7 +37,7 @@ class Unread:
     at_key: bool = False
 
 
-BROKEN_VALUE = Unread()
+BROKEN_VALUE = InvalidValue()
 
 
 class Mark(NamedTuple):
@@ -89,7 +89,7 @@ class Document:
         file, mark = self.where(path, key)
         return Finding(file, *mark, path_text(path), message, got, hint)
 
-    def refuse(self, path: Path, unread: Unread) -> None:
+    def refuse(self, path: Path, unread: InvalidValue) -> None:
         """Note why a value cannot be read, unless a finding says it already."""
         self.bad.add(path)
         if unread.message:
@@ -129,7 +129,7 @@ _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U000100
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
-def resolve(text: str) -> Any:
+def scalar_value(text: str) -> Any:
     """Value of a plain scalar: nothing, true, false, a number, or else the text itself."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
@@ -251,7 +251,7 @@ class _Builder:
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is no character", shown(text))
             else:
-                value = text if quoted else resolve(text)
+                value = text if quoted else scalar_value(text)
         places[path] = SourceSpan(self.file, key or mark, mark, text, quoted)
         return BROKEN_VALUE if event.tag is not None else value
 
@@ -316,7 +316,7 @@ def _syntax_error(error: yaml.MarkedYAMLError, last: Mark) -> _EndError:
     return _EndError(mark, f"not valid YAML: {shown(problem, 100)}")
 
 
-def in_order(items: Iterable[Finding]) -> list[Finding]:
+def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
     """Findings in the order of the file, then of the overrides; the first hundred of very many."""
     ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
     if len(ordered) > MAX_FINDINGS:

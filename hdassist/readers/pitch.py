@@ -37,7 +37,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.wheels import PitchFile
 from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import near_miss
-from hdassist.readers.table import NumberTable, few, read_numbers
+from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import (
     AMBIGUOUS,
     PITCH_KEYS,
@@ -282,15 +282,15 @@ def _require_all(table: NumberTable, column: int, found: dict[int, int], wanted:
     beyond, missing = sorted(found.keys() - set(wanted)), sorted(set(wanted) - found.keys())
     if (beyond or missing) and sorted(found) == list(range(wanted[0], wanted[0] + len(found))):
         hint = "leave out the first tooth, measured again" if len(beyond) == 1 else "is it the file of the other wheel?"
-        got = f"tooth {few(beyond)} too" if beyond else f"no row for tooth {few(missing)}"
+        got = f"tooth {shortened(beyond)} too" if beyond else f"no row for tooth {shortened(missing)}"
         message = f"the wheel has {len(wanted)} teeth, the file {len(found)}"
         table.add_at(found[beyond[0]] if beyond else 0, column, message, got, hint)
         return
     if beyond:
         message, hint = f"tooth numbers beyond {wanted[0]} to {wanted[-1]}", "count the teeth from 0 or from 1 on"
-        table.add_at(found[beyond[0]], column, message, few(beyond), hint)
+        table.add_at(found[beyond[0]], column, message, shortened(beyond), hint)
     if missing:
-        message, got = f"no row for tooth {few(missing)}", f"{len(table.lines)} rows"
+        message, got = f"no row for tooth {shortened(missing)}", f"{len(table.lines)} rows"
         table.add_at(0, column, message, got, f"{len(wanted)} are needed")
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError
 from hdassist.numerals import NUMBER
-from hdassist.preset.yamltext import MAX_FINDINGS, in_order, shown
+from hdassist.preset.yamltext import MAX_FINDINGS, ordered_findings, shown
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
@@ -104,7 +104,7 @@ class NumberTable:
     def require_sound(self) -> None:
         """Raise PresetError with what is wrong, in the order of the file; the first hundred of very many."""
         if self.findings:
-            raise PresetError(in_order(self.findings))
+            raise PresetError(ordered_findings(self.findings))
 
 
 @dataclass(frozen=True)
@@ -430,7 +430,7 @@ def fault_of(text: str, decimal: str) -> tuple[str, str]:
     return "must be a number", "put # in front of a line that is a remark"
 
 
-def few(numbers: Sequence[int], most: int = 5) -> str:
+def shortened(numbers: Sequence[int], most: int = 5) -> str:
     """Numbers for a message, the first ones of many: 3, 4, 5, 6, 7 ... (12 in all)."""
     text = ", ".join(map(str, numbers[:most]))
     return text if len(numbers) <= most else f"{text} ... ({len(numbers)} in all)"

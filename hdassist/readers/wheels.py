@@ -8,6 +8,7 @@ from math import isfinite
 
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
+from hdassist.preset.deviations import IN_TEETH
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.readers.pitch import Flank, PitchForm, Sense, read_pitch
@@ -73,7 +74,7 @@ class WheelFiles:
         return MeasuredTeeth(**found) if found else None
 
     def _wheel(self, name: str, file: str, drive: Drive) -> MeasuredWheel:
-        teeth, F_i = (drive.gears.z_b, "F_i2") if name == "b" else (drive.gears.z_g, "F_i1")
+        teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
         pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
         mark, notes = self.mark(name), list(pitch.notes)
         if mark is None and (given := drive.value(f"phases.xi_{name}")) is None:
@@ -83,17 +84,18 @@ class WheelFiles:
             notes.append(
                 f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset; --mark-{name} says otherwise"
             )
-        notes += _of_drive(drive, name, F_i)
+        notes += _other_deviations(drive, name)
         return MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
 
 
-def _of_drive(drive: Drive, name: str, F_i: str) -> Iterator[str]:
-    """What of a drive's deviations is added to a measured wheel, and what has no effect beside it."""
+def _other_deviations(drive: Drive, name: str) -> Iterator[str]:
+    """Notes on the preset's deviations that are added to a measured wheel, or have no effect beside it."""
     if name == "b" and drive.tolerances.e_b:
         yield "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
-    lost = [f"tolerances.{F_i}"] if is_overridden(f"tolerances.{F_i}", drive.origin.overrides) else []
-    lost += [path for n in (2, 3, 4) if drive.number(path := f"harmonics.a_{name}{n}")]
-    yield from (f"{path} has no effect, the teeth are measured" for path in lost)
+    composite, *harmonics = IN_TEETH[name]
+    replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
+    for path in (*replaced, *filter(drive.number, harmonics)):
+        yield f"{path} has no effect, the teeth are measured"
 
 
 def _both(errors: Sequence[DataError]) -> DataError:

@@ -12,7 +12,7 @@ from rich.text import Text
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
-from hdassist.preset.schema import resolved
+from hdassist.preset.schema import resolved_fields
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.console import Style
@@ -75,7 +75,7 @@ def thousands(count: int) -> str:
 def on_what(drive: Drive) -> str:
     """What is assumed of a drive, or left to a default that has a range, where nobody has weighed it."""
     ranges = {each.path for each in assumptions(drive)}
-    assumed = ranges.union(row.path for row in resolved(drive) if row.kind == "assumed")
+    assumed = ranges.union(row.path for row in resolved_fields(drive) if row.kind == "assumed")
     return f"{len(ranges)} of {len(assumed)} assumed values have a range: hdassist check weighs them" if ranges else ""
 
 

@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 from hdassist.belief.samples import Probability, weighted_quantile
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import pitch_deviation
+from hdassist.preset.deviations import COMPOSITES
 from hdassist.preset.fields import CostLaw, Drive
 from hdassist.tolerance.law import ProductionLaw
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
@@ -134,7 +135,8 @@ class Allocator:
 
     def in_classes(self, found: Allocation) -> Allocation:
         """The cheapest tolerances near those found with F'_i1 and F'_i2 of whole accuracy classes."""
-        wheels = [choice for choice in self.choices if choice.path in ("tolerances.F_i1", "tolerances.F_i2")]
+        composites = [each.size for each in COMPOSITES.values()]
+        wheels = [choice for choice in self.choices if choice.path in composites]
         if not wheels:
             return found
         drive, grades = self.production.drive, {}

@@ -17,8 +17,8 @@ import numpy as np
 from hdassist.belief.prior import DrivePrior, FieldPrior, prior_of
 from hdassist.errors import UsageError
 from hdassist.model.assumed import assumptions
-from hdassist.model.deviations import deviations_of
 from hdassist.model.geometry import Array
+from hdassist.preset.deviations import DEVIATION_FIELDS, DEVIATIONS
 from hdassist.preset.fields import Drive
 
 SizeLaw = Literal["rayleigh", "uniform", "fixed"]
@@ -71,7 +71,7 @@ class ProductionLaw:
     @property
     def not_given(self) -> tuple[str, ...]:
         """Sizes that are drawn up to a bound which is no tolerance, as `check` draws them."""
-        sizes = [each for each in self.own if each.path == each.group and each.path in deviations(self.drive)]
+        sizes = [each for each in self.own if each.path == each.group and each.path in DEVIATION_FIELDS]
         return tuple(f.path for f in sizes if not isinstance(f, TolerancedSize) and f.distribution != "normal")
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
@@ -101,7 +101,7 @@ def production_law(
     prior, left, left_known = prior_of(drive), dict(by_field or {}), set(known)
     priors = {each.path: each for each in prior.fields}
     own: list[FieldPrior] = []
-    for each in deviations_of(drive.mounting.mark_kind):
+    for each in DEVIATIONS:
         left_known.discard(each.direction)
         wanted, open_ = left.pop(each.size, None), priors.get(each.size)
         high = open_.high if open_ and drive.value(each.size) is None else drive.number(each.size)
@@ -123,7 +123,7 @@ def production_law(
             own.append(FieldPrior(each.direction, "even", 0.0, 360.0 / each.order, "drive", each.size, reason))
     for path in (*left, *left_known):
         raise UsageError(f"{path} is no {'size' if path in left else 'direction'} of a deviation")
-    others = [each for each in prior.fields if each.path not in deviations(drive)]
+    others = [each for each in prior.fields if each.path not in DEVIATION_FIELDS]
     clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
     shared = tuple(f for f in others if f not in clearances)
     return ProductionLaw(drive, shared, (*own, *clearances), prior.fitted)
@@ -135,12 +135,7 @@ def _size(
     return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law, measured)
 
 
-def deviations(drive: Drive) -> set[str]:
-    """Sizes and directions of the deviations that a drive can have, by path."""
-    return {path for each in deviations_of(drive.mounting.mark_kind) for path in (each.size, each.direction)}
-
-
 def assumed_sizes(drive: Drive) -> list[str]:
     """Sizes of deviations that the preset assumes, with a value and a range."""
-    sizes = {each.size for each in deviations_of(drive.mounting.mark_kind)}
+    sizes = {each.size for each in DEVIATIONS}
     return [each.path for each in assumptions(drive) if each.path in sizes and drive.value(each.path)]

@@ -26,6 +26,7 @@ from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
+from hdassist.preset.deviations import DEVIATION_FIELDS
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.run.run import Run
@@ -34,7 +35,7 @@ from hdassist.solve.certificate import Residual
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.tolerance.law import ProductionLaw, deviations
+from hdassist.tolerance.law import ProductionLaw
 
 PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
 CHOOSING, PROVING = 12, 24  # positions of each wheel: 3 % of F'_ior may be missed, and 0.02 arcsec
@@ -197,14 +198,14 @@ class Production:
 
     def _answer(self, values: dict[str, float], maps: _Maps) -> dict[str, Any]:
         """F'_ior as built and best, with its proof: fields of a record."""
-        moved = self.drive.with_values({p: value for p, value in values.items() if p not in deviations(self.drive)})
+        moved = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if (conflict := first_conflict(moved)) is not None:
             raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
         return in_wide_enough_window(moved, partial(self._solved, values, maps))
 
     def _solved(self, values: Mapping[str, float], maps: _Maps, drive: Drive) -> dict[str, Any]:
         turns, turned = np.array(self.rotations), carried(drive)
-        columns = {p: np.full(len(turns), value) for p, value in values.items() if p in deviations(drive)}
+        columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}
         batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
         rows, proof = np.zeros(1, dtype=np.int64), EMPTY
         if len(turns) > 1:
@@ -237,7 +238,7 @@ class Production:
 
         Other states may be the extremes then, so F'_ior is at least that.
         """
-        paths = [f.path for f in self.law.joint.fields if f.path == f.group and f.path in deviations(one.drive)]
+        paths = [f.path for f in self.law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
         columns = {path: np.repeat(column, len(paths)) for path, column in one.columns.items()}
         for k, path in enumerate(paths):
             columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, TIGHTER_STEP, 1.0)

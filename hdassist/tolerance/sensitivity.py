@@ -16,7 +16,8 @@ from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.samples import Samples, weighted_quantile
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.tolerance.law import ProductionLaw, deviations
+from hdassist.preset.deviations import DEVIATION_FIELDS
+from hdassist.tolerance.law import ProductionLaw
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 
 HIGH_SHARE = 0.95  # share of the drives below the percentile that is to become less
@@ -96,7 +97,7 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
     scale = np.array(limits) if all(limits) else np.ones(len(torques))
     now = [weighted_quantile(column, weights, HIGH_SHARE) for column in F_ior.T]
     worst = int(np.argmax(now / scale))
-    sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in deviations(drive)]
+    sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
     then = {path: np.array([(each.tighter or {})[path] for each in found]) for path in sizes}
     ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in sizes}
     while True:
@@ -126,7 +127,7 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
     """What to measure of a design next, by the share of the spread of ln F'_ior that goes, the best first."""
-    shared = {each.path for each in law.shared} - deviations(law.drive)
+    shared = {each.path for each in law.shared} - DEVIATION_FIELDS
     found = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
     return tuple(each for each in found if each.measured in shared or each.measured.startswith("stiffness."))
 

@@ -13,7 +13,7 @@ from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import kind_of, unit_of
 from hdassist.preset.overrides import is_overridden, path_of
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import Unread, near_miss, resolve, shown
+from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
 
 VARY = "--vary"
 TORQUE = "operation.M_g"
@@ -105,9 +105,9 @@ def _parts(text: str, column: int) -> list[tuple[str, int]]:
 
 
 def _number(text: str, column: int, unit: str, is_count: bool) -> float:
-    value = resolve(text)
+    value = scalar_value(text)
     read = read_count(value) if is_count else read_number(value, unit)
-    if isinstance(read, Unread):
+    if isinstance(read, InvalidValue):
         raise _WrongError(read.message, text or "nothing", read.hint, column)
     return read if is_count else float(read)
 

@@ -19,19 +19,15 @@ from numpy.typing import NDArray
 
 from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
-<<<<<<< HEAD
-from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on
-from hdassist.belief.sobol import sobol_points
-=======
 from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on, log_error
->>>>>>> belief
+from hdassist.belief.sobol import sobol_points
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import TABLE_SECTIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, measures, sized
+from hdassist.preset.fields import Drive, deviation_sizes, measures
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
@@ -328,7 +324,7 @@ def _solved(
             return _System(certificate=proof)
         weight = float(np.exp(log_likelihood(evidence, figures))) / probability
         columns = _deviations(belief, effort.deviations, [seed, number])
-        sizes = {path: float(column.max()) for path, column in columns.items() if path in sized()}
+        sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
         if reseated:
             sizes["tolerances.e_b"] = sizes.get("tolerances.e_b", moved.number("tolerances.e_b")) + SEAT_STEP
         tabled = partial(_tables, torques=torques, sizes=sizes, columns=columns, effort=effort, number=number)

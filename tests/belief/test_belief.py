@@ -61,8 +61,8 @@ def test_an_uncertainty_counts_before_an_assumed_range_and_an_override_before_bo
 
 
 def test_a_size_that_may_be_more_than_zero_has_a_direction():
-    sized = "source.tolerances.e_b={kind: assumed, range: [0, 10], ref: judged}"
-    assert list(fields_of(sized, "phases.phi_eb=unknown")) == ["tolerances.e_b", "phases.phi_eb"]
+    deviation_sizes = "source.tolerances.e_b={kind: assumed, range: [0, 10], ref: judged}"
+    assert list(fields_of(deviation_sizes, "phases.phi_eb=unknown")) == ["tolerances.e_b", "phases.phi_eb"]
 
 
 def test_a_field_is_the_designs_the_drives_or_its_assemblys():

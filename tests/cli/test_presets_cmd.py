@@ -19,7 +19,7 @@ from hdassist.errors import DataError, HdassistError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.schema import counted
+from hdassist.preset.schema import origin_counts
 from hdassist.version import __version__
 from tests.process import on_terminal
 
@@ -314,7 +314,7 @@ def test_new_keeps_the_stiffnesses() -> None:
     assert (said.K_1, said.K_2, said.K_3, said.T_1, said.accuracy) == (31000, 50000, 57000, None, None)
     assert drive.source["catalogue.K_2"].kind == "given"
     assert drive.source["catalogue.K_2"].ref.startswith("--stiffness 31000,50000,57000")
-    assert counted(drive)["given"] == 0  # of what the model rests on
+    assert origin_counts(drive)["given"] == 0  # of what the model rests on
 
 
 @pytest.mark.parametrize(

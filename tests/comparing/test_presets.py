@@ -14,12 +14,12 @@ from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
 from hdassist.commands.compare import is_preset
 from hdassist.comparing.drives import (
     compare_drives,
+    differing_fields,
     differs,
     drive_changes,
     field_rows,
-    moving,
     paired_draws,
-    sense,
+    sense_of_change,
 )
 from hdassist.model.unknown import unknowns
 from hdassist.pages.compare_presets import drives_answer
@@ -70,7 +70,7 @@ def test_what_differs_is_told_with_unit_and_origin():
     assert [(field.value, field.unit, field.kind) for field in found["gears.j_n"]] == [
         (6, "um", "given"), (8, "um", "override"),
     ]  # fmt: skip
-    assert moving([one, other]) == ["gears.j_n", "tolerances.F_i2"]
+    assert differing_fields([one, other]) == ["gears.j_n", "tolerances.F_i2"]
 
 
 def test_the_numbers_are_those_of_the_drives_alone(better):
@@ -100,8 +100,8 @@ def test_the_verdict_comes_first(better):
 
 
 def test_a_direction_is_a_verdict_only_where_it_is_sure():
-    assert [sense(np.array([change])) for change in (0.001, -3.0, 3.0)] == ["the same", "less", "more"]
-    assert sense(np.array([-3.0] * 15 + [1.0])) == "unknown"
+    assert [sense_of_change(np.array([change])) for change in (0.001, -3.0, 3.0)] == ["the same", "less", "more"]
+    assert sense_of_change(np.array([-3.0] * 15 + [1.0])) == "unknown"
     rolling = [
         small("bearing.ball_motion=rolling", "bearing.d_ball=3", "numerics.n_beta=4", *more)
         for more in ([], ["tolerances.e_hb=unknown", "tolerances.F_i2=10"])

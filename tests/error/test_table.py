@@ -8,7 +8,8 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import deviation_scalars, deviations_of
+from hdassist.model.deviations import deviation_scalars
+from hdassist.preset.deviations import DEVIATION_FIELDS
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY
 from tests.process import SMALL
@@ -52,8 +53,7 @@ def table(small: Drive) -> ErrorTable:
 
 def columns_of(drives: list[Drive]) -> dict[str, np.ndarray]:
     """Sizes and directions of drives by path."""
-    paths = [path for each in deviations_of("xi") for path in (each.size, each.direction)]
-    return {path: np.array([drive.number(path) for drive in drives]) for path in paths}
+    return {path: np.array([drive.number(path) for drive in drives]) for path in DEVIATION_FIELDS}
 
 
 def missed_of(table: ErrorTable, drives: list[Drive]) -> np.ndarray:

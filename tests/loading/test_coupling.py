@@ -11,7 +11,7 @@ from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset, with_changes
 from hdassist.model.assumed import assumptions
 from hdassist.model.contacts import CAM, contact_system
-from hdassist.preset.wishes import read_wish
+from hdassist.preset.requirements import read_requirements
 from tests.process import TINY
 
 TEXT = Path(TINY).read_text(encoding="utf-8")
@@ -87,7 +87,7 @@ def test_a_coupling_is_saved_in_place_of_the_support(layout):
 
 def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
     def like(drive: Drive, **asked: str) -> Drive:
-        return load_text(similar_preset("own", drive, read_wish(drive, diameter="60", **asked)), "own")
+        return load_text(similar_preset("own", drive, read_requirements(drive, diameter="60", **asked)), "own")
 
     vzp160 = load_preset("vzp160")
     assert like(vzp160).number("supports.C_3") == pytest.approx(vzp160.supports.C_3 * 60 / 160, rel=1e-3)
@@ -110,5 +110,5 @@ def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
 )
 def test_couplings_that_cannot_be_read_are_refused(asked, message):
     with pytest.raises(UsageError) as caught:
-        read_wish(load_preset("vzp160"), **asked)
+        read_requirements(load_preset("vzp160"), **asked)
     assert message in caught.value.message

@@ -14,7 +14,7 @@ from hdassist.loading.load import load_text
 from hdassist.loading.write import new_preset, with_changes, with_found_values
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import unit_of
-from hdassist.preset.schema import resolved
+from hdassist.preset.schema import resolved_fields
 from tests.process import SMALL
 
 
@@ -89,7 +89,7 @@ def test_values_and_their_source_change_and_nothing_else():
     text = with_found_values(VZP160, "vzp160", FOUND, 'rig "3"')
     drive = load_text(text, "vzp160")
     assert {path: drive.value(path) for path in FOUND} == FOUND
-    rows = {row.path: row for row in resolved(drive)}
+    rows = {row.path: row for row in resolved_fields(drive)}
     assert all((rows[path].kind, rows[path].ref) == ("identified", 'rig "3"') for path in FOUND)
     assert [rows[path].range for path in FOUND] == [(0, 20), (5e3, 1e5), (0.3e-5, 6e-5)]
     removed = [line[2:] for line in difflib.ndiff(VZP160.splitlines(), text.splitlines()) if line.startswith("- ")]

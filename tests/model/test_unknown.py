@@ -3,7 +3,6 @@
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.deviations import deviations_of
 from hdassist.model.unknown import (
     Unknown,
     pitch_deviation,
@@ -13,6 +12,7 @@ from hdassist.model.unknown import (
     unknowns,
     with_zeros,
 )
+from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import may_be_unknown
 from tests.process import SMALL
@@ -29,7 +29,7 @@ def test_a_drive_that_gives_everything_leaves_nothing_open():
 
 def test_each_deviation_that_is_not_given_is_open_with_its_direction():
     paths = {path for path, info in fields() if may_be_unknown(info)}
-    sizes = {each.size: each.direction for each in deviations_of("xi")}
+    sizes = {each.size: each.direction for each in DEVIATIONS}
     assert paths == {*sizes, *sizes.values()}
     for size, direction in sizes.items():
         assert open_fields(f"{size}=unknown", f"{direction}=unknown") == {size, direction}

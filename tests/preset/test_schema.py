@@ -13,7 +13,7 @@ from hdassist.loading.load import load_text
 from hdassist.loading.write import new_preset
 from hdassist.preset.fields import fields
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.schema import ResolvedField, preset_schema, resolved
+from hdassist.preset.schema import ResolvedField, preset_schema, resolved_fields
 from hdassist.preset.yamltext import read_yaml
 
 SCHEMA = preset_schema()
@@ -128,7 +128,7 @@ SOURCES = """source:
 
 
 def rows(*overrides: str) -> dict[str, ResolvedField]:
-    return {row.path: row for row in resolved(load_text(TEXT.partition("source:")[0] + SOURCES, "f", overrides))}
+    return {row.path: row for row in resolved_fields(load_text(TEXT.partition("source:")[0] + SOURCES, "f", overrides))}
 
 
 def test_every_field_has_one_row_with_its_declaration() -> None:

@@ -17,15 +17,15 @@ from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.knowledge import LAWS, F_p
-from hdassist.preset.schema import counted, resolved
-from hdassist.preset.similarity import Wish, rated_of, similar
+from hdassist.preset.schema import origin_counts, resolved_fields
+from hdassist.preset.similarity import Requirements, rated_of, similar
 from hdassist.run.run import UNCHECKED
 
 LIKE = load_preset("vzp160")
 
 
 def made(like: Drive = LIKE, **wish: object) -> Drive:
-    return load_text(similar_preset("own", like, Wish(**wish)), "own")  # type: ignore[arg-type]
+    return load_text(similar_preset("own", like, Requirements(**wish)), "own")  # type: ignore[arg-type]
 
 
 def bore(drive: Drive) -> float:
@@ -60,11 +60,11 @@ def test_each_end_of_each_range_is_a_drive_too(z_g: int) -> None:
 def test_nothing_but_the_size_changes_in_what_is_twice_as_large() -> None:
     like = load_preset("vzp160", ["bearing.g_b=4"])  # all that has a law has a size
     small, large = made(like, diameter=40.0), made(like, diameter=80.0)
-    sized = [
+    deviation_sizes = [
         path for path in LAWS if path in small.source and isinstance(small.value(path), float) and small.value(path)
     ]
-    assert {LAWS[path].by for path in sized} == {law.by for law in LAWS.values()}
-    for path in sized:
+    assert {LAWS[path].by for path in deviation_sizes} == {law.by for law in LAWS.values()}
+    for path in deviation_sizes:
         power = {"same": 0, "d": 1, "m": 1, "1/d": -1, "sqrt d": 0.5}[LAWS[path].by]
         assert isclose(large.value(path) / small.value(path), 2**power, rel_tol=1e-3), path
     assert isclose(rated_of(large) / rated_of(small), 8, rel_tol=1e-2)
@@ -89,8 +89,8 @@ def test_what_was_asked_for_is_given_and_nothing_else() -> None:
     drive = made(z_g=200, diameter=63.5, torque=67.0)
     given_paths = {path for path, source in drive.source.items() if source.kind == "given"}
     assert given_paths == {"gears.z_g", "gears.z_b", "gears.m", "operation.rated"}
-    assert {row.kind for row in resolved(drive)} <= {"given", "assumed", "default", "unknown"}
-    assert counted(drive)["given"] == 4
+    assert {row.kind for row in resolved_fields(drive)} <= {"given", "assumed", "default", "unknown"}
+    assert origin_counts(drive)["given"] == 4
     assert {path for path, s in made().source.items() if s.kind == "given"} == set()
 
 
@@ -109,14 +109,14 @@ def test_every_field_of_parts_has_a_law() -> None:
 
 
 def test_what_nobody_knows_is_unknown_and_not_zero() -> None:
-    rows = {row.path: row for row in resolved(made(z_g=160, diameter=63.0))}
+    rows = {row.path: row for row in resolved_fields(made(z_g=160, diameter=63.0))}
     of_deviations = {path for path in rows if path.startswith(("tolerances.", "phases.", "harmonics."))}
     unknown = {path for path, row in rows.items() if row.kind == "unknown"}
     assert unknown == of_deviations - {"tolerances.F_i1", "tolerances.F_i2"}
 
 
 def test_ranges_are_those_of_the_known_drive_at_its_size() -> None:
-    entries = similar(LIKE, Wish())
+    entries = similar(LIKE, Requirements())
     for path in ("gears.j_n", "flexspline.k_t", "bearing.ring_h", "supports.C_2", "contact.k_face", "contact.c_ball"):
         assert entries[path].range == LIKE.source[path].range
         assert entries[path].value == LIKE.value(path)
@@ -126,13 +126,13 @@ def test_ranges_are_those_of_the_known_drive_at_its_size() -> None:
 def test_teeth_are_as_stiff_as_the_flanks_of_the_known_drive_need_them() -> None:
     whole = LIKE.model_copy(update={"numerics": LIKE.numerics.model_copy(update={"stations": 1})})
     used = {"contact.k_face", "contact.c_t"}
-    assert set(similar(LIKE, Wish())) & used == {"contact.k_face"}
-    assert set(similar(whole, Wish())) & used == {"contact.c_t"}
+    assert set(similar(LIKE, Requirements())) & used == {"contact.k_face"}
+    assert set(similar(whole, Requirements())) & used == {"contact.c_t"}
 
 
 def test_tolerances_follow_the_standard() -> None:
     assert [round(F_p(160, 0.8, accuracy)) for accuracy in (6, 7, 8, 9)] == [28, 40, 56, 79]
-    F_i1 = similar(LIKE, Wish())["tolerances.F_i1"]
+    F_i1 = similar(LIKE, Requirements())["tolerances.F_i1"]
     assert (F_i1.value, F_i1.range) == (40, (0, 56))
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hdassist.preset.yamltext import BROKEN_VALUE, MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, resolve, shown
+from hdassist.preset.yamltext import BROKEN_VALUE, MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, scalar_value, shown
 
 
 def findings(text: bytes | str) -> list[str]:
@@ -30,8 +30,8 @@ def findings(text: bytes | str) -> list[str]:
     ],
 )
 def test_plain_scalars_are_read_as_yaml_1_2(text: str, value: object) -> None:
-    assert resolve(text) == value
-    assert type(resolve(text)) is type(value)
+    assert scalar_value(text) == value
+    assert type(scalar_value(text)) is type(value)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_plain_scalars_are_read_as_yaml_1_2(text: str, value: object) -> None:
      "e3", "1.2.3", "2020-01-01", "<<", "=", "\u0663"],
 )  # fmt: skip
 def test_what_looks_like_a_value_elsewhere_stays_text(text: str) -> None:
-    assert resolve(text) == text
+    assert scalar_value(text) == text
     assert read_yaml(f"a: {text}", "f").data == {"a": text}
 
 
@@ -50,8 +50,8 @@ def test_quoted_scalars_stay_text() -> None:
 
 
 def test_numbers_beyond_floats_become_infinite_and_do_not_stall() -> None:
-    assert resolve("1e999") == math.inf
-    assert resolve("9" * 100_000) == math.inf
+    assert scalar_value("1e999") == math.inf
+    assert scalar_value("9" * 100_000) == math.inf
 
 
 def test_places_count_from_one_and_name_key_and_value() -> None:

@@ -14,7 +14,7 @@ from hdassist.loading.write import new_preset
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import UnitError, convert, units_for
-from hdassist.preset.yamltext import read_yaml, resolve
+from hdassist.preset.yamltext import read_yaml, scalar_value
 
 BASE = new_preset("base")
 PATHS = [path for path, _ in fields()]
@@ -96,8 +96,8 @@ def test_random_overrides(text: str) -> None:
 
 @given(FINITE)
 def test_numbers_come_back_exactly(number: float) -> None:
-    assert resolve(repr(number)) == number
-    assert resolve(f"{number:.17e}") == number
+    assert scalar_value(repr(number)) == number
+    assert scalar_value(f"{number:.17e}") == number
 
 
 @given(FINITE, st.sampled_from(sorted({unit_of(info) for _, info in fields()} - {""})))

@@ -18,7 +18,7 @@ from hdassist.pages.mount import mount_report, what_to_do
 from hdassist.pages.report import drive_report
 from hdassist.pages.report_charts import ENVELOPE_COLUMNS, chart
 from hdassist.pages.report_render import report_html, report_markdown
-from hdassist.preset.schema import counted
+from hdassist.preset.schema import origin_counts
 from hdassist.report.blocks import Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.brief import proof
@@ -112,7 +112,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     assert what_to_do(sheet.advice).replace("->", "→") in text
     mount = report_object(mount_report(sheet.advice, 0))
     assert f"hole {mount['recommended']['hole']}" in text
-    values = counted(sheet.drive)
+    values = origin_counts(sheet.drive)
     assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
     assert "clearance between outer ring and balls (bearing.g_b)" in text
     for words in (

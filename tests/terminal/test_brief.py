@@ -8,7 +8,7 @@ import shlex
 import pytest
 
 from hdassist.loading.load import load_preset
-from hdassist.preset.schema import counted
+from hdassist.preset.schema import origin_counts
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.brief import again, facts, on_what, proof, verdict_text
@@ -70,7 +70,7 @@ def test_the_proof_in_a_line():
 
 def test_what_is_assumed_is_counted_as_presets_validate_counts_it_and_what_is_left_to_a_default():
     drive = load_preset("vzp160")
-    assumed = counted(drive)["assumed"] + 1  # operation.dT, which the preset leaves out
+    assumed = origin_counts(drive)["assumed"] + 1  # operation.dT, which the preset leaves out
     told = on_what(drive)
     assert told.endswith(f" of {assumed} assumed values have a range: hdassist check weighs them")
     ranges = sum(source.kind == "assumed" and source.range is not None for source in drive.source.values())

@@ -11,7 +11,7 @@ from hdassist import load_preset
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
 from hdassist.model.contacts import ContactSystems
-from hdassist.preset.similarity import Wish
+from hdassist.preset.similarity import Requirements
 from tests.support import changed, solve_state
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks
@@ -31,7 +31,7 @@ TORQUE = 80e3  # N*mm
 def share(z_g: int, stations: int) -> float:
     """Torque on the cam over M_g/u, mean over the phases: a drive like vzp160 as identified with such flanks."""
     like = whole_flanks() if stations == 1 else load_preset("vzp160")
-    text = similar_preset(f"teeth-{z_g}", like, Wish(z_g, 160.0, 800.0), "")
+    text = similar_preset(f"teeth-{z_g}", like, Requirements(z_g, 160.0, 800.0), "")
     drive = changed(load_text(text, f"teeth-{z_g}"), numerics__stations=stations)
     systems, found = ContactSystems(drive), []
     for tau, beta in product(PHASES, PHASES):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.unknown import EVEN, ODD
+from hdassist.preset.knowledge import HIGHER_ORDERS, SECOND_ORDER
 from tests.validation.case import Case, Kind, parameters
 from tests.validation.drawn_drives import F_ior_drawn, percentiles
 
@@ -17,8 +17,9 @@ IN_ANGLE = 3.25 * 32.4 / 39.95  # factor on size 65 that makes F_p of class 7 as
 
 TITLE = "The bounds of the harmonics and the catalogues' accuracy"
 ABOUT = (
-    f"Harmonics that a preset leaves open go up to {100 * EVEN:g} % (order 2) and {100 * ODD:g} % (3 and 4) of "
-    "half of F'_i. They decide the level of every catalogue preset, and no source prints them. Every drive sold "
+    f"Harmonics that a preset leaves open go up to {100 * SECOND_ORDER:g} % (order 2) and "
+    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of F'_i. They decide the level of every "
+    "catalogue preset, and no source prints them. Every drive sold "
     "keeps its catalogue's accuracy (p. 49, read as text; it names no load): with these bounds size 20 just does, "
     "with twice as much it does not. With half as much the record above would be one drive in a hundred. So they "
     "stay. F'_ior is that at a tenth of the rated torque, the design that of the preset.\n\n"

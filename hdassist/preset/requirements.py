@@ -8,12 +8,12 @@ from math import isfinite
 from hdassist.errors import UsageError
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import choices_of, plain
-from hdassist.preset.similarity import SimilarValue, Wish, teeth_of_ratio
+from hdassist.preset.similarity import Requirements, SimilarValue, teeth_of_ratio
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Unread, near_miss, resolve, shown
+from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
 
 
-def read_wish(
+def read_requirements(
     like: Drive,
     *,
     coupling: str | None = None,
@@ -25,7 +25,7 @@ def read_wish(
     stiffness: str | None = None,
     lost_motion: str | None = None,
     accuracy: str | None = None,
-) -> Wish:
+) -> Requirements:
     """What is given of a drive that is to be like another one.
 
     Arguments: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of one that it is overhung
@@ -63,7 +63,7 @@ def read_wish(
         if K is None
         else {"stiffness": f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"}
     )
-    return Wish(z_g, d, T, K, said=said, others=_coupling(coupling, shaft) | limits)
+    return Requirements(z_g, d, T, K, said=said, others=_coupling(coupling, shaft) | limits)
 
 
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
@@ -101,8 +101,8 @@ def _teeth(text: str) -> int:
 
 
 def _measure(option: str, text: str, unit: str) -> float:
-    value = read_number(resolve(text.strip()), unit)
-    if isinstance(value, Unread):
+    value = read_number(scalar_value(text.strip()), unit)
+    if isinstance(value, InvalidValue):
         raise UsageError(f"{option}: {value.message} (got {shown(text) or 'nothing'})", value.hint)
     if not value > 0:
         raise UsageError(f"{option} must be above 0 {unit} (got {shown(text)})")
