@@ -57,7 +57,6 @@ PROCESSES = (
     Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 20.0)),
     Process(("sensitivity", "vzp160"), 3, (IMPORT, 20.0)),
     Process(("stiffness", "vzp160"), 5, (IMPORT, 1.6)),
-    Process(("self-error", "vzp160"), 5, (IMPORT, 1.6)),
 )
 LONG = ("tolerance", "sensitivity")  # once in a quick run
 

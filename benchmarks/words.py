@@ -60,9 +60,6 @@ REASONS = {
     "proposals and their climbs in numpy 20 %, walks and their references made 17 %, deviation scalars 10 %; by "
     "purpose, slopes by every number of the drive 14 %, tables of the error 5 %. Next: walks of neighbouring systems "
     "that share a reference, proposals in C.",
-    "self-error": "400 pairs of phases, each with contacts, rings and a programme of its own: systems set up 29 % of "
-    "it, programmes 12 %, single states near a known contact set 20 %, their certificates and sums in numpy the rest; "
-    "besides it imports, of which cvxpy is none. Next: certificates of all phases in one go.",
     "stiffness": "the import of cvxpy 36 %, eight states again by another solver 33 %, all other imports 20 %. Next: "
     "fewer states again.",
     "first output": "the bar begins when the modules of the answer are there: numpy and scipy.linalg are most of "

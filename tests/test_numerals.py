@@ -6,14 +6,13 @@ from math import inf, isnan
 import pytest
 
 from hdassist.acceptance.limits import LimitText
-from hdassist.commands.card import ChoiceOptions
 from hdassist.errors import UsageError
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.mounting.losses import Criterion
 from hdassist.mounting.trial import read_trial
 from hdassist.numerals import number_of
-from hdassist.terminal.options import degrees_or_fit
+from hdassist.terminal.options import ChoiceOptions, degrees_or_fit
 
 READERS: dict[str, tuple[Callable[[str], object], str]] = {
     "hole of a trial": (lambda text: read_trial(f"h{text}:20", 12), "4"),

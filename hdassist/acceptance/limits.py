@@ -1,23 +1,28 @@
-"""Limits of a drive, and how the command line and lots write them: F_ior@80=30, order_2=5, F_ior@80=28.1±1.2."""
+"""Limits of a drive, and how the command line and lots write them: 30, F_ior@80=30, order_2=5, F_ior@80=28.1±1.2."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import Literal
 
-from hdassist.acceptance.checks import CHECKS, ORDER_CHECK, Check, check_of
+from hdassist.acceptance.checks import CHECKS, F_IOR, ORDER_CHECK, Check, check_of
 from hdassist.errors import DataError, UsageError
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
+from hdassist.preset.yamltext import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 
 ORDER_PREFIX = "order_"
 LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
-HINT = f"NAME[@TORQUE]=VALUE, NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
+HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
+OLD_LIMIT = re.compile(r"([-+.\deE]+):([-+.\deE]+)")  # as `tolerance` and `allocate` had it: TORQUE:VALUE
+_OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 
 Option = Literal["--limit", "--value"]
+USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 
 
 @dataclass(frozen=True)
@@ -92,16 +97,26 @@ class LimitText:
 
     @classmethod
     def parse(cls, text: str, option: Option) -> LimitText:
-        """Read NAME[@TORQUE]=VALUE. Raises UsageError: no such name, no value, or a torque or order that is none."""
-        name, _, value = (part.strip() for part in text.partition("="))
+        """Read NAME[@TORQUE]=VALUE; a limit without a name is one of F'_ior.
+
+        Raises UsageError: no such name, no value, or a torque or order that is none.
+        """
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals and option == "--limit":
+            if old := OLD_LIMIT.fullmatch(text):
+                raise UsageError(
+                    f"invalid --limit {text}: expected NAME@TORQUE=VALUE", f"--limit F_ior@{old[1]}={old[2]}"
+                )
+            if name[:1] in "+-.0123456789":
+                name, value = F_IOR.field, name
         found = cls(name, value)
         field, order, torque = found.parts
         per_torque = bool(order) or LIMIT_KINDS.get(field) == "limits"
         if not (value and found.is_known) or ("@" in name and not (torque and per_torque)):
-            raise UsageError(f"{option} {text}: not understood", HINT)
+            raise UsageError(f"invalid {option} {text}: expected {USE[option]}", HINT)
         for number in filter(None, (order, torque)):
             if isnan(number_of(number)):
-                raise UsageError(f"{option} {text}: {number} is no number", HINT)
+                raise UsageError(f"invalid {option} {text}: {number} is no number", HINT)
         return found
 
     @property
@@ -110,6 +125,12 @@ class LimitText:
         name, _, torque = self.name.partition("@")
         order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
         return ORDER_CHECK.field if order else name, order, torque
+
+    @property
+    def torque(self) -> float | None:
+        """Torque [N*m] that it is for, None for all."""
+        torque = self.parts[2]
+        return float(torque) if torque else None
 
     @property
     def is_known(self) -> bool:
@@ -141,3 +162,18 @@ class LimitText:
             torques = ", ".join(f"@{limit.M_g_Nm:g}" for limit in fitting)
             raise UsageError(f"--value {self}: at which torque?", f"one of {torques}")
         return fitting[0]
+
+
+def named_limits(message: str, before: Sequence[str], limits: Sequence[LimitText], *, overrides: bool = False) -> str:
+    """A message about overrides of a preset that names limits as they were given; with overrides, those too.
+
+    Arguments: before, overrides that stand before those of the limits.
+    """
+
+    def name(match: re.Match[str]) -> str:
+        place = int(match[1]) - 1
+        if place >= len(before):
+            return f"--limit {limits[place - len(before)]}: "
+        return f"{OVERRIDE} {before[place]}: " if overrides else match[0]
+
+    return _OVERRIDE.sub(name, message)

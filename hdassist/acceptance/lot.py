@@ -212,7 +212,7 @@ def _row(
 
 def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, NamedCell]:
     """A request with what a cell says, and the cell as messages know it; folder, from which paths count."""
-    trace = TraceFile.parse(text) if gives == "--measured" and not of else TraceFile(of, text)
+    trace = TraceFile.recorded(text) if gives == "--measured" and not of else TraceFile(of, text)
     is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
     file = trace.file if is_name else str(folder / trace.file)
     cell = NamedCell("", text, file=file if gives in FILE_COLUMNS else "")

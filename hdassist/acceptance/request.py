@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer
 
 from hdassist.acceptance.decision import AcceptedValue
-from hdassist.acceptance.limits import Limit, LimitText, limits_of
+from hdassist.acceptance.limits import Limit, LimitText, limits_of, named_limits
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, UsageError
@@ -27,7 +27,6 @@ from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import OneLine
 from hdassist.preset.overrides import is_overridden
-from hdassist.preset.yamltext import OVERRIDE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
@@ -35,8 +34,7 @@ from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
 
-TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?):(.+)", re.DOTALL)
-_OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
+TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)([=:])(.+)", re.DOTALL)
 FailOn = Literal["warn", "fail", "never"]
 RequestSeed = Annotated[int, Field(ge=0)]  # of what is drawn
 
@@ -50,22 +48,29 @@ class TraceFile:
 
     @classmethod
     def parse(cls, text: str) -> TraceFile:
-        """Read 80:FILE or FILE."""
+        """Read 80=FILE or FILE. Raises UsageError for the old form 80:FILE."""
         match = TORQUE_AND_FILE.fullmatch(text)
-        return cls(match[1], match[2]) if match else cls("", text)
+        if match and match[2] == ":":
+            raise UsageError(f"invalid --measured {text}: expected [TORQUE=]FILE", f"--measured {match[1]}={match[3]}")
+        return cls(match[1], match[3]) if match else cls("", text)
+
+    @classmethod
+    def recorded(cls, text: str) -> TraceFile:
+        """Read what a file of answers has: 80=FILE, 80:FILE of older ones, or FILE."""
+        return cls.parse(TORQUE_AND_FILE.sub(r"\1=\3", text))
 
     def __str__(self) -> str:
-        return f"{self.torque}:{self.file}" if self.torque else self.file
+        return f"{self.torque}={self.file}" if self.torque else self.file
 
     def at(self, drive: Drive) -> float:
         """Torque [N*m]. Raises UsageError: it is none, or the limits of the drive leave it open."""
         if self.torque:
             if isnan(M_g := number_of(self.torque)):
-                raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80:run.csv")
+                raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80=run.csv")
             return M_g
         torques = list(dict.fromkeys(each.M_g_Nm for each in limits_of(drive) if each.M_g_Nm is not None))
         if len(torques) > 1:
-            named = ", ".join(f"{M_g:g}:{self}" for M_g in torques)
+            named = ", ".join(f"{M_g:g}={self}" for M_g in torques)
             raise UsageError(f"--measured {self}: at which torque was it measured?", f"one of {named}")
         return (torques or list(drive.operation.M_g))[0]
 
@@ -91,7 +96,8 @@ TEXTS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "--measured": ("measured", TraceFile.parse),
     "--value": ("values", lambda text: LimitText.parse(text, "--value")),
 }
-_BOUND, _TRACE, _VALUE = (_as_text(TEXTS[option][1]) for option in ("--limit", "--measured", "--value"))
+_BOUND, _VALUE = (_as_text(TEXTS[option][1]) for option in ("--limit", "--value"))
+_TRACE = _as_text(TraceFile.recorded)
 
 
 @dataclass(frozen=True)
@@ -157,14 +163,7 @@ class Request(ClosedRecord):
 
     def named(self, message: str, *, overrides: bool = False) -> str:
         """A message about overrides of the preset that names limits as they were given; with overrides, those too."""
-
-        def name(match: re.Match[str]) -> str:
-            place = int(match[1]) - 1
-            if place >= len(self.overrides):
-                return f"--limit {self.limits[place - len(self.overrides)]}: "
-            return f"{OVERRIDE} {self.overrides[place]}: " if overrides else match[0]
-
-        return _OVERRIDE.sub(name, message)
+        return named_limits(message, self.overrides, self.limits, overrides=overrides)
 
     def read(self, drive: Drive) -> Inputs:
         """The drive with what is named beside it.

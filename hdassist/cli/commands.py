@@ -11,13 +11,14 @@ from typing import Any
 import typer
 
 from hdassist.cli.help import Command, Commands, Context, Formatter, help_sections, with_panel
+from hdassist.errors import UsageError
 
 
 @dataclass(frozen=True)
 class LazyCommand:
     """A command that is loaded when it is called: its module in hdassist, section of the help, and summary.
 
-    The module has a function named after the command, `self_error_command`, or a group of commands, as `presets_app`.
+    The module has a class named after the command, as `CheckCommand`, or a group of commands, as `presets_app`.
     """
 
     module: str
@@ -35,7 +36,7 @@ def _loaded(module: str, name: str) -> Any:
     if group := getattr(found, f"{name}_app", None):
         return typer.main.get_command(group)
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(name, cls=Command)(getattr(found, f"{name.replace('-', '_')}_command"))
+    app.command(name, cls=Command)(getattr(found, f"{name.title()}Command"))
     return typer.main.get_command(app)
 
 
@@ -44,7 +45,6 @@ COMMANDS = {
     "check": LazyCommand("commands.check", DESIGN, "F'_ior over the full cycle, with verdict and proof"),
     "explore": LazyCommand("explorer.command", DESIGN, "the drive on the screen: turn its knobs and its wheel"),
     "trace": LazyCommand("commands.trace", DESIGN, "the error against the cam angle, with its orders"),
-    "self-error": LazyCommand("commands.self_error", DESIGN, "what is left of a drive without deviations"),
     "stiffness": LazyCommand("commands.stiffness", DESIGN, "twist against torque, lost motion, K1, K2, K3"),
     "tolerance": LazyCommand("commands.tolerance", DESIGN, "yield of random drives, as built and best mounted"),
     "sensitivity": LazyCommand(
@@ -64,6 +64,15 @@ COMMANDS = {
     "presets": LazyCommand("cli.presets", DATA, "drives: list, show, validate, start"),
 }
 
+REMOVED_COMMANDS = {"self-error": "hdassist check --details has the self error"}
+REMOVED_OPTIONS = {
+    "--rule": "--set acceptance.rule=simple",
+    "--samples": "--draws N",
+    **dict.fromkeys(
+        ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0:28.1 h4:17.3"
+    ),
+}
+
 
 class RootCommands(Commands):
     """The commands of hdassist: the one that is called is loaded, the help needs none of them."""
@@ -71,6 +80,12 @@ class RootCommands(Commands):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self.commands = _Loaded(COMMANDS, self.commands)  # type: ignore[assignment]  # read only
+
+    def get_command(self, ctx: Context, cmd_name: str) -> Any:
+        """The command of a name. Raises UsageError for one that was removed."""
+        if cmd_name in REMOVED_COMMANDS:
+            raise UsageError(f"no command {cmd_name!r}", REMOVED_COMMANDS[cmd_name])
+        return super().get_command(ctx, cmd_name)
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write the commands, then the options."""

@@ -28,8 +28,8 @@ class DoctorFinding:
     found: str
 
 
-@o.with_groups
-def doctor_command(*, options: o.PageOptions) -> None:
+@dataclass(frozen=True, kw_only=True)
+class DoctorCommand(o.PageOptions):
     """Whether this installation can be relied on: versions, solvers, a self-test, the terminal, cores and memory.
 
     \b
@@ -40,27 +40,32 @@ def doctor_command(*, options: o.PageOptions) -> None:
     The self-test solves every state of a drive of the library, its extremes again by another solver, and compares with
     stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
     """
-    from hdassist.terminal.answers import json_text
 
-    out = options.open()
-    found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library_finding()]
-    broken = any(finding.status == "broken" for finding in found)
-    code = UntrustedError.exit_code if broken else 0
-    if options.json:
-        told = {
-            "schema": "hdassist.doctor/1", "version": __version__, "exit_code": code, "warnings": [],
-            "findings": [{"what": f.what, "status": f.status, "found": f.found} for f in found],
-        }  # fmt: skip
-        out.text(json_text(told))
-    else:
-        width = max(len(finding.what) for finding in found)
-        lines = [f"{finding.what:{width}}  {finding.status:6}  {finding.found}" for finding in found]
-        out.human(out.style.text("\n".join([*lines, *([] if broken else ["", "this installation is fine"])])))
-    if broken:
-        wrong = ", ".join(finding.what for finding in found if finding.status == "broken")
-        raise UntrustedError(
-            f"answers of this installation cannot be trusted: {wrong}", "install hdassist anew into a fresh environment"
-        )
+    def run(self) -> int:
+        """Examine the installation; returns the exit code."""
+        from hdassist.terminal.answers import json_text
+
+        out = self.open()
+        found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library_finding()]
+        broken = any(finding.status == "broken" for finding in found)
+        code = UntrustedError.exit_code if broken else 0
+        if self.json:
+            answer = {
+                "schema": "hdassist.doctor/1", "version": __version__, "exit_code": code, "warnings": [],
+                "findings": [{"what": f.what, "status": f.status, "found": f.found} for f in found],
+            }  # fmt: skip
+            out.text(json_text(answer))
+        else:
+            width = max(len(finding.what) for finding in found)
+            lines = [f"{finding.what:{width}}  {finding.status:6}  {finding.found}" for finding in found]
+            out.human(out.style.text("\n".join([*lines, *([] if broken else ["", "this installation is fine"])])))
+        if broken:
+            wrong = ", ".join(finding.what for finding in found if finding.status == "broken")
+            raise UntrustedError(
+                f"answers of this installation cannot be trusted: {wrong}",
+                "install hdassist anew into a fresh environment",
+            )
+        return code
 
 
 def packages() -> Iterator[DoctorFinding]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from functools import partial
+from inspect import unwrap
 from typing import Any, TypeAlias, get_args, get_type_hints
 
 import typer
@@ -13,22 +15,44 @@ from typer.core import TyperCommand, TyperGroup
 Context: TypeAlias = Any
 Formatter: TypeAlias = Any
 
-OTHERS, LAST = "Options", "Answer"
+OTHERS = "Options"
+SECTIONS = (  # of options, in their order; sections of commands stand before them
+    "Arguments", OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Lot", "Answer", "Advanced",
+)  # fmt: skip
+_NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
+WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
 LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
 
 
 class Command(TyperCommand):
-    """A command whose help has a section for each group of options, and whose numbers are written in ASCII digits."""
+    """A command that is a dataclass: its fields are the options, its docstring the help, `run` gives the exit code.
+
+    Its help has a section for each group of options, and its numbers are written in ASCII digits.
+    """
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        kinds = get_type_hints(self.callback)
+        kinds = get_type_hints(unwrap(self.callback))  # type: ignore[arg-type]
         for parameter in self.params:
             if _is_numeric(kinds.get(str(parameter.name))):
                 parameter.process_value = partial(_process, parameter, parameter.process_value)  # type: ignore[method-assign]
 
+    def invoke(self, ctx: Context) -> None:
+        """Make the command of its options, run it, and leave with its exit code."""
+        from hdassist.terminal.limits import require_memory
+
+        require_memory()
+        try:
+            code = super().invoke(ctx).run()
+        except KeyboardInterrupt:  # before there was anything to answer with
+            from hdassist.terminal.output import note
+
+            note("interrupted")
+            code = 130
+        ctx.exit(code)
+
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
-        """Write arguments and options, those of no group first, those of every command last."""
+        """Write arguments and options in their sections."""
         help_sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
 
 
@@ -62,9 +86,20 @@ Record = tuple[str, str]  # what stands to the left and to the right in a help t
 
 
 def with_panel(parameter: Any, ctx: Context) -> tuple[str, Record | None]:
-    """The row of a parameter in a help text, with its section."""
+    """The row of a parameter in a help text, with its section: of its default and range the default alone.
+
+    Three dots stand behind an option that may be given several times.
+    """
     kind = "Arguments" if parameter.param_type_name == "argument" else OTHERS
-    return _panel(parameter, kind), parameter.get_help_record(ctx)
+    record = parameter.get_help_record(ctx)
+    if kind != OTHERS:
+        return kind, record and (record[0].partition(" <")[0], _NOTE.sub("", record[1]))
+    dots = " ..." * bool(getattr(parameter, "multiple", False))
+    return _panel(parameter, kind), record and (record[0] + dots, _NOTE.sub(_default, record[1]))
+
+
+def _default(note: re.Match[str]) -> str:
+    return "" if note[1] == "-" or "<=" in note[1] else note[0] if note[1] == "required" else f" [{note[1]}]"
 
 
 def _panel(thing: Any, other: str) -> str:
@@ -77,6 +112,6 @@ def help_sections(formatter: Formatter, records: Iterable[tuple[str, Record | No
     for panel, record in records:
         if record:
             panels.setdefault(panel, []).append(record)
-    for panel, rows in sorted(panels.items(), key=lambda one: one[0] == LAST):
+    for panel, rows in sorted(panels.items(), key=lambda one: SECTIONS.index(one[0]) if one[0] in SECTIONS else -1):
         with formatter.section(panel):
-            formatter.write_dl(rows)
+            formatter.write_dl(rows, col_max=WIDEST)

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.cli.commands import RootCommands
+from hdassist.cli.commands import REMOVED_COMMANDS, REMOVED_OPTIONS, RootCommands
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.runfiles import begin_run
 from hdassist.version import __version__
@@ -51,7 +51,8 @@ def _help(
     commands = whole.command.commands  # type: ignore[attr-defined]
     if name is not None and name not in commands:
         near = get_close_matches(name, commands, 1)
-        raise UsageError(f"no command {name!r}", f"did you mean {near[0]}?" if near else "hdassist lists them")
+        hint = REMOVED_COMMANDS.get(name) or (f"did you mean {near[0]}?" if near else "hdassist lists them")
+        raise UsageError(f"no command {name!r}", hint)
     typer.echo(whole.get_help() if name is None else commands[name].make_context(name, ["--help"], parent=whole))
 
 
@@ -88,10 +89,10 @@ def run_command_line() -> None:
         _require_lines(sys.argv[1:])
         sys.exit(app(prog_name="hdassist", standalone_mode=False))
     except ClickException as error:
-        told = io.StringIO()
-        error.show(told)
-        lines = told.getvalue()
-        _say(lines, "", Fault.USAGE if "Error: " in lines else None)  # a group without a command shows its help
+        shown = io.StringIO()
+        error.show(shown)
+        lines, hint = shown.getvalue(), REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
+        _say(lines, hint, Fault.USAGE if "Error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except HdassistError as error:
         _trace_if_asked()

@@ -35,10 +35,8 @@ PRESETS_GAP = 3  # columns between those of a table
 PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 PIPE = (80, 24)  # but not more than COLUMNS for what people page through
 
-Resolved = Annotated[bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")]
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TableOptions(o.OptionGroup):
     """How a table is given."""
 
@@ -48,9 +46,9 @@ class TableOptions(o.OptionGroup):
     debug: o.Debug = False
 
 
-@presets_app.command("list")
-@o.with_groups
-def list_(options: TableOptions) -> None:
+@presets_app.command("list", cls=Command)
+@dataclass(frozen=True, kw_only=True)
+class PresetsListCommand(TableOptions):
     """Presets that come with hdassist.
 
     \b
@@ -60,45 +58,49 @@ def list_(options: TableOptions) -> None:
 
     What each rests on: how many of its values are given, identified from measurements, or only assumed.
     """
-    from hdassist.loading.load import load_preset
-    from hdassist.preset.library import preset_names
-    from hdassist.preset.schema import origin_counts
-    from hdassist.terminal.answers import envelope
 
-    drives = {name: load_preset(name) for name in preset_names()}
-    if options.json:
-        answer = envelope("presets-list", None)
-        del answer["preset"]
-        answer["presets"] = [
-            {
-                "preset": envelope("presets-list", drive)["preset"],
-                "z_g": drive.gears.z_g,
-                "z_b": drive.gears.z_b,
-                "m_mm": drive.gears.m,
-                "values": origin_counts(drive),
-                "description": drive.description,
-            }
-            for drive in drives.values()
+    def run(self) -> int:
+        """List the presets; returns the exit code."""
+        from hdassist.loading.load import load_preset
+        from hdassist.preset.library import preset_names
+        from hdassist.preset.schema import origin_counts
+        from hdassist.terminal.answers import envelope
+
+        drives = {name: load_preset(name) for name in preset_names()}
+        if self.json:
+            answer = envelope("presets-list", None)
+            del answer["preset"]
+            answer["presets"] = [
+                {
+                    "preset": envelope("presets-list", drive)["preset"],
+                    "z_g": drive.gears.z_g,
+                    "z_b": drive.gears.z_b,
+                    "m_mm": drive.gears.m,
+                    "values": origin_counts(drive),
+                    "description": drive.description,
+                }
+                for drive in drives.values()
+            ]
+            _print_json(answer)
+            return 0
+        rows = [
+            (
+                name,
+                f"{drive.gears.z_g}/{drive.gears.z_b}",
+                f"{drive.gears.m!r} mm",
+                ", ".join(map(str, origin_counts(drive).values())),
+                _first_sentence(drive.description),
+            )
+            for name, drive in drives.items()
         ]
-        _print_json(answer)
-        return
-    rows = [
-        (
-            name,
-            f"{drive.gears.z_g}/{drive.gears.z_b}",
-            f"{drive.gears.m!r} mm",
-            ", ".join(map(str, origin_counts(drive).values())),
-            _first_sentence(drive.description),
-        )
-        for name, drive in drives.items()
-    ]
-    head = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
-    _print_table(head, rows, options, shutil.get_terminal_size(PIPE).columns)
+        head = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
+        _print_table(head, rows, self, shutil.get_terminal_size(PIPE).columns)
+        return 0
 
 
-@presets_app.command()
-@o.with_groups
-def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions, options: TableOptions) -> None:
+@presets_app.command("show", cls=Command)
+@dataclass(frozen=True, kw_only=True)
+class PresetsShowCommand(TableOptions, o.DriveOptions):
     """A preset as it is written, or every value that is really used.
 
     \b
@@ -110,40 +112,44 @@ def show(preset: o.Preset, *, resolved: Resolved = False, drives: o.DriveOptions
     Origins: given, assumed, identified (from the preset's `source`), default (left out), override (--set).
     --json and --set imply --resolved.
     """
-    from hdassist.preset.library import read_preset
-    from hdassist.terminal.answers import envelope
-    from hdassist.terminal.files import give_stdout, write_text
-    from hdassist.terminal.output import warn
 
-    if not (resolved or options.json or drives.overrides):
-        text = read_preset(preset)[0]
-        if sys.stdout.isatty():
-            write_text("-", text.decode("utf-8", "backslashreplace"), force=False)
+    preset: o.Preset
+    resolved: Annotated[
+        bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")
+    ] = False
+
+    def run(self) -> int:
+        """Show the preset; returns the exit code."""
+        from hdassist.preset.library import read_preset
+        from hdassist.terminal.answers import envelope
+        from hdassist.terminal.files import give_stdout, write_text
+        from hdassist.terminal.output import warn
+
+        if not (self.resolved or self.json or self.overrides):
+            text = read_preset(self.preset)[0]
+            if sys.stdout.isatty():
+                write_text("-", text.decode("utf-8", "backslashreplace"), force=False)
+            else:
+                give_stdout(text)
+            return 0
+        from hdassist.preset.schema import resolved_fields, value_text
+
+        drive = self.load(self.preset)
+        rows = resolved_fields(drive)
+        if self.json:
+            answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
+            _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
         else:
-            give_stdout(text)
-        return
-    from hdassist.preset.schema import resolved_fields, value_text
-
-    drive = drives.load(preset)
-    rows = resolved_fields(drive)
-    if options.json:
-        answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
-        _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
-    else:
-        cells = [(row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows]
-        _print_table(("field", "value", "unit", "origin", "reference"), cells, options)
-    for warning in drive.origin.warnings:
-        warn(warning)
+            cells = [(row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows]
+            _print_table(("field", "value", "unit", "origin", "reference"), cells, self)
+        for warning in drive.origin.warnings:
+            warn(warning)
+        return 0
 
 
-@presets_app.command()
-@o.with_groups
-def validate(
-    presets: o.Presets,
-    *,
-    drives: o.DriveOptions,
-    options: TableOptions,
-) -> None:
+@presets_app.command("validate", cls=Command)
+@dataclass(frozen=True, kw_only=True)
+class PresetsValidateCommand(TableOptions, o.DriveOptions):
     """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
     \b
@@ -153,82 +159,85 @@ def validate(
 
     Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
     """
-    from hdassist.preset.schema import origin_counts
-    from hdassist.terminal.answers import combine, envelope, failure
-    from hdassist.terminal.console import Style
-    from hdassist.terminal.files import write_text
-    from hdassist.terminal.output import complain, warn
 
-    answers = []
-    for name in presets:
-        try:
-            origin = (drive := drives.load(name)).origin
-            answer = envelope("presets-validate", drive, warnings=origin.warnings)
-            values = origin_counts(drive)
-            answers.append(answer | {"file": name, "valid": True, "values": values, "findings": []})
-            verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
-        except HdassistError as error:
-            findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
-            answer = failure("presets-validate", error, preset=name)
-            answers.append(answer | {"file": name, "valid": False, "findings": findings})
-            verdict = "invalid"
-            if not options.json:
-                complain(error)
-        if not options.json:
-            write_text("-", Style.of(sys.stdout, ascii=options.ascii).text(f"{name}: {verdict}\n"), force=False)
-            for warning in answers[-1]["warnings"]:
-                warn(warning)
-    exit_code = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
-    if options.json:
-        _print_json(combine("presets-validate", answers) | {"exit_code": exit_code})
-    raise typer.Exit(exit_code)
+    presets: o.Presets
 
+    def run(self) -> int:
+        """Validate the presets; returns the exit code."""
+        from hdassist.preset.schema import origin_counts
+        from hdassist.terminal.answers import combine, envelope, failure
+        from hdassist.terminal.console import Style
+        from hdassist.terminal.files import write_text
+        from hdassist.terminal.output import complain, warn
 
-Like = Annotated[
-    str | None, typer.Option("--like", metavar="PRESET", help="Drive to be like; vzp160 if anything else is asked for.")
-]
-Coupling = Annotated[
-    str | None,
-    typer.Option("--coupling", metavar="KIND", help="How the cam sits on its shaft: solid, oldham, overhung, unknown."),
-]
-ShaftOption = Annotated[
-    str | None, typer.Option("--shaft", metavar="DxL", help="Diameter and overhang of its shaft, mm: 14x30.")
-]
-PitchDiameter = Annotated[
-    str | None, typer.Option("--pitch-diameter", metavar="MM", help="Pitch diameter of the flexspline; 63, or '63 mm'.")
-]
-Teeth = Annotated[str | None, typer.Option("--teeth", metavar="Z_G/Z_B", help="Teeth of both wheels: 160/162.")]
-Ratio = Annotated[float | None, typer.Option("--ratio", metavar="N", help="Ratio, in place of the teeth.")]
-Torque = Annotated[str | None, typer.Option("--torque", metavar="N*M", help="Rated torque.")]
-GivenStiffness = Annotated[
-    str | None, typer.Option("--stiffness", metavar="K1,K2,K3", help="Torsional stiffnesses of a catalogue, N*m/rad.")
-]
-GivenLostMotion = Annotated[
-    str | None, typer.Option("--lost-motion", metavar="ARCSEC", help="Lost motion of a catalogue; 60, or '1 arcmin'.")
-]
-GivenAccuracy = Annotated[
-    str | None, typer.Option("--accuracy", metavar="ARCSEC", help="Transmission accuracy of a catalogue, without load.")
-]
+        answers = []
+        for name in self.presets:
+            try:
+                origin = (drive := self.load(name)).origin
+                answer = envelope("presets-validate", drive, warnings=origin.warnings)
+                values = origin_counts(drive)
+                answers.append(answer | {"file": name, "valid": True, "values": values, "findings": []})
+                verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
+            except HdassistError as error:
+                findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
+                answer = failure("presets-validate", error, preset=name)
+                answers.append(answer | {"file": name, "valid": False, "findings": findings})
+                verdict = "invalid"
+                if not self.json:
+                    complain(error)
+            if not self.json:
+                write_text("-", Style.of(sys.stdout, ascii=self.ascii).text(f"{name}: {verdict}\n"), force=False)
+                for warning in answers[-1]["warnings"]:
+                    warn(warning)
+        exit_code: int = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
+        if self.json:
+            _print_json(combine("presets-validate", answers) | {"exit_code": exit_code})
+        return exit_code
 
 
-@presets_app.command(cls=Command)
-def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")],
-    *,
-    coupling: Coupling = None,
-    shaft: ShaftOption = None,
-    like: Like = None,
-    pitch_diameter: PitchDiameter = None,
-    teeth: Teeth = None,
-    ratio: Ratio = None,
-    torque: Torque = None,
-    stiffness: GivenStiffness = None,
-    lost_motion: GivenLostMotion = None,
-    accuracy: GivenAccuracy = None,
-    output: o.Target = "-",
-    force: o.Force = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class TextOptions(o.OptionGroup):
+    """Where a text goes."""
+
+    output: o.Target = "-"
+    force: o.Force = False
+    debug: o.Debug = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class WishOptions(o.OptionGroup):
+    """What is known of a new drive."""
+
+    like: Annotated[
+        str | None, typer.Option(metavar="PRESET", help="Drive to be like; vzp160 if anything else is asked for.")
+    ] = None
+    coupling: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help="How the cam sits on its shaft: solid, oldham, overhung, unknown."),
+    ] = None
+    shaft: Annotated[str | None, typer.Option(metavar="DxL", help="Diameter and overhang of its shaft, mm: 14x30.")] = (
+        None
+    )
+    pitch_diameter: Annotated[
+        str | None, typer.Option(metavar="MM", help="Pitch diameter of the flexspline; 63, or '63 mm'.")
+    ] = None
+    teeth: Annotated[str | None, typer.Option(metavar="Z_G/Z_B", help="Teeth of both wheels: 160/162.")] = None
+    ratio: Annotated[float | None, typer.Option(metavar="N", help="Ratio, in place of the teeth.")] = None
+    torque: Annotated[str | None, typer.Option(metavar="N*M", help="Rated torque.")] = None
+    stiffness: Annotated[
+        str | None, typer.Option(metavar="K1,K2,K3", help="Torsional stiffnesses of a catalogue, N*m/rad.")
+    ] = None
+    lost_motion: Annotated[
+        str | None, typer.Option(metavar="ARCSEC", help="Lost motion of a catalogue; 60, or '1 arcmin'.")
+    ] = None
+    accuracy: Annotated[
+        str | None, typer.Option(metavar="ARCSEC", help="Transmission accuracy of a catalogue, without load.")
+    ] = None
+
+
+@presets_app.command("new", cls=Command)
+@dataclass(frozen=True, kw_only=True)
+class PresetsNewCommand(TextOptions, WishOptions):
     """A whole preset of a drive like another one; without options, a form whose numbers are examples.
 
     \b
@@ -247,41 +256,47 @@ def new(
     --stiffness, --lost-motion and --accuracy stand in the preset's table catalogue as they are given: evidence by which
     check weighs what is assumed.
     """
-    from hdassist.loading.load import load_preset
-    from hdassist.loading.write import new_preset, similar_preset
-    from hdassist.preset.requirements import read_requirements
-    from hdassist.terminal.files import write_text
 
-    asked = (coupling, shaft, like, pitch_diameter, teeth, ratio, torque, stiffness, lost_motion, accuracy)
-    if all(each is None for each in asked):
-        text = new_preset(name)
-    else:
-        other = load_preset(like if like is not None else "vzp160")
-        wish = read_requirements(
-            other, coupling=coupling, shaft=shaft, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque,
-            stiffness=stiffness, lost_motion=lost_motion, accuracy=accuracy,
-        )  # fmt: skip
-        text = similar_preset(name, other, wish)
-    write_text(output, text, force)
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")]
+
+    def run(self) -> int:
+        """Write the preset; returns the exit code."""
+        from hdassist.loading.load import load_preset
+        from hdassist.loading.write import new_preset, similar_preset
+        from hdassist.preset.requirements import read_requirements
+        from hdassist.terminal.files import write_text
+
+        wish = asdict(self.only(WishOptions))
+        if all(each is None for each in wish.values()):
+            text = new_preset(self.name)
+        else:
+            like = wish.pop("like")
+            other = load_preset("vzp160" if like is None else like)
+            text = similar_preset(
+                self.name, other, read_requirements(other, diameter=wish.pop("pitch_diameter"), **wish)
+            )
+        write_text(self.output, text, self.force)
+        return 0
 
 
-@presets_app.command()
-def schema(
-    output: o.Target = "-",
-    force: o.Force = False,
-    debug: o.Debug = False,  # noqa: ARG001 (main reads it)
-) -> None:
+@presets_app.command("schema", cls=Command)
+@dataclass(frozen=True, kw_only=True)
+class PresetsSchemaCommand(TextOptions):
     """JSON Schema of presets, for editors that complete and check YAML.
 
     \b
     Examples:
       hdassist presets schema -o preset.schema.json
     """
-    from hdassist.preset.schema import preset_schema
-    from hdassist.terminal.answers import json_text
-    from hdassist.terminal.files import write_text
 
-    write_text(output, json_text(preset_schema()), force)
+    def run(self) -> int:
+        """Write the schema; returns the exit code."""
+        from hdassist.preset.schema import preset_schema
+        from hdassist.terminal.answers import json_text
+        from hdassist.terminal.files import write_text
+
+        write_text(self.output, json_text(preset_schema()), self.force)
+        return 0
 
 
 def _print_json(answer: dict[str, Any]) -> None:

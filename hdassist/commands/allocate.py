@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
@@ -13,33 +14,14 @@ from hdassist.terminal import options as o
 DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
 
 
-@o.with_groups
-def allocate_command(
-    preset: o.Preset,
-    *,
-    drives: DrawOptions,
-    wanted: Annotated[
-        float, typer.Option("--yield", min=0.01, max=0.999, help="Share of drives that is to pass.")
-    ] = 0.95,
-    count: Annotated[
-        int, typer.Option("-n", min=20, max=100_000, help="Random drives that prove the tolerances.")
-    ] = 250,
-    sure: Annotated[
-        float, typer.Option(min=0.5, max=0.999, help="Probability with which the tolerances are to reach the yield.")
-    ] = 0.95,
-    mounting: Annotated[
-        bool, typer.Option("--mounting/--as-built", help="Also with each wheel turned to its best hole.")
-    ] = True,
-    classes: Annotated[bool, typer.Option("--classes", help="Also with teeth of whole ISO 1328-1 classes.")] = False,
-    work: o.WorkOptions,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
     """The cheapest tolerances with which enough drives pass, as built and with each fixed wheel in its best hole.
 
     \b
     Examples:
       hdassist allocate vzp160 --torque 80 --limit 20
-      hdassist allocate vzp160 --limit 80:20 --limit 800:6 --yield 0.99 --classes
+      hdassist allocate vzp160 --limit 20 --limit F_ior@800=6 --classes
       hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
     Tolerances are recommended only where they reach the yield with a probability of --sure over all that is not known
@@ -49,47 +31,67 @@ def allocate_command(
     Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is shown to reach it, 2 wrong usage, 4 bad preset, 5 no
     trustworthy answer, 130 stopped.
     """
-    from hdassist.commands.draw_options import require_limits
-    from hdassist.error.self_error import self_error
-    from hdassist.errors import UsageError
-    from hdassist.pages.allocate import Allocated, allocate_answer
-    from hdassist.terminal.runs import give
-    from hdassist.tolerance.allocation import Allocator
-    from hdassist.tolerance.production import Production, RandomDrive
-    from hdassist.tolerance.sensitivity import to_measure
-    from hdassist.tolerance.stream import collected
-    from hdassist.tolerance.yields import rooms
 
-    out = options.open()
-    drive = drives.load(preset)
-    law, torques, limits = drives.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
-    own = [found.range_arcsec for found in self_error(drive, torques)]
-    room = rooms(limits, own)
-    if room is None:
-        worst = max(range(len(own)), key=lambda t: own[t] - limits[t])
-        raise UsageError(
-            f"the self error alone is {own[worst]:.1f} arcsec at {torques[worst]:g} N*m, the limit {limits[worst]:g}",
-            "no tolerance changes that: a limit above it, or another wave or clearance",
+    preset: o.Preset
+    wanted: Annotated[
+        float, typer.Option("--yield", metavar="SHARE", min=0.01, max=0.999, help="Share of drives that is to pass.")
+    ] = 0.95
+    count: Annotated[
+        int, typer.Option("-n", metavar="N", min=20, max=100_000, help="Random drives that prove the tolerances.")
+    ] = 250
+    sure: Annotated[
+        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of the yield that is needed.")
+    ] = 0.95
+    mounting: Annotated[
+        bool, typer.Option("--mounting/--as-built", help="Also with each wheel turned to its best hole.")
+    ] = True
+    classes: Annotated[bool, typer.Option("--classes", help="Also with teeth of whole ISO 1328-1 classes.")] = False
+
+    def run(self) -> int:
+        """Choose the tolerances; returns the exit code."""
+        from hdassist.commands.draw_options import require_limits
+        from hdassist.error.self_error import self_error
+        from hdassist.errors import UsageError
+        from hdassist.pages.allocate import Allocated, allocate_answer
+        from hdassist.terminal.runs import give
+        from hdassist.tolerance.allocation import Allocator
+        from hdassist.tolerance.production import Production, RandomDrive
+        from hdassist.tolerance.sensitivity import to_measure
+        from hdassist.tolerance.stream import collected
+        from hdassist.tolerance.yields import rooms
+
+        out = self.open()
+        drive = self.load(self.preset)
+        law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
+        own = [found.range_arcsec for found in self_error(drive, torques)]
+        room = rooms(limits, own)
+        if room is None:
+            worst = max(range(len(own)), key=lambda t: own[t] - limits[t])
+            words = f"the self error alone is {own[worst]:.1f} arcsec at {torques[worst]:g} N*m"
+            hint = "no tolerance changes that: a limit above it, or another wave or clearance"
+            raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
+        production = Production.of(
+            law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=DRIVES_PER_DESIGN, steps=True
         )
-    production = Production.of(
-        law, torques, mounting=mounting, limits=room, seed=drives.seed, per_design=DRIVES_PER_DESIGN, steps=True
-    )
-    if not law.tolerances:
-        raise UsageError("no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0")
-    with work.pools() as pool:
+        if not law.tolerances:
+            raise UsageError(
+                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
+            )
+        with self.pools() as pool:
 
-        def records(production: Production, drives: int) -> list[RandomDrive]:
-            with out.progress(drive.name, drives) as progress:
-                return collected(production.records, drives, pool, progress)
+            def records(production: Production, drives: int) -> list[RandomDrive]:
+                with out.progress(drive.name, drives) as progress:
+                    return collected(production.records, drives, pool, progress)
 
-        with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-            production, samples = production.with_designs(count, run=Run(executor, progress))
-        allocator = Allocator(production, tuple(room), wanted, sure, records, count)
-        ways = []
-        for turned in (False, True) if mounting else (False,):
-            ways.append(allocator.cheapest(turned))
-            if classes and ways[-1].fits:
-                ways.append(allocator.in_classes(ways[-1]))
-    gains = to_measure(law, samples, 0) if samples else ()
-    found = Allocated(law, wanted, sure, limits, own, allocator.choices, ways, drives.seed, gains)
-    raise typer.Exit(give("allocate", [allocate_answer(found)], options, out))
+            states = production.design_states(self.count)
+            with pool() as (executor, _), out.progress("designs", states) as progress:
+                production, samples = production.with_designs(self.count, run=Run(executor, progress))
+            allocator = Allocator(production, tuple(room), self.wanted, self.sure, records, self.count)
+            ways = []
+            for turned in (False, True) if self.mounting else (False,):
+                ways.append(allocator.cheapest(turned))
+                if self.classes and ways[-1].fits:
+                    ways.append(allocator.in_classes(ways[-1]))
+        gains = to_measure(law, samples, 0) if samples else ()
+        found = Allocated(law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains)
+        return give("allocate", [allocate_answer(found)], self, out)

@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
+if TYPE_CHECKING:
+    from hdassist.terminal.runs import Answer
 
-@o.with_groups
-def calibrate_command(
-    preset: o.Preset,
-    *,
-    targets: Annotated[Path, typer.Option("--targets", metavar="FILE", help="What to find, and what is known (YAML).")],
-    write: Annotated[
-        str | None, typer.Option("--write", metavar="FILE", help="Write the preset with the values found to FILE.")
-    ] = None,
-    state: Annotated[
-        Path | None, typer.Option("--state", metavar="FILE", help="Remember what was computed; go on from there.")
-    ] = None,
-    evaluations: Annotated[
-        int, typer.Option(min=8, max=100_000, help="Drives that least squares is started from the best of.")
-    ] = 128,
-    jobs: o.Jobs = 0,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of these drives.")] = 0,
-    drives: o.DriveOptions,
-    options: o.AnswerOptions,
-) -> None:
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     """Find stiffnesses, clearances or any other measures of a preset from what is known of the drive.
 
     \b
@@ -55,58 +42,78 @@ def calibrate_command(
     none does, targets and bounds in the way are named. Ctrl-C keeps the --state file, from which the same command
     goes on. Exit code 5: the fit did not come to rest.
     """
-    from hdassist.calibration.calibrate import calibrate, estimate_drives
-    from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
-    from hdassist.calibration.targets import read_targets
-    from hdassist.errors import UsageError
-    from hdassist.loading.write import with_found_values
-    from hdassist.pages.calibrate import calibrate_answer
-    from hdassist.preset.fields import IDENTIFIED_WITH
-    from hdassist.preset.library import READ_AT_MOST, read_preset
-    from hdassist.run.kept import open_kept
-    from hdassist.run.processes import workers
-    from hdassist.run.stops import at_stop
-    from hdassist.terminal.files import take_output, write_text
-    from hdassist.terminal.output import note
-    from hdassist.terminal.runs import Answer, give, run_each
-    from hdassist.textfile import read_bytes
 
-    o.stdin_once(preset, str(targets))
-    out, changed = options.open(), ""
-    if write is not None:
-        take_output(write, options.force)
-        if preset == "-" or drives.overrides:
-            raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
+    preset: o.Preset
+    targets: Annotated[
+        Path, typer.Option("--targets", metavar="FILE", show_default=False, help="What to find, what is known (YAML).")
+    ]
+    write: Annotated[
+        str | None, typer.Option("--write", metavar="FILE", help="Write the preset with the values found.")
+    ] = None
+    state: Annotated[
+        Path | None, typer.Option("--state", metavar="FILE", help="Keep what was computed; go on from there.")
+    ] = None
+    evaluations: Annotated[
+        int, o.advanced_option(metavar="N", min=8, max=100_000, help="Drives to choose starts of least squares from.")
+    ] = 128
+    seed: Annotated[int, o.advanced_option(metavar="N", min=0, max=2**32 - 1, help="Seed of these drives.")] = 0
+    jobs: o.Jobs = 0
 
-    def one(name: str) -> Answer:
-        nonlocal changed
-        drive = drives.load(name)
-        text, _ = read_bytes(targets, READ_AT_MOST)
-        wanted = read_targets(text, str(targets), drive)
-        given = read_preset(name)[0].decode("utf-8-sig") if write is not None else ""
-        if write is not None:  # a text that cannot be changed is better known before than after
-            with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
-        if state is not None:
-            take_output(str(state), force=True, is_kept=True)
-        words = f"{state} keeps what was computed: the same command goes on from there" if state is not None else ""
-        file, owner = None if state is None else str(state), evaluations_owner(drive, wanted)
-        with (
-            open_kept(file, owner, evaluations_kind(wanted)) as kept,
-            at_stop(lambda: words),
-            out.progress(drive.name, estimate_drives(wanted, evaluations)) as progress,
-            workers(jobs) as executor,
-        ):
-            known = Evaluations(drive, wanted, Run(executor, progress, seed), kept)
-            if known.remembered:
-                note(f"going on from {state}: {known.remembered} drives are known")
-            result = calibrate(drive, wanted, known, points=evaluations)
-        if write is not None:
-            best, *others = (wanted.by_path(fit.values) for fit in result.fits)
-            ref = f"hdassist calibrate, {wanted.name or targets.name}"
-            model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
-            changed = with_found_values(given, name, best, ref, others, model)
-        return calibrate_answer(result)
+    def run(self) -> int:
+        """Find the values; returns the exit code."""
+        from hdassist.calibration.calibrate import calibrate, estimate_drives
+        from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
+        from hdassist.calibration.targets import read_targets
+        from hdassist.errors import UsageError
+        from hdassist.loading.write import with_found_values
+        from hdassist.pages.calibrate import calibrate_answer
+        from hdassist.preset.fields import IDENTIFIED_WITH
+        from hdassist.preset.library import READ_AT_MOST, read_preset
+        from hdassist.run.kept import open_kept
+        from hdassist.run.processes import workers
+        from hdassist.run.stops import at_stop
+        from hdassist.terminal.files import take_output, write_text
+        from hdassist.terminal.output import note
+        from hdassist.terminal.runs import give, run_each
+        from hdassist.textfile import read_bytes
 
-    give("calibrate", run_each("calibrate", [preset], one, options, keep_failures=False), options, out)
-    if write is not None:
-        write_text(write, changed, options.force)
+        o.stdin_once(self.preset, str(self.targets))
+        out, changed = self.open(), ""
+        if self.write is not None:
+            take_output(self.write, self.force)
+            if self.preset == "-" or self.overrides:
+                raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
+
+        def one(name: str) -> Answer:
+            nonlocal changed
+            drive = self.load(name)
+            text, _ = read_bytes(self.targets, READ_AT_MOST)
+            wanted = read_targets(text, str(self.targets), drive)
+            given = read_preset(name)[0].decode("utf-8-sig") if self.write is not None else ""
+            if self.write is not None:  # a text that cannot be changed is better known before than after
+                with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
+            if self.state is not None:
+                take_output(str(self.state), force=True, is_kept=True)
+            words = f"{self.state} keeps what was computed: the same command goes on from there" * bool(self.state)
+            file, owner = None if self.state is None else str(self.state), evaluations_owner(drive, wanted)
+            with (
+                open_kept(file, owner, evaluations_kind(wanted)) as kept,
+                at_stop(lambda: words),
+                out.progress(drive.name, estimate_drives(wanted, self.evaluations)) as progress,
+                workers(self.jobs) as executor,
+            ):
+                known = Evaluations(drive, wanted, Run(executor, progress, self.seed), kept)
+                if known.remembered:
+                    note(f"going on from {self.state}: {known.remembered} drives are known")
+                result = calibrate(drive, wanted, known, points=self.evaluations)
+            if self.write is not None:
+                best, *others = (wanted.by_path(fit.values) for fit in result.fits)
+                ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
+                model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
+                changed = with_found_values(given, name, best, ref, others, model)
+            return calibrate_answer(result)
+
+        code = give("calibrate", run_each("calibrate", [self.preset], one, self, keep_failures=False), self, out)
+        if self.write is not None:
+            write_text(self.write, changed, self.force)
+        return code

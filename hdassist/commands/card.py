@@ -1,19 +1,15 @@
-"""Options and the end that `hdassist mount` and `hdassist trials` share: how to choose, and the assembly card."""
+"""The assembly card that `hdassist mount` and `hdassist trials` write beside their answer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import date
-from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
-from hdassist.numerals import number_of
-from hdassist.terminal.options import AnswerOptions, CardOptions, OptionGroup
+from hdassist.terminal.options import AnswerOptions, CardOptions
 
 if TYPE_CHECKING:
     from hdassist.pages.card import CardFacts
@@ -23,29 +19,6 @@ if TYPE_CHECKING:
 
 CARD_SUFFIXES = (".txt", ".md", ".html")
 SERIAL = 60  # letters that a serial number may have
-
-
-@dataclass(frozen=True)
-class ChoiceOptions(OptionGroup):
-    """What decides between positions."""
-
-    weights: Annotated[
-        str | None, typer.Option(metavar="W,W", help="Weights of the torques in the choice, in their order.")
-    ] = None
-    criterion: Annotated[
-        str, typer.Option(metavar="NAME", help="What decides over losses: expected, worst, or quantile:0.9.")
-    ] = "expected"
-
-    def numbers(self) -> list[float] | None:
-        """The weights as numbers. Raises UsageError for what is none."""
-        if self.weights is None:
-            return None
-        weights = [number_of(word) for word in self.weights.split(",")]
-        if any(map(isnan, weights)):
-            raise UsageError(
-                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
-            )
-        return weights
 
 
 @dataclass(frozen=True)
@@ -60,7 +33,7 @@ class CardFile:
     force: bool
 
     @classmethod
-    def open(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
+    def asked(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
         """The card that options ask for, None without any.
 
         Arguments: asked; options of the other answers, and out, where they go. Raises UsageError and DataError before

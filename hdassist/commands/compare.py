@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,51 +15,11 @@ if TYPE_CHECKING:
     from hdassist.terminal.runs import Answer
 
 PRESET_SUFFIXES = (".yaml", ".yml")
-
-Others = Annotated[
-    list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
-]
+OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that say nothing of presets, beside TraceOptions
 
 
-@o.with_groups
-def compare_command(
-    preset: o.Preset,
-    files: Others,
-    *,
-    torque: Annotated[
-        float | None,
-        typer.Option("--torque", help="Torque M_g in N*m.", show_default="the preset's only one; all of presets"),
-    ] = None,
-    start: Annotated[
-        str, typer.Option("--phi-g0", metavar="DEG", help="Angle of the output at phi_h = 0, or fit.")
-    ] = "fit",
-    zero: Annotated[
-        str | None,
-        typer.Option(
-            "--cam-zero",
-            metavar="DEG",
-            help="phi_h where the rig's cam angle is 0, or fit.",
-            show_default="0; by --phi-g0 or fit for angles of the output",
-        ),
-    ] = None,
-    error_is: Annotated[
-        Literal["cam-output", "output-cam"],
-        typer.Option(
-            help="What a column of errors is: cam/ratio - output (F_kpp, as trace writes it) or the opposite."
-        ),
-    ] = "cam-output",
-    cam_sense: Annotated[
-        Literal["ccw", "cw"], typer.Option(help="How the file's angle counts, seen from the cam side.")
-    ] = "ccw",
-    traces: o.TraceOptions,
-    seed: o.Bootstrap = 0,
-    draws: o.DrawsOption = 64,
-    jobs: o.Jobs = 0,
-    drives: o.DriveOptions,
-    plot: o.Plot = True,
-    details: o.Details = False,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.DriveOptions):
     """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
 
     \b
@@ -77,51 +38,120 @@ def compare_command(
     stiffness; which field does most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
-    if any(map(is_preset, files)):
-        plain = (start, zero, error_is, cam_sense, traces) == ("fit", None, "cam-output", "ccw", o.TraceOptions())
-        _require_presets(files, plain=plain)
-        code = _compare_presets([preset, *files], torque, drives, (draws, seed, jobs), options, details=details)
-        raise typer.Exit(code)
 
-    from dataclasses import replace
-    from functools import partial
+    preset: o.Preset
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
+    ]
+    torque: Annotated[
+        float | None,
+        o.drive_option("--torque", metavar="N*M", show_default="the only one; all of presets", help="Torque M_g."),
+    ] = None
+    start: Annotated[
+        str, o.trace_option("--phi-g0", metavar="DEG", help="Angle of the output at phi_h = 0, or fit.")
+    ] = "fit"
+    zero: Annotated[
+        str | None, o.trace_option("--cam-zero", metavar="DEG", help="phi_h where the rig's cam angle is 0, or fit.")
+    ] = None
+    error_is: Annotated[
+        Literal["cam-output", "output-cam"],
+        o.trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
+    ] = "cam-output"
+    cam_sense: Annotated[
+        Literal["ccw", "cw"], o.trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
+    ] = "ccw"
+    plot: o.Plot = True
+    details: o.Details = False
 
-    from hdassist.comparing.compare import FIT_STATES, RecordConvention, compare, torque_of, zero_of
-    from hdassist.measuring.orders import parse_orders
-    from hdassist.measuring.uncertainty import parse_stated
-    from hdassist.model.kinematics import Kinematics
-    from hdassist.model.unknown import unknown_notes
-    from hdassist.pages.compare import comparison_answer
-    from hdassist.readers.trace import read_trace
-    from hdassist.run.run import Run
-    from hdassist.solve.window import in_wide_enough_window
-    from hdassist.terminal.answers import failure
-    from hdassist.terminal.output import warn
-    from hdassist.terminal.runs import give, run_each
+    def run(self) -> int:
+        """Compare; returns the exit code."""
+        return self._compare_presets() if any(map(is_preset, self.files)) else self._compare_traces()
 
-    o.stdin_once(*files, preset)
-    out = options.open()
-    angles = o.degrees_or_fit("--phi-g0", start), o.degrees_or_fit("--cam-zero", zero or "0")
-    asked = RecordConvention(*angles, error_is, cam_sense)
-    orders, stated = parse_orders(traces.orders or None), parse_stated(traces.budget)
-    how = partial(compare, orders=orders, drift=traces.drift, stated=stated)
-    drive = drives.load(preset, *o.torque_overrides(torque))
-    M_g, form = torque_of(drive), traces.form()
-    warnings = dict.fromkeys((*drive.origin.warnings, *unknown_notes(drive)))
+    def _compare_traces(self) -> int:
+        """Compare measured traces with the drive; returns the exit code."""
+        from dataclasses import replace
+        from functools import partial
 
-    def one(name: str) -> Answer:
-        trace = read_trace(name, form, abs(Kinematics.of(drive).u))
-        convention = asked if zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
-        with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
-            analysis = partial(how, trace, M_g=M_g, convention=convention, run=Run(progress=progress, seed=seed))
-            result = in_wide_enough_window(drive, analysis)
-        warnings.update(dict.fromkeys(result.drive.origin.warnings))
-        return comparison_answer(result, plots=plot, details=details)
+        from hdassist.comparing.compare import FIT_STATES, RecordConvention, compare, torque_of, zero_of
+        from hdassist.loading.load import load_preset
+        from hdassist.measuring.orders import parse_orders
+        from hdassist.measuring.uncertainty import parse_stated
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.model.unknown import unknown_notes
+        from hdassist.pages.compare import comparison_answer
+        from hdassist.readers.trace import read_trace
+        from hdassist.run.run import Run
+        from hdassist.solve.window import in_wide_enough_window
+        from hdassist.terminal.answers import failure
+        from hdassist.terminal.output import warn
+        from hdassist.terminal.runs import give, run_each
 
-    answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
-    for text in warnings:
-        warn(text)
-    raise typer.Exit(give("compare", answers, options, out))
+        o.stdin_once(*self.files, self.preset)
+        out = self.open()
+        angles = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
+        asked = RecordConvention(*angles, self.error_is, self.cam_sense)
+        orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
+        how = partial(compare, orders=orders, drift=self.drift, stated=stated)
+        drive = load_preset(self.preset, [*self.changes, *o.torque_overrides(self.torque)])
+        M_g, form = torque_of(drive), self.form()
+        warnings = dict.fromkeys((*drive.origin.warnings, *unknown_notes(drive)))
+
+        def one(name: str) -> Answer:
+            trace = read_trace(name, form, abs(Kinematics.of(drive).u))
+            convention = asked if self.zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
+            with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
+                run = Run(progress=progress, seed=self.seed)
+                analysis = partial(how, trace, M_g=M_g, convention=convention, run=run)
+                result = in_wide_enough_window(drive, analysis)
+            warnings.update(dict.fromkeys(result.drive.origin.warnings))
+            return comparison_answer(result, plots=self.plot, details=self.details)
+
+        answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))
+        for text in warnings:
+            warn(text)
+        return give("compare", answers, self, out)
+
+    def _compare_presets(self) -> int:
+        """Compare presets; returns the exit code.
+
+        Raises UsageError where traces stand among presets, options are asked for that belong to traces, or the torque
+        is none.
+        """
+        from hdassist.comparing.drives import common_torques, compare_drives, estimate_comparison
+        from hdassist.pages.compare_presets import comparison_warnings, drives_answer
+        from hdassist.run.processes import workers
+        from hdassist.run.run import Run
+        from hdassist.terminal.answers import failure
+        from hdassist.terminal.output import warn
+        from hdassist.terminal.runs import give, run_each
+
+        if traces := [name for name in self.files if not is_preset(name)]:
+            words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
+            raise UsageError(words, "a preset is a name of the library or a .yaml file; compare presets, or traces")
+        plain = all(getattr(self, name) == getattr(type(self), name) for name in OF_TRACES)
+        if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
+            raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
+        names = [self.preset, *self.files]
+        o.stdin_once(*names)
+        out = self.open()
+
+        def one(_: str) -> Answer:
+            loaded = [self.load(name) for name in names]
+            if self.torque is not None and not (self.torque and loaded[0].allows("operation.M_g", self.torque)):
+                raise UsageError(f"invalid --torque {self.torque:g}: expected a torque in N*m up to 1e7, and not 0")
+            torques = common_torques(loaded) if self.torque is None else (self.torque,)
+            states = estimate_comparison(loaded, torques, self.draws)
+            words = ", ".join(drive.name for drive in loaded)
+            with out.progress(words, states) as progress, workers(self.jobs) as executor:
+                run = Run(executor, progress, self.seed)
+                result = compare_drives(loaded, torques, draws=self.draws, run=run)
+            for text in comparison_warnings(result):
+                warn(text)
+            return drives_answer(result, seed=self.seed, details=self.details)
+
+        schema = "compare-presets"
+        answers = run_each(schema, [""], one, self, failed=lambda _, e: failure(schema, e, preset=names[0]))
+        return give(schema, answers, self, out)
 
 
 def is_preset(name: str) -> bool:
@@ -129,54 +159,3 @@ def is_preset(name: str) -> bool:
     from hdassist.preset.library import preset_names
 
     return Path(name).suffix.lower() in PRESET_SUFFIXES or name in preset_names()
-
-
-def _require_presets(names: list[str], *, plain: bool) -> None:
-    """Raise UsageError where traces stand among presets, or options are asked for that belong to traces."""
-    if traces := [name for name in names if not is_preset(name)]:
-        words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, names))} for a preset"
-        raise UsageError(words, "a preset is a name of the library or a .yaml file; compare presets, or traces")
-    if not plain:
-        raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
-
-
-def _compare_presets(
-    names: list[str],
-    torque: float | None,
-    drives: o.DriveOptions,
-    work: tuple[int, int, int],
-    options: o.FigureOptions,
-    *,
-    details: bool,
-) -> int:
-    """Compare presets and give the answer; returns the exit code.
-
-    Arguments: names; torque [N*m], None for those that all have; drives; work: draws, seed and jobs; options; details,
-    whether all tables are shown. Raises UsageError for a torque that is none.
-    """
-    from hdassist.comparing.drives import common_torques, compare_drives, estimate_comparison
-    from hdassist.pages.compare_presets import comparison_warnings, drives_answer
-    from hdassist.run.processes import workers
-    from hdassist.run.run import Run
-    from hdassist.terminal.answers import failure
-    from hdassist.terminal.output import warn
-    from hdassist.terminal.runs import give, run_each
-
-    o.stdin_once(*names)
-    out, (draws, seed, jobs) = options.open(), work
-
-    def one(_: str) -> Answer:
-        loaded = [drives.load(name) for name in names]
-        if torque is not None and not (torque and loaded[0].allows("operation.M_g", torque)):
-            raise UsageError(f"invalid --torque {torque:g}: expected a torque in N*m up to 1e7, and not 0")
-        torques = common_torques(loaded) if torque is None else (torque,)
-        total = estimate_comparison(loaded, torques, draws)
-        with out.progress(", ".join(drive.name for drive in loaded), total) as progress, workers(jobs) as executor:
-            result = compare_drives(loaded, torques, draws=draws, run=Run(executor, progress, seed))
-        for text in comparison_warnings(result):
-            warn(text)
-        return drives_answer(result, seed=seed, details=details)
-
-    schema = "compare-presets"
-    answers = run_each(schema, [""], one, options, failed=lambda _, e: failure(schema, e, preset=names[0]))
-    return give(schema, answers, options, out)

@@ -1,15 +1,9 @@
 """Options of commands that draw random drives: what they are drawn from, and the limits they are held against."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, field
-from math import isfinite
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
-
-import typer
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from hdassist.errors import DataError, UsageError
-from hdassist.numerals import number_of
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -17,36 +11,30 @@ if TYPE_CHECKING:
     from hdassist.tolerance.law import ProductionLaw, SizeLaw
 
 
-@dataclass(frozen=True)
-class DrawOptions(o.LoadedDriveOptions):
-    """How drives are drawn, and what they are held against."""
+@dataclass(frozen=True, kw_only=True)
+class DrawOptions(o.LimitedDriveOptions):
+    """How random drives are drawn."""
 
-    panel: ClassVar[str] = "Drives"
-
-    limit: Annotated[
-        list[str],
-        typer.Option(metavar="[M_G:]ARCSEC", help="Limit of F'_ior with the self error: 30, or 80:30. Repeatable."),
-    ] = field(default_factory=list)
     distribution: Annotated[
-        Literal["rayleigh", "uniform", "fixed"], typer.Option(help="How sizes that are given scatter up to them.")
+        Literal["rayleigh", "uniform", "fixed"],
+        o.drive_option(metavar="NAME", help="Scatter of given sizes: rayleigh, uniform or fixed."),
     ] = "rayleigh"
     scatter: Annotated[
         list[str],
-        typer.Option(
-            metavar="FIELD=NAME|FILE", help="The same of one field, or a file of values measured of it. Repeatable."
+        o.drive_option(
+            metavar="FIELD=NAME|FILE", default_factory=list, show_default=False,
+            help="The same of one field, or a file of its values.",
         ),
-    ] = field(default_factory=list)
+    ]  # fmt: skip
     known: Annotated[
         list[str],
-        typer.Option(metavar="FIELD", help="A direction that is as the preset has it, not any. Repeatable."),
-    ] = field(default_factory=list)
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the random drives.")] = 0
+        o.drive_option(
+            metavar="FIELD", default_factory=list, show_default=False, help="A direction that is as the preset has it."
+        ),
+    ]
+    seed: o.SeedOption = 0
 
-    def load(self, preset: str, *more: str) -> Drive:
-        """The drive of a preset with overrides, torques and limits. Raises DataError, PresetError or UsageError."""
-        return super().load(preset, *more, *map(_limit_override, self.limit))
-
-    def law(self, drive: Drive, *, chosen: bool = False) -> ProductionLaw:
+    def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
         """What random drives are drawn from; chosen, whether sizes that are assumed are tolerances to choose too.
 
         Raises UsageError and DataError for invalid options.
@@ -62,33 +50,25 @@ class DrawOptions(o.LoadedDriveOptions):
         return found
 
 
-def require_limits(drive: Drive) -> list[float]:
+def require_limits(drive: "Drive") -> list[float]:
     """Limit of F'_ior [arcsec] at each torque. Raises UsageError where there is none at one of them."""
     limits = [drive.limit(M_g) for M_g in drive.operation.M_g]
     open_ = [M_g for M_g, limit in zip(drive.operation.M_g, limits, strict=True) if limit is None]
     if open_:
-        hint = f"--limit 30, --limit {open_[0]:g}:30, or --torque for those that have one"
+        hint = f"--limit 30, --limit F_ior@{open_[0]:g}=30, or --torque for those that have one"
         raise UsageError(f"no limit of F'_ior at {open_[0]:g} N*m", hint)
     return [limit for limit in limits if limit is not None]
 
 
-def _limit_override(text: str) -> str:
-    torque, colon, limit = text.rpartition(":")
-    for number in (torque, limit) if colon else (limit,):
-        if not isfinite(number_of(number)):
-            raise UsageError(f"--limit: not a limit in arcsec (got {text or 'nothing'})", "like 30, or 80:30 at 80 N*m")
-    return f"acceptance.F_ior.{torque}={limit}" if colon else f"acceptance.F_ior={limit}"
-
-
-def _scatter_of(text: str) -> tuple[str, SizeLaw | list[float]]:
+def _scatter_of(text: str) -> "tuple[str, SizeLaw | list[float]]":
     """A field, and its distribution or the values measured of it."""
     from hdassist.tolerance.law import SIZE_LAWS
 
-    path, _, what = text.partition("=")
-    if not what:
-        raise UsageError(f"--scatter: not of the form FIELD=NAME or FIELD=FILE (got {text or 'nothing'})")
+    path, _, source = text.partition("=")
+    if not source:
+        raise UsageError(f"invalid --scatter {text!r}: expected FIELD=NAME or FIELD=FILE")
     named: dict[str, SizeLaw] = {name: name for name in SIZE_LAWS}
-    return path, named[what] if what in named else _measured(what)
+    return path, named[source] if source in named else _measured(source)
 
 
 def _measured(file: str) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
@@ -10,19 +11,8 @@ from hdassist.terminal import completion
 from hdassist.terminal import options as o
 
 
-@o.with_groups
-def explain_command(
-    names: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[NAME]...",
-            help="Codes of checks and errors, fields, symbols, quantities, words.",
-            autocompletion=completion.completed_names,
-        ),
-    ] = [],  # noqa: B006 (typer copies it)
-    *,
-    options: o.PageOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ExplainCommand(o.PageOptions):
     """What a check, an error, a field, a symbol, a quantity or a word of the trade is, and what to change.
 
     \b
@@ -34,13 +24,26 @@ def explain_command(
 
     Without a name: all that there is.
     """
-    from hdassist.explaining.lookup import explained
-    from hdassist.pages import explain as page
-    from hdassist.terminal.answers import json_text
 
-    out = options.open()
-    found = list(dict.fromkeys(entry for name in names for entry in explained(name)))
-    if options.json:
-        out.text(json_text(page.explain_json(found)))
-    else:
-        out.human(page.explain_page(found, out.style))
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[NAME]...", default_factory=list, show_default=False,
+            help="Codes of checks and errors, fields, symbols, quantities, words.",
+            autocompletion=completion.completed_names,
+        ),
+    ]  # fmt: skip
+
+    def run(self) -> int:
+        """Explain the names; returns the exit code."""
+        from hdassist.explaining.lookup import explained
+        from hdassist.pages import explain as page
+        from hdassist.terminal.answers import json_text
+
+        out = self.open()
+        found = list(dict.fromkeys(entry for name in self.names for entry in explained(name)))
+        if self.json:
+            out.text(json_text(page.explain_json(found)))
+        else:
+            out.human(page.explain_page(found, out.style))
+        return 0

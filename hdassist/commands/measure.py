@@ -1,31 +1,21 @@
-"""`hdassist measure`: what a measured trace says."""
+"""`hdassist measure`: F'_ior and orders of a measured trace."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hdassist.terminal import options as o
 
+if TYPE_CHECKING:
+    from hdassist.measuring.measure import Measurement
+    from hdassist.terminal.runs import Answer
 
-@o.with_groups
-def measure_command(
-    files: o.Traces,
-    *,
-    preset: Annotated[
-        str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
-    ] = None,
-    ratio: Annotated[
-        float | None,
-        typer.Option(help="Turns of the cam (wave generator) per output turn, where no drive is given."),
-    ] = None,
-    traces: o.TraceOptions,
-    seed: o.Bootstrap = 0,
-    plot: o.Plot = True,
-    details: o.Details = False,
-    options: o.FigureOptions,
-) -> None:
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureCommand(o.FigureOptions, o.TraceOptions):
     """F'_ior, orders and coverage of measured traces, with their uncertainty.
 
     \b
@@ -39,31 +29,47 @@ def measure_command(
     the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
     itself. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the record does not tell.
     """
-    from hdassist.loading.load import load_preset
-    from hdassist.measuring.cycle import gearing_of
-    from hdassist.measuring.measure import Measurement, measure
-    from hdassist.measuring.orders import parse_orders
-    from hdassist.measuring.uncertainty import parse_stated
-    from hdassist.pages.measure import measure_answer, repeats, repeats_line
-    from hdassist.readers.trace import read_trace
-    from hdassist.terminal.answers import failure
-    from hdassist.terminal.runs import Answer, give, run_each
 
-    o.stdin_once(*files, preset)
-    out = options.open()
-    stated, orders = parse_stated(traces.budget), parse_orders(traces.orders or None)
-    drive = load_preset(preset) if preset is not None else None
-    gearing = gearing_of(drive, ratio)
-    form = traces.form()
-    done: list[Measurement] = []
+    files: o.Traces
+    preset: Annotated[
+        str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
+    ] = None
+    ratio: Annotated[
+        float | None, typer.Option(metavar="N", help="Turns of the cam per output turn, where no drive is given.")
+    ] = None
+    plot: o.Plot = True
+    details: o.Details = False
+    seed: o.SeedOption = 0
 
-    def one(name: str) -> Answer:
-        trace = read_trace(name, form, gearing.ratio if gearing else None)
-        result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=traces.drift, stated=stated, seed=seed)
-        done.append(result)
-        return measure_answer(result, drive, plots=plot, details=details)
+    def run(self) -> int:
+        """Measure the traces; returns the exit code."""
+        from hdassist.loading.load import load_preset
+        from hdassist.measuring.cycle import gearing_of
+        from hdassist.measuring.measure import measure
+        from hdassist.measuring.orders import parse_orders
+        from hdassist.measuring.uncertainty import parse_stated
+        from hdassist.pages.measure import measure_answer, repeats, repeats_line
+        from hdassist.readers.trace import read_trace
+        from hdassist.terminal.answers import failure
+        from hdassist.terminal.runs import give, run_each
 
-    answers = run_each("measure", files, one, options, failed=lambda name, fault: failure("measure", fault, file=name))
-    several = repeats(done)
-    more, below = ({"repeat_runs": several}, [repeats_line(several)]) if several else ({}, [])
-    raise typer.Exit(give("measure", answers, options, out, more=more, below=below))
+        o.stdin_once(*self.files, self.preset)
+        out = self.open()
+        stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
+        drive = load_preset(self.preset) if self.preset is not None else None
+        gearing = gearing_of(drive, self.ratio)
+        form = self.form()
+        done: list[Measurement] = []
+
+        def one(name: str) -> Answer:
+            trace = read_trace(name, form, gearing.ratio if gearing else None)
+            result = measure(
+                trace, drive=drive, ratio=self.ratio, orders=orders, drift=self.drift, stated=stated, seed=self.seed
+            )
+            done.append(result)
+            return measure_answer(result, drive, plots=self.plot, details=self.details)
+
+        answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))
+        several = repeats(done)
+        more, below = ({"repeat_runs": several}, [repeats_line(several)]) if several else ({}, [])
+        return give("measure", answers, self, out, more=more, below=below)

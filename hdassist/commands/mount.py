@@ -3,53 +3,23 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdassist.commands.card import CardFile, ChoiceOptions, give_with_card
+from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
 
 
-@o.with_groups
-def mount_command(
-    preset: o.Preset,
-    *,
-    drives: o.LoadedDriveOptions,
-    step: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360; without it the holes alone."),
-    ] = None,
-    choosing: ChoiceOptions,
-    draws: Annotated[
-        int, typer.Option(min=0, help="Effective samples of what is not known exactly, at least (0: none).")
-    ] = 64,
-    probability: Annotated[
-        float, typer.Option(min=0, max=1, help="Probability of a gain for which a turn is ordered.")
-    ] = 0.95,
-    assume_phases: Annotated[
-        bool, typer.Option("--assume-phases", help="Take what the preset does not give as 0; the card says so.")
-    ] = False,
-    every_state: Annotated[
-        bool, typer.Option("--every-state", help="Solve every state at every position instead of searching.")
-    ] = False,
-    cross_check: o.CrossCheckOption = "highs",
-    seed: o.SeedOption = 0,
-    jobs: o.Jobs = 0,
-    plot: o.Plot = True,
-    pitch: o.PitchOptions,
-    card: o.CardOptions,
-    details: o.Details = False,
-    options: o.FigureOptions,
-    moved: Annotated[
-        list[str],
-        typer.Option("--trial", "--verify", "--trial-torque", "--noise", "--reseat", hidden=True),
-    ] = [],  # noqa: B006 (typer copies it)
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class MountCommand(
+    o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.ChoiceOptions, o.LoadedDriveOptions
+):
     """Where to mount the fixed wheel: the hole of its seat with the least error F'_ior.
 
     \b
@@ -77,49 +47,70 @@ def mount_command(
 
     Ctrl-C ends the work early and prints what is done (exit code 130).
     """
-    from hdassist.errors import UsageError
-    from hdassist.model.unknown import with_zeros
-    from hdassist.mounting.advice import advice_states, advise
-    from hdassist.pages.mount import mount_card_facts, mount_report
-    from hdassist.run.processes import workers
-    from hdassist.run.run import Run
-    from hdassist.solve.answers import EMPTY
-    from hdassist.solve.window import in_wide_enough_window
-    from hdassist.terminal.output import note
-    from hdassist.terminal.runs import answer_of
-    from hdassist.terminal.wheels import PitchFiles
 
-    if moved:
-        raise UsageError("trials have a command of their own", "like hdassist trials PRESET h0:28.1 h4:17.3")
-    out = options.open()
-    card_file = CardFile.open(card, options, out)
-    files = PitchFiles.asked([preset], pitch)
-    drive = drives.load(preset)
-    drive = with_zeros(drive) if assume_phases else drive
-    measured = files.read(drive)
-    torques, rotations, weights = drive.operation.M_g, _rotations(drive, step), choosing.numbers()
-    begun = time.monotonic()
-    total = advice_states(drive, torques, rotations, every_state=every_state, draws=draws, measured=measured)
-    with out.progress(drive.name, total) as progress, workers(jobs) as executor:
-        analysis = partial(
-            advise,
-            torques=torques,
-            rotations_deg=rotations,
-            measured=measured,
-            every_state=every_state,
-            weights=weights,
-            draws=draws,
-            criterion=choosing.criterion,
-            needed=probability,
-            run=Run(executor, progress, seed, cross_check),
+    preset: o.Preset
+    step: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360.", show_default="holes")
+    ] = None
+    probability: Annotated[
+        float, typer.Option(metavar="P", min=0, max=1, help="Probability of a gain for which a turn is ordered.")
+    ] = 0.95
+    assume_phases: Annotated[
+        bool, typer.Option("--assume-phases", help="Take unknown deviations as 0; the card says so.")
+    ] = False
+    every_state: Annotated[
+        bool, o.advanced_option("--every-state", help="Solve every state of every position, search none.")
+    ] = False
+    plot: o.Plot = True
+    details: o.Details = False
+    cross_check: o.CrossCheckOption = "highs"
+
+    def run(self) -> int:
+        """Find the position; returns the exit code."""
+        from hdassist.model.unknown import with_zeros
+        from hdassist.mounting.advice import advice_states, advise
+        from hdassist.pages.mount import mount_card_facts, mount_report
+        from hdassist.run.processes import workers
+        from hdassist.run.run import Run
+        from hdassist.solve.answers import EMPTY
+        from hdassist.solve.window import in_wide_enough_window
+        from hdassist.terminal.output import note
+        from hdassist.terminal.runs import answer_of
+        from hdassist.terminal.wheels import PitchFiles
+
+        out = self.open()
+        card = CardFile.asked(self, self, out)
+        files = PitchFiles.asked([self.preset], self)
+        drive = self.load(self.preset)
+        drive = with_zeros(drive) if self.assume_phases else drive
+        measured = files.read(drive)
+        torques, rotations, weights = drive.operation.M_g, _rotations(drive, self.step), self.numbers()
+        begun = time.monotonic()
+        states = advice_states(
+            drive, torques, rotations, every_state=self.every_state, draws=self.draws, measured=measured
         )
-        advice = in_wide_enough_window(drive, analysis)
-    if options.verbose:
-        proof = advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
-        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {proof}")
-    facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: mount_card_facts(advice, say)
-    told = answer_of(mount_report(advice, seed, carded=card_file is not None), plots=plot, details=details)
-    raise typer.Exit(give_with_card("mount", told, card_file, facts, options, out))
+        with out.progress(drive.name, states) as progress, workers(self.jobs) as executor:
+            analysis = partial(
+                advise,
+                torques=torques,
+                rotations_deg=rotations,
+                measured=measured,
+                every_state=self.every_state,
+                weights=weights,
+                draws=self.draws,
+                criterion=self.criterion,
+                needed=self.probability,
+                run=Run(executor, progress, self.seed, self.cross_check),
+            )
+            advice = in_wide_enough_window(drive, analysis)
+        if self.verbose:
+            proof = advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
+            note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {proof}")
+        ordered = not advice.curve.interrupted and advice.order != "none"
+        facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
+        report = mount_report(advice, self.seed, carded=card is not None)
+        answer = answer_of(report, plots=self.plot, details=self.details)
+        return give_with_card("mount", answer, card, facts, self, out)
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
@@ -11,15 +12,8 @@ from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 
-@o.with_groups
-def sensitivity_command(
-    preset: o.Preset,
-    *,
-    count: Annotated[int, typer.Option("-n", min=16, max=65536, help="Random drives, each of another design.")] = 96,
-    drives: DrawOptions,
-    work: o.WorkOptions,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
     """Which tolerance to tighten first, and how much a step takes off F'_ior; or what to measure before.
 
     \b
@@ -33,29 +27,38 @@ def sensitivity_command(
     percentile of F'_ior were with each tolerance a fifth tighter. Exit codes: 0 done, 2 wrong usage, 4 bad preset, 5 no
     trustworthy answer, 130 stopped.
     """
-    from dataclasses import replace
 
-    from hdassist.pages.sensitivity import sensitivity_answer
-    from hdassist.terminal.runs import give
-    from hdassist.tolerance.production import Production, RandomDrive
-    from hdassist.tolerance.sensitivity import sensitivities
-    from hdassist.tolerance.stream import collected
+    preset: o.Preset
+    count: Annotated[
+        int, typer.Option("-n", metavar="N", min=16, max=65536, help="Random drives, each of another design.")
+    ] = 96
 
-    out = options.open()
-    drive = drives.load(preset)
-    law = drives.law(drive)
-    each_its_own = replace(law, shared=law.shared + law.own, own=())
-    production = Production.of(
-        each_its_own, drive.operation.M_g, mounting=False, seed=drives.seed, per_design=1, steps=True
-    )
-    with work.pools() as pool:
-        with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-            production, samples = production.with_designs(count, run=Run(executor, progress))
-        assert samples
+    def run(self) -> int:
+        """Rank the tolerances; returns the exit code."""
+        from dataclasses import replace
 
-        def records(production: Production, count: int) -> list[RandomDrive]:
-            with out.progress(drive.name, count) as progress:
-                return collected(production.records, count, pool, progress)
+        from hdassist.pages.sensitivity import sensitivity_answer
+        from hdassist.terminal.runs import give
+        from hdassist.tolerance.production import Production, RandomDrive
+        from hdassist.tolerance.sensitivity import sensitivities
+        from hdassist.tolerance.stream import collected
 
-        found = sensitivities(production, samples, records)
-    raise typer.Exit(give("sensitivity", [sensitivity_answer(replace(found, law=law))], options, out))
+        out = self.open()
+        drive = self.load(self.preset)
+        law = self.law(drive)
+        each_its_own = replace(law, shared=law.shared + law.own, own=())
+        production = Production.of(
+            each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
+        )
+        with self.pools() as pool:
+            states = production.design_states(self.count)
+            with pool() as (executor, _), out.progress("designs", states) as progress:
+                production, samples = production.with_designs(self.count, run=Run(executor, progress))
+            assert samples
+
+            def records(production: Production, count: int) -> list[RandomDrive]:
+                with out.progress(drive.name, count) as progress:
+                    return collected(production.records, count, pool, progress)
+
+            found = sensitivities(production, samples, records)
+        return give("sensitivity", [sensitivity_answer(replace(found, law=law))], self, out)

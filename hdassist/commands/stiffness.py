@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,25 +11,11 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
+    from hdassist.terminal.runs import Answer
 
 
-@o.with_groups
-def stiffness_command(
-    preset: o.Preset,
-    *,
-    drives: o.DriveOptions,
-    t1: Annotated[float | None, typer.Option("--t1", metavar="N*M", help="End of the first segment.")] = None,
-    t2: Annotated[float | None, typer.Option("--t2", metavar="N*M", help="End of the second segment.")] = None,
-    to: Annotated[float | None, typer.Option("--to", metavar="N*M", help="End of the curve, on both sides.")] = None,
-    at: Annotated[
-        list[float],
-        typer.Option("--at", metavar="N*M", help="Torque of a tangent stiffness, else the preset's. Repeatable."),
-    ] = [],  # noqa: B006 (typer copies it)
-    cross_check: o.CrossCheckOption = "highs",
-    plot: o.Plot = True,
-    details: o.Details = False,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class StiffnessCommand(o.FigureOptions, o.DriveOptions):
     """Torsional stiffness: twist against torque in both directions, lost motion, K1, K2, K3.
 
     \b
@@ -44,23 +31,38 @@ def stiffness_command(
     preset's catalogue; the tangent stiffness is the slope at one torque, which counts for small moves about it. Without
     --at it is told at the torques of the preset that the curve reaches.
     """
-    from hdassist.error.stiffness import curve_end, stiffness, stiffness_states
-    from hdassist.pages.stiffness import stiffness_report
-    from hdassist.run.run import Run
-    from hdassist.solve.window import in_wide_enough_window
-    from hdassist.terminal.runs import Answer, answer_of, give, run_each
 
-    out = options.open()
+    preset: o.Preset
+    t1: Annotated[float | None, typer.Option("--t1", metavar="N*M", help="End of the first segment.")] = None
+    t2: Annotated[float | None, typer.Option("--t2", metavar="N*M", help="End of the second segment.")] = None
+    to: Annotated[float | None, typer.Option("--to", metavar="N*M", help="End of the curve, on both sides.")] = None
+    at: Annotated[
+        list[float],
+        typer.Option(metavar="N*M", default_factory=list, show_default="the preset's", help="Torque of a tangent."),
+    ]
+    plot: o.Plot = True
+    details: o.Details = False
+    cross_check: o.CrossCheckOption = "highs"
 
-    def one(name: str) -> Answer:
-        return in_wide_enough_window(drives.load(name), of)
+    def run(self) -> int:
+        """Compute the twist over torque; returns the exit code."""
+        from hdassist.error.stiffness import curve_end, stiffness, stiffness_states
+        from hdassist.pages.stiffness import stiffness_report
+        from hdassist.run.run import Run
+        from hdassist.solve.window import in_wide_enough_window
+        from hdassist.terminal.runs import answer_of, give, run_each
 
-    def of(drive: Drive) -> Answer:
-        end = curve_end(drive, t2, to)
-        torques = at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
-        with out.progress(drive.name, stiffness_states()) as progress:
-            run = Run(progress=progress, cross_check=cross_check)
-            result = stiffness(drive, T_1=t1, T_2=t2, T_max=to, tangents_at=torques, run=run)
-        return answer_of(stiffness_report(drive, result), plots=plot, details=details)
+        out = self.open()
 
-    give("stiffness", run_each("stiffness", [preset], one, options, keep_failures=False), options, out)
+        def one(name: str) -> Answer:
+            return in_wide_enough_window(self.load(name), of)
+
+        def of(drive: Drive) -> Answer:
+            end = curve_end(drive, self.t2, self.to)
+            torques = self.at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
+            with out.progress(drive.name, stiffness_states()) as progress:
+                run = Run(progress=progress, cross_check=self.cross_check)
+                result = stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, tangents_at=torques, run=run)
+            return answer_of(stiffness_report(drive, result), plots=self.plot, details=self.details)
+
+        return give("stiffness", run_each("stiffness", [self.preset], one, self, keep_failures=False), self, out)

@@ -15,37 +15,14 @@ if TYPE_CHECKING:
     from hdassist.run.cluster import Pool
     from hdassist.run.kept import Kept, KeptOwner
     from hdassist.terminal.output import Output
+    from hdassist.terminal.runs import Answer
     from hdassist.tolerance.sweep import Sweep, SweepRow
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
-@dataclass(frozen=True)
-class RowOptions(o.FigureOptions):
-    """How rows and what comes of them are given."""
-
-    output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False,
-            help="Keep the rows in FILE as JSON Lines, to go on from; FILE.parquet: as Parquet.",
-        ),
-    ] = "-"  # fmt: skip
-
-
-@o.with_groups
-def sweep_command(
-    preset: o.Preset,
-    *,
-    vary: Annotated[
-        list[str],
-        typer.Option(metavar="KEY=VALUES", help="Vary a field: START:STOP:STEPS, or a list A,B,C. Repeatable."),
-    ],
-    drives: o.LoadedDriveOptions,
-    plot: o.Plot = True,
-    work: o.WorkOptions,
-    options: RowOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
     \b
@@ -64,92 +41,103 @@ def sweep_command(
     Parquet (extra hdassist[parquet]). A row without an answer stays, with its reason; the exit code is 0 where any row
     has one.
     """
-    from contextlib import ExitStack
 
-    from hdassist.pages import sweep as page
-    from hdassist.run.kept import open_kept
-    from hdassist.run.stops import at_stop
-    from hdassist.runfiles import claim_output
-    from hdassist.terminal.answers import csv_text
-    from hdassist.terminal.files import take_output, write_bytes
-    from hdassist.terminal.output import note
-    from hdassist.terminal.runs import Answer, give, run_each
-    from hdassist.tolerance.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
-    from hdassist.tolerance.sweep import collect
+    preset: o.Preset
+    vary: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=VALUES", show_default=False, help="Vary a field: START:STOP:STEPS, or A,B,C."),
+    ]
+    plot: o.Plot = True
+    output: Annotated[
+        str,
+        o.answer_option("--output", "-o", metavar="FILE", help="Keep rows as JSON Lines to go on from; or .parquet."),
+    ] = "-"
 
-    out = replace(options, output="-").open()
-    file = None if options.output == "-" else options.output
-    packed = file if file is not None and file.endswith(PARQUET_SUFFIX) else None
-    if packed is not None:
-        require_pyarrow()
-        take_output(packed, options.force)
-    streamed = _takes_stdout(options)
+    def run(self) -> int:
+        """Compute the rows; returns the exit code."""
+        from contextlib import ExitStack
 
-    def one(name: str) -> Answer:
-        sweep, drive, owner = _read(name, vary, drives, options.json)
-        pool = stack.enter_context(work.pools())
-        if file is not None and not packed:
-            claim_output(file, is_kept=True)
-        results = stack.enter_context(open_kept(None if packed else file, owner, sweep.kind, force=options.force))
-        rows = _rows(sweep, drive.name, results, pool, out)
-        kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
-        with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
-            swept = collect(sweep, drive, _told(rows, sweep) if streamed else rows)
-        if out.csv not in (None, "-"):
-            out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
+        from hdassist.pages import sweep as page
+        from hdassist.run.kept import open_kept
+        from hdassist.run.stops import at_stop
+        from hdassist.runfiles import claim_output
+        from hdassist.terminal.answers import csv_text
+        from hdassist.terminal.files import take_output, write_bytes
+        from hdassist.terminal.output import note
+        from hdassist.terminal.runs import Answer, give, run_each
+        from hdassist.tolerance.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
+        from hdassist.tolerance.sweep import collect
+
+        out = replace(self, output="-").open()
+        file = None if self.output == "-" else self.output
+        packed = file if file is not None and file.endswith(PARQUET_SUFFIX) else None
         if packed is not None:
-            data = parquet_bytes(page.columns(sweep), map(page.cells, results.records()), asdict(owner))
-            write_bytes(packed, data, options.force)
-        elif file is not None:
-            results.require_there()
-            note(f"wrote {file}")
-        if page.sweep_exit_code(swept):
-            note(f"error: no row has an answer: {swept.reason}")
-        return Answer(
-            to_json=lambda: page.sweep_json(swept, results.records()),
-            page=None if streamed else lambda style: page.sweep_page(swept, style, name, plots=plot),
-            summary_line=lambda: page.sweep_summary(swept),
-            about=drive.name,
-            warnings=swept.warnings,
-            proof=f"{swept.states} states, greatest residual {swept.max_residual:.1e}",
-            exit_code=page.sweep_exit_code(swept),
-        )
+            require_pyarrow()
+            take_output(packed, self.force)
+        streamed = self._takes_stdout()
 
-    with ExitStack() as stack:  # a page and JSON are made of the rows that the file of results has
-        code = give("sweep", run_each("sweep", [preset], one, options), options, out)
-    raise typer.Exit(code)
+        def one(name: str) -> Answer:
+            sweep, drive, owner = self._sweep()
+            pool = stack.enter_context(self.pools())
+            if file is not None and not packed:
+                claim_output(file, is_kept=True)
+            results = stack.enter_context(open_kept(None if packed else file, owner, sweep.kind, force=self.force))
+            rows = _rows(sweep, drive.name, results, pool, out)
+            kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
+            with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
+                swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
+            if out.csv not in (None, "-"):
+                out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
+            if packed is not None:
+                data = parquet_bytes(page.columns(sweep), map(page.cells, results.records()), asdict(owner))
+                write_bytes(packed, data, self.force)
+            elif file is not None:
+                results.require_there()
+                note(f"wrote {file}")
+            if page.sweep_exit_code(swept):
+                note(f"error: no row has an answer: {swept.reason}")
+            return Answer(
+                to_json=lambda: page.sweep_json(swept, results.records()),
+                page=None if streamed else lambda style: page.sweep_page(swept, style, name, plots=self.plot),
+                summary_line=lambda: page.sweep_summary(swept),
+                about=drive.name,
+                warnings=swept.warnings,
+                proof=f"{swept.states} states, greatest residual {swept.max_residual:.1e}",
+                exit_code=page.sweep_exit_code(swept),
+            )
 
+        with ExitStack() as stack:  # a page and JSON are made of the rows that the file of results has
+            return give("sweep", run_each("sweep", [self.preset], one, self), self, out)
 
-def _takes_stdout(options: RowOptions) -> bool:
-    """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
-    import sys
+    def _takes_stdout(self) -> bool:
+        """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
+        import sys
 
-    from hdassist.errors import UsageError
+        from hdassist.errors import UsageError
 
-    if options.json and options.csv == "-":
-        raise UsageError("--json and --csv - both take standard output", "--csv FILE")
-    no_page = not (options.json or options.quiet or sys.stdout.isatty())
-    return options.csv == "-" or (no_page and options.csv is None and options.output == "-")
+        if self.json and self.csv == "-":
+            raise UsageError("--json and --csv - both take standard output", "--csv FILE")
+        no_page = not (self.json or self.quiet or sys.stdout.isatty())
+        return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
+    def _sweep(self) -> tuple[Sweep, Drive, KeptOwner]:
+        """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
+        from hdassist.errors import UsageError
+        from hdassist.loading.load import load_text
+        from hdassist.preset.library import read_preset
+        from hdassist.run.kept import KeptOwner
+        from hdassist.tolerance.sweep import Sweep
+        from hdassist.tolerance.vary import read_axes, require_few
 
-def _read(preset: str, vary: list[str], drives: o.LoadedDriveOptions, as_json: bool) -> tuple[Sweep, Drive, KeptOwner]:
-    """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
-    from hdassist.errors import UsageError
-    from hdassist.loading.load import load_text
-    from hdassist.preset.library import read_preset
-    from hdassist.run.kept import KeptOwner
-    from hdassist.tolerance.sweep import Sweep
-    from hdassist.tolerance.vary import read_axes, require_few
-
-    text, file = read_preset(preset)
-    drive = load_text(text, file, [*drives.overrides, *o.torque_overrides(drives.torque)])
-    sweep = Sweep.of(text, file, drive, read_axes(vary, drive.origin.overrides))
-    require_few(sweep.rows)
-    if as_json and sweep.rows > JSON_ROWS:
-        raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
-    what = {"vary": vary, "set": list(drive.origin.overrides)}
-    owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=what)
-    return sweep, drive, owner
+        text, file = read_preset(self.preset)
+        drive = load_text(text, file, self.changes)
+        sweep = Sweep.of(text, file, drive, read_axes(self.vary, drive.origin.overrides))
+        require_few(sweep.rows)
+        if self.json and sweep.rows > JSON_ROWS:
+            raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
+        options = {"vary": self.vary, "set": list(drive.origin.overrides)}
+        owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
+        return sweep, drive, owner
 
 
 def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], pool: Pool, out: Output) -> Iterator[SweepRow]:
@@ -167,7 +155,7 @@ def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], pool: Pool, out: Out
             yield from records
 
 
-def _told(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
+def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     """The same records, each written to standard output as CSV when it comes."""
     from hdassist.pages.sweep import cells, columns
     from hdassist.terminal.answers import csv_text

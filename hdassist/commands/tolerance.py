@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import dataclass
 from itertools import islice
 from typing import Annotated
 
@@ -12,37 +13,15 @@ from hdassist.commands.draw_options import DrawOptions
 from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
-Results = Annotated[
-    str | None,
-    typer.Option("--results", metavar="FILE", help="Keep a record of every drive; the same command goes on with it."),
-]
 
-
-@o.with_groups
-def tolerance_command(
-    preset: o.Preset,
-    *,
-    count: Annotated[int, typer.Option("-n", min=1, max=10_000_000, help="Random drives.")] = 500,
-    drives: DrawOptions,
-    wanted: Annotated[
-        float | None, typer.Option("--yield", min=0, max=1, help="Share of drives that is to pass: 0.95.")
-    ] = None,
-    sure: Annotated[
-        float, typer.Option(min=0.5, max=0.999, help="Probability of that yield from which on the verdict is PASS.")
-    ] = 0.95,
-    per_design: Annotated[int, typer.Option(min=1, help="Drives of each design that is drawn.")] = 10,
-    mounting: Annotated[bool, typer.Option("--mounting/--as-built", help="Turn each wheel to its best hole.")] = True,
-    results: Results = None,
-    work: o.WorkOptions,
-    plot: o.Plot = True,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
     """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
 
     \b
     Examples:
       hdassist tolerance vzp160
-      hdassist tolerance vzp160 -n 10000 --limit 80:30 --yield 0.95 --json
+      hdassist tolerance vzp160 -n 10000 --limit F_ior@80=30 --yield 0.95 --json
       hdassist tolerance vzp160 --set tolerances.e_hb=40 --distribution uniform
       hdassist tolerance own.yaml --scatter tolerances.F_i2=measured.csv
       hdassist tolerance vzp160 --known phases.phi_hh
@@ -55,62 +34,88 @@ def tolerance_command(
     that. With --results FILE every drive is kept, and the same command goes on where a stopped one has ended. Exit
     codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
-    from hdassist.commands.draw_options import require_limits
-    from hdassist.error.self_error import self_error
-    from hdassist.errors import UntrustedError
-    from hdassist.pages.tolerance import tolerance_answer
-    from hdassist.run.kept import KeptOwner, open_kept
-    from hdassist.run.stops import at_stop, until_interrupted
-    from hdassist.runfiles import claim_output
-    from hdassist.terminal.output import note
-    from hdassist.terminal.runs import give
-    from hdassist.tolerance.production import Production
-    from hdassist.tolerance.stream import stream
-    from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
-    out = options.open()
-    drive = drives.load(preset)
-    law, torques = drives.law(drive), drive.operation.M_g
-    if drives.limit or wanted is not None:
-        require_limits(drive)
-    limits = [drive.limit(M_g) for M_g in torques]
-    own = [found.range_arcsec for found in self_error(drive, torques)]
-    production = Production.of(
-        law, torques, mounting=mounting, limits=rooms(limits, own), seed=drives.seed, per_design=per_design
-    )
-    points, samples = tuple(map(AtTorque, torques, limits, own)), None
-    summary = Summary(points, len(production.rotations), wanted, sure)
-    owner = KeptOwner(
-        command="tolerance", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=production.options(),
-        seed=drives.seed,
-    )  # fmt: skip
-    if results is not None:
-        claim_output(results, is_kept=True)
+    preset: o.Preset
+    count: Annotated[int, typer.Option("-n", metavar="N", min=1, max=10_000_000, help="Random drives.")] = 500
+    wanted: Annotated[
+        float | None, typer.Option("--yield", metavar="SHARE", min=0, max=1, help="Share of drives that is to pass.")
+    ] = None
+    sure: Annotated[
+        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of that yield that PASS needs.")
+    ] = 0.95
+    mounting: Annotated[bool, typer.Option("--mounting/--as-built", help="Turn each wheel to its best hole.")] = True
+    results: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Keep every drive; the same command goes on with it.")
+    ] = None
+    plot: o.Plot = True
+    per_design: Annotated[int, o.advanced_option(metavar="N", min=1, help="Drives of each design that is drawn.")] = 10
 
-    def known() -> str:
-        where = f"are kept in {results}: the same command goes on"
-        return f"{kept.done} of {count} drives {where if results else 'are done, none is kept: --results FILE'}"
+    def run(self) -> int:
+        """Draw the drives; returns the exit code."""
+        from hdassist.commands.draw_options import require_limits
+        from hdassist.error.self_error import self_error
+        from hdassist.errors import UntrustedError
+        from hdassist.pages.tolerance import tolerance_answer
+        from hdassist.run.kept import KeptOwner, open_kept
+        from hdassist.run.stops import at_stop, until_interrupted
+        from hdassist.runfiles import claim_output
+        from hdassist.terminal.output import note
+        from hdassist.terminal.runs import give
+        from hdassist.tolerance.production import Production
+        from hdassist.tolerance.stream import stream
+        from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
-    with work.pools() as pool, open_kept(results, owner, production.kind, force=options.force) as kept:
-        summary.add(islice(kept.records(), count))
-        if kept.done < count:
-            with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-                production, samples = production.with_designs(count, run=Run(executor, progress))
-        with (
-            out.progress(drive.name, count - kept.done) as progress,
-            closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
-            at_stop(known),
-        ):
-            for records in until_interrupted(chunks):
-                kept.append(records)
-                summary.add(records)
-                progress(len(records))
-        interrupted = kept.done < count
-    if interrupted:
-        note(f"interrupted: {known()}")
-    if not summary.count:
+        out, count, results = self.open(), self.count, self.results
+        drive = self.load(self.preset)
+        law, torques = self.law(drive), drive.operation.M_g
+        if self.limit or self.wanted is not None:
+            require_limits(drive)
+        limits = [drive.limit(M_g) for M_g in torques]
+        own = [found.range_arcsec for found in self_error(drive, torques)]
+        production = Production.of(
+            law,
+            torques,
+            mounting=self.mounting,
+            limits=rooms(limits, own),
+            seed=self.seed,
+            per_design=self.per_design,
+        )
+        points, samples = tuple(map(AtTorque, torques, limits, own)), None
+        summary = Summary(points, len(production.rotations), self.wanted, self.sure)
+        owner = KeptOwner(
+            command="tolerance",
+            preset=drive.name,
+            inputs={"preset": drive.origin.sha256},
+            options=production.options(),
+            seed=self.seed,
+        )
+        if results is not None:
+            claim_output(results, is_kept=True)
+
+        def progress_words() -> str:
+            where = f"are kept in {results}: the same command goes on"
+            return f"{kept.done} of {count} drives {where if results else 'are done, none is kept: --results FILE'}"
+
+        with self.pools() as pool, open_kept(results, owner, production.kind, force=self.force) as kept:
+            summary.add(islice(kept.records(), count))
+            if kept.done < count:
+                with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
+                    production, samples = production.with_designs(count, run=Run(executor, progress))
+            with (
+                out.progress(drive.name, count - kept.done) as progress,
+                closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
+                at_stop(progress_words),
+            ):
+                for records in until_interrupted(chunks):
+                    kept.append(records)
+                    summary.add(records)
+                    progress(len(records))
+            interrupted = kept.done < count
         if interrupted:
-            raise typer.Exit(130)
-        raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
-    told = tolerance_answer(law, drives.seed, summary, samples, plots=plot, interrupted=interrupted)
-    raise typer.Exit(give("tolerance", [told], options, out))
+            note(f"interrupted: {progress_words()}")
+        if not summary.count:
+            if interrupted:
+                return 130
+            raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
+        answer = tolerance_answer(law, self.seed, summary, samples, plots=self.plot, interrupted=interrupted)
+        return give("tolerance", [answer], self, out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,28 +12,11 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.model.wheels import MeasuredTeeth
     from hdassist.preset.fields import Drive
+    from hdassist.terminal.runs import Answer
 
 
-@o.with_groups
-def trace_command(
-    preset: o.Preset,
-    *,
-    drives: o.DriveOptions,
-    torque: Annotated[
-        float | None, typer.Option("--torque", help="Torque M_g in N*m.", show_default="first of the preset")
-    ] = None,
-    start: Annotated[
-        float, typer.Option("--phi-g0", metavar="DEG", help="Angle of the moving wheel at phi_h = 0.")
-    ] = 0.0,
-    revolutions: Annotated[int, typer.Option("--revolutions", "-n", min=1, help="Cam revolutions.")] = 1,
-    solver: o.Solver = None,
-    cross_check: o.CrossCheckOption = "highs",
-    seed: o.SeedOption = 0,
-    plot: o.Plot = True,
-    pitch: o.PitchOptions,
-    details: o.Details = False,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
     """Kinematic error F_kpp against the cam angle, with its orders and their causes.
 
     \b
@@ -44,33 +28,53 @@ def trace_command(
     One cam revolution has as many states as the fixed wheel has teeth. Orders that differ by the
     flexspline's slow turn come apart over the full cycle only (for 200/202 teeth: -n 100).
     """
-    from hdassist.error.trace import trace
-    from hdassist.model.kinematics import Kinematics
-    from hdassist.pages.trace import trace_answer
-    from hdassist.run.run import Run
-    from hdassist.solve.window import in_wide_enough_window
-    from hdassist.terminal.runs import Answer, give, run_each
-    from hdassist.terminal.wheels import PitchFiles
 
-    out = options.open()
-    files = PitchFiles.asked([preset], pitch)
+    preset: o.Preset
+    torque: o.OneTorque = None
+    start: Annotated[float, typer.Option("--phi-g0", metavar="DEG", help="Angle of the moving wheel at phi_h = 0.")] = (
+        0.0
+    )
+    revolutions: Annotated[int, typer.Option("--revolutions", "-n", metavar="N", min=1, help="Cam revolutions.")] = 1
+    plot: o.Plot = True
+    details: o.Details = False
+    solver: o.Solver = None
+    cross_check: o.CrossCheckOption = "highs"
+    seed: o.SeedOption = 0
 
-    def one(name: str) -> Answer:
-        drive = drives.load(name, *o.torque_overrides(torque))
-        measured = files.read(drive)
-        return in_wide_enough_window(drive, lambda drive: of(drive, measured))
+    @property
+    def changes(self) -> list[str]:
+        """All that the options change of a preset, its torque too."""
+        return [*super().changes, *o.torque_overrides(self.torque)]
 
-    def of(drive: Drive, measured: MeasuredTeeth | None) -> Answer:
-        with out.progress(drive.name, revolutions * Kinematics.of(drive).teeth_fixed) as progress:
-            result = trace(
-                drive,
-                drive.operation.M_g[0],
-                measured=measured,
-                start_deg=start,
-                revolutions=revolutions,
-                solver=solver,
-                run=Run(None, progress, seed, cross_check),
-            )
-        return trace_answer(drive, result, seed=seed, plots=plot, details=details)
+    def run(self) -> int:
+        """Compute the trace; returns the exit code."""
+        from hdassist.error.trace import trace
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.pages.trace import trace_answer
+        from hdassist.run.run import Run
+        from hdassist.solve.window import in_wide_enough_window
+        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.wheels import PitchFiles
 
-    give("trace", run_each("trace", [preset], one, options, keep_failures=False), options, out)
+        out = self.open()
+        files = PitchFiles.asked([self.preset], self)
+
+        def one(name: str) -> Answer:
+            drive = self.load(name)
+            measured = files.read(drive)
+            return in_wide_enough_window(drive, lambda drive: of(drive, measured))
+
+        def of(drive: Drive, measured: MeasuredTeeth | None) -> Answer:
+            with out.progress(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed) as progress:
+                result = trace(
+                    drive,
+                    drive.operation.M_g[0],
+                    measured=measured,
+                    start_deg=self.start,
+                    revolutions=self.revolutions,
+                    solver=self.solver,
+                    run=Run(None, progress, self.seed, self.cross_check),
+                )
+            return trace_answer(drive, result, seed=self.seed, plots=self.plot, details=self.details)
+
+        return give("trace", run_each("trace", [self.preset], one, self, keep_failures=False), self, out)

@@ -3,37 +3,18 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
 import typer
 
-from hdassist.commands.card import CardFile, ChoiceOptions, give_with_card
+from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
 
 
-@o.with_groups
-def trials_command(
-    preset: o.Preset,
-    trials: Annotated[
-        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
-    ],
-    *,
-    drives: o.LoadedDriveOptions,
-    measuring: o.TrialOptions,
-    verify: Annotated[
-        str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
-    ] = None,
-    choosing: ChoiceOptions,
-    draws: Annotated[
-        int, typer.Option(min=8, max=1024, help="Effective draws of stiffnesses and clearances, 32 of deviations each.")
-    ] = 32,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn.")] = 0,
-    jobs: o.Jobs = 0,
-    card: o.CardOptions,
-    details: o.Details = False,
-    options: o.FigureOptions,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class TrialsCommand(o.FigureOptions, o.CardOptions, o.ChoiceOptions, o.TrialOptions, o.LoadedDriveOptions):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
     \b
@@ -54,39 +35,57 @@ def trials_command(
     -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
-    from hdassist.errors import UsageError
-    from hdassist.mounting.trial import read_trial
-    from hdassist.pages.trials import trials_answer, trials_card_facts
-    from hdassist.run.processes import workers
-    from hdassist.run.run import Run
-    from hdassist.terminal.output import note
-    from hdassist.trials.advice import advise_from_trials
-    from hdassist.trials.prior import Rig, TrialEffort, trial_states
 
-    out = options.open()
-    card_file = CardFile.open(card, options, out)
-    drive, weights = drives.load(preset), choosing.numbers()
-    if verify is not None and card_file:
-        raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
-    holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
-    rig = Rig(measuring.torque_of(torques), measuring.noise, measuring.reseat)
-    effort = TrialEffort.of(draws)
-    analysis = partial(
-        advise_from_trials,
-        drive,
-        [read_trial(text, holes) for text in trials],
-        rig,
-        outcome=None if verify is None else read_trial(verify, holes, drive.mounting.allowed),
-        criterion=choosing.criterion,
-        weights=weights,
-        needed=measuring.sure,
-        effort=effort,
-    )
-    states = trial_states(drive, len({*torques, rig.M_g}), effort)
-    with out.progress(drive.name, states) as progress, workers(jobs) as executor:
-        advice = analysis(run=Run(executor, progress, seed))
-    if options.verbose:
-        note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
-    facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
-    told = trials_answer(advice, details=details, carded=card_file is not None)
-    raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))
+    preset: o.Preset
+    trials: Annotated[
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
+    ]
+    verify: Annotated[
+        str | None, o.trials_option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
+    ] = None
+    details: o.Details = False
+    draws: Annotated[
+        int,
+        o.advanced_option(metavar="N", min=8, max=1024, help="Effective samples of stiffnesses and clearances."),
+    ] = 32
+    seed: o.SeedOption = 0
+    jobs: o.Jobs = 0
+
+    def run(self) -> int:
+        """Weigh the trials; returns the exit code."""
+        from hdassist.errors import UsageError
+        from hdassist.mounting.trial import read_trial
+        from hdassist.pages.trials import trials_answer, trials_card_facts
+        from hdassist.run.processes import workers
+        from hdassist.run.run import Run
+        from hdassist.terminal.output import note
+        from hdassist.trials.advice import advise_from_trials
+        from hdassist.trials.prior import Rig, TrialEffort, trial_states
+
+        out = self.open()
+        card = CardFile.asked(self, self, out)
+        drive, weights = self.load(self.preset), self.numbers()
+        if self.verify is not None and card:
+            raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
+        holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
+        rig = Rig(self.torque_of(torques), self.noise, self.reseat)
+        effort = TrialEffort.of(self.draws)
+        analysis = partial(
+            advise_from_trials,
+            drive,
+            [read_trial(text, holes) for text in self.trials],
+            rig,
+            outcome=None if self.verify is None else read_trial(self.verify, holes, drive.mounting.allowed),
+            criterion=self.criterion,
+            weights=weights,
+            needed=self.sure,
+            effort=effort,
+        )
+        states = trial_states(drive, len({*torques, rig.M_g}), effort)
+        with out.progress(drive.name, states) as progress, workers(self.jobs) as executor:
+            advice = analysis(run=Run(executor, progress, self.seed))
+        if self.verbose:
+            note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
+        facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
+        answer = trials_answer(advice, details=self.details, carded=card is not None)
+        return give_with_card("trials", answer, card, facts, self, out)

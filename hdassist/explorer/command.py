@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
@@ -9,21 +11,8 @@ import typer
 from hdassist.terminal import options as o
 
 
-@o.with_groups
-def explore_command(
-    preset: o.Preset,
-    trials: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="WHERE:F_IOR", help="Trials to begin with, as hdassist trials takes them."),
-    ] = None,
-    *,
-    drives: o.LoadedDriveOptions,
-    measuring: o.TrialOptions,
-    light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False,
-    ascii: o.Ascii = False,
-    jobs: o.Jobs = 0,
-    debug: o.Debug = False,  # noqa: ARG001 (main() looks for it)
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
     """A drive turned on the screen: where the fixed wheel is best, and what each value of the preset does.
 
     \b
@@ -37,42 +26,52 @@ def explore_command(
     only from what mount and trials would order too. The line at the bottom is the command that gives the same answer in
     a script.
     """
-    import sys
 
-    from hdassist.errors import UsageError
-    from hdassist.explorer.state import opened_state, rig_of, with_trials
+    preset: o.Preset
+    trials: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="WHERE:F_IOR", help="Trials to begin with, as hdassist trials takes them."),
+    ] = None
+    light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False
+    ascii: o.Ascii = False
+    jobs: o.Jobs = 0
+    debug: o.Debug = False
 
-    if preset == "-":
-        raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
-    overrides = (*drives.overrides, *o.torque_overrides(drives.torque))
-    session = opened_state(preset, overrides, measuring)
-    rig_of(session)
-    if trials:
-        session = with_trials(session, " ".join(trials))
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
+    def run(self) -> int:
+        """Show the drive; returns the exit code."""
+        from hdassist.errors import UsageError
+        from hdassist.explorer.state import opened_state, rig_of, with_trials
 
-    from hdassist.explorer.guard import terminal_guarded
-    from hdassist.explorer.service import Service
+        if self.preset == "-":
+            raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
+        session = opened_state(self.preset, tuple(self.changes), self.only(o.TrialOptions))
+        rig_of(session)
+        if self.trials:
+            session = with_trials(session, " ".join(self.trials))
+        if not (sys.stdin.isatty() and sys.stdout.isatty()):
+            raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
 
-    with terminal_guarded():
-        service = Service()  # it imports beside this process
-        try:
-            from hdassist.explorer.app import Explorer
-            from hdassist.explorer.compute import Effort
-            from hdassist.explorer.session_file import SessionFile
-            from hdassist.terminal.console import Style, say, silence
+        from hdassist.explorer.guard import terminal_guarded
+        from hdassist.explorer.service import Service
 
-            plain = Style.of(sys.stdout, ascii=ascii).ascii
-            kept = SessionFile(preset)
-            app = Explorer(session, service, Effort(jobs=jobs), dark=not light, ascii=plain, kept=kept)
-            app.run()
-        finally:
-            service.close()
-    if not sys.stdout.isatty():  # the terminal hung up: what is left for it has no place
-        for stream in (sys.stdout, sys.stderr):
-            silence(stream)
-    if app.session.step != session.step:
-        for name in ("explore", "check"):
-            say(f"back to it: {app.session.command(name)}")
-    raise typer.Exit(app.return_code or 0)
+        with terminal_guarded():
+            service = Service()  # it imports beside this process
+            try:
+                from hdassist.explorer.app import Explorer
+                from hdassist.explorer.compute import Effort
+                from hdassist.explorer.session_file import SessionFile
+                from hdassist.terminal.console import Style, say, silence
+
+                plain = Style.of(sys.stdout, ascii=self.ascii).ascii
+                kept = SessionFile(self.preset)
+                app = Explorer(session, service, Effort(jobs=self.jobs), dark=not self.light, ascii=plain, kept=kept)
+                app.run()
+            finally:
+                service.close()
+        if not sys.stdout.isatty():  # the terminal hung up: what is left for it has no place
+            for stream in (sys.stdout, sys.stderr):
+                silence(stream)
+        if app.session.step != session.step:
+            for name in ("explore", "check"):
+                say(f"back to it: {app.session.command(name)}")
+        return app.return_code or 0

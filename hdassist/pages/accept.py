@@ -117,7 +117,7 @@ def how_to_decide(check: Decision) -> str:
     torque = "" if check.M_g_Nm is None else f"{check.M_g_Nm:g}"
     name = check.check.field if check.per_cam_rev is None else f"order_{check.per_cam_rev:g}"
     value = f"--value {name}{torque and f'@{torque}'}=VALUE±U"
-    return f"{check.reason}: measure it, {f'--measured {torque}:FILE' if check.check.measured and torque else value}"
+    return f"{check.reason}: measure it, {f'--measured {torque}=FILE' if check.check.measured and torque else value}"
 
 
 def to_explain(checks: Iterable[Decision]) -> str:

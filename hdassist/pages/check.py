@@ -64,6 +64,12 @@ POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", lambda p: p.error.max_tooth_force_N),
     Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", lambda p: p.error.wind_up_arcsec),
     Quantity(
+        "tooth_phase_arcsec", "self error of tooth phase", "arcsec", ".2f", lambda p: p.self_error.tooth_phase_arcsec
+    ),
+    Quantity(
+        "ball_phase_arcsec", "self error of ball phase", "arcsec", ".2f", lambda p: p.self_error.ball_phase_arcsec
+    ),
+    Quantity(
         "F_ior_floating_arcsec",
         "F'_ior, self-aligning cam",
         "arcsec",

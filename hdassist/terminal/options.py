@@ -1,28 +1,43 @@
-"""Options that commands share, declared once: alone, or in groups that a command takes whole."""
+"""Options of commands, declared once, in frozen groups that a command is made of.
 
-from __future__ import annotations
+A command is a frozen dataclass: it inherits the groups that it takes, has its own options as fields, its docstring is
+its help, and `run` carries it out. Annotations stay objects here (no `from __future__ import annotations`): typer reads
+them in the module of each command.
+"""
 
-import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from copy import copy
-from dataclasses import MISSING, dataclass, field, fields
-from functools import wraps
-from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from math import isfinite, isnan
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
 from hdassist.errors import UsageError
 from hdassist.numerals import number_of
 from hdassist.terminal import completion
-from hdassist.terminal.limits import require_memory
 
 if TYPE_CHECKING:
+    from hdassist.acceptance.limits import LimitText
     from hdassist.preset.fields import Drive
-    from hdassist.readers.trace import Shaft, TraceForm
+    from hdassist.readers.trace import TraceForm
+    from hdassist.readers.wheels import WheelFiles
     from hdassist.run.cluster import Pool
     from hdassist.terminal.output import Output
+
+GroupT = TypeVar("GroupT", bound="OptionGroup")
+MOST_JOBS = 512  # all of them begin at once: more would be a mistake that takes the machine with it
+
+# options by the section of the help in which they stand (cli/help.py orders the sections)
+answer_option = partial(typer.Option, rich_help_panel="Answer")
+advanced_option = partial(typer.Option, rich_help_panel="Advanced")
+drive_option = partial(typer.Option, rich_help_panel="Drive")
+trace_option = partial(typer.Option, rich_help_panel="Measured trace")
+teeth_option = partial(typer.Option, rich_help_panel="Measured teeth")
+lot_option = partial(typer.Option, rich_help_panel="Lot")
+card_option = partial(typer.Option, rich_help_panel="Card")
+trials_option = partial(typer.Option, rich_help_panel="Trials")
 
 Preset = Annotated[
     str,
@@ -32,58 +47,55 @@ Presets = Annotated[
     list[str],
     typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin.", autocompletion=completion.presets),
 ]
-Overrides = Annotated[
-    list[str],
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Override a preset field, e.g. tolerances.F_i2=60. Repeatable.",
-        autocompletion=completion.overrides,
-    ),
-]
-Torques = Annotated[
-    list[float], typer.Option("--torque", help="Torque M_g in N*m, instead of the preset's. Repeatable.")
+OneTorque = Annotated[
+    float | None, drive_option("--torque", metavar="N*M", show_default="first of the preset", help="Torque M_g.")
 ]
 Traces = Annotated[list[str], typer.Argument(metavar="FILE", help="Measured traces, or - for stdin.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Target = Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
-Ascii = Annotated[bool, typer.Option("--ascii", help="Use 7-bit characters only.")]
-NoColor = Annotated[bool, typer.Option("--no-color", help="Write no colours or control codes.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback on errors.")]
-Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")]
-Details = Annotated[bool, typer.Option("--details", help="All tables, not the short page.", rich_help_panel="Answer")]
+Plot = Annotated[bool, answer_option("--plot/--no-plot", show_default=False, help="Draw the error.")]
+Details = Annotated[bool, answer_option("--details", help="All tables, not the short page.")]
+AsJson = Annotated[bool, answer_option("--json", help="Print one JSON object.")]
+Target = Annotated[
+    str, answer_option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")
+]
+Force = Annotated[bool, answer_option("--force", help="Overwrite existing files.")]
+Ascii = Annotated[bool, advanced_option("--ascii", help="Use 7-bit characters only.")]
+NoColor = Annotated[bool, advanced_option("--no-color", help="Write no colours or control codes.")]
+Debug = Annotated[bool, advanced_option("--debug", help="Show a traceback on errors.")]
+Limits = Annotated[
+    list[str],
+    drive_option(
+        "--limit", metavar="[NAME@TORQUE=]VALUE", default_factory=list, show_default=False,
+        help="Limit, of F_ior without a NAME.",
+    ),
+]  # fmt: skip
 Solver = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Send each state through cvxpy to this solver (daqp, clarabel, osqp, ...)."),
+    str | None, advanced_option(metavar="NAME", help="Solve each state through cvxpy: daqp, clarabel, osqp ...")
 ]
-CrossCheckOption = Annotated[
-    str, typer.Option(metavar="NAME", help="Solver that solves the extremes and a sample of states again.")
+CrossCheckOption = Annotated[str, advanced_option(metavar="NAME", help="Solver that solves some states again.")]
+SeedOption = Annotated[int, advanced_option(metavar="N", min=0, help="Seed of all that is drawn.")]
+DrawsOption = Annotated[
+    int, advanced_option(metavar="N", min=0, max=100_000, help="Effective samples of unknown inputs, at least.")
 ]
-SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the sample that is solved again.")]
-DrawsOption = Annotated[int, typer.Option(min=0, max=100_000, help="Drives drawn from what the preset leaves unknown.")]
 VerdictProbability = Annotated[
-    float, typer.Option(min=0.5, max=0.999, help="Probability of keeping a limit from which on the verdict is PASS.")
+    float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of keeping it that PASS needs.")
 ]
-Bootstrap = Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")]
-MOST_JOBS = 512  # all of them begin at once: more would be a mistake that takes the machine with it
-Jobs = Annotated[int, typer.Option(min=0, max=MOST_JOBS, help="Processes at work (0: one for each core).")]
+Jobs = Annotated[
+    int, advanced_option(metavar="N", min=0, max=MOST_JOBS, help="Processes at work (0: one for each core).")
+]
 
 
+@dataclass(frozen=True, kw_only=True)
 class OptionGroup:
-    """Base of dataclasses whose fields are options; a command takes a group as one argument (`with_groups`).
+    """Options that several commands share, as fields."""
 
-    panel: the section of a help text in which they stand.
-    """
+    def only(self, group: type[GroupT]) -> GroupT:
+        """The options of one of the groups that a command is made of."""
+        return group(**{each.name: getattr(self, each.name) for each in fields(group)})
 
-    panel: ClassVar[str] = "Options"
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PageOptions(OptionGroup):
     """How an answer is given."""
-
-    panel: ClassVar[str] = "Answer"
 
     json: AsJson = False
     output: Target = "-"
@@ -92,7 +104,7 @@ class PageOptions(OptionGroup):
     no_color: NoColor = False
     debug: Debug = False
 
-    def open(self) -> Output:
+    def open(self) -> "Output":
         """Where the answer goes. Raises UsageError and DataError for files that cannot be written."""
         from hdassist.terminal.output import Output
 
@@ -100,149 +112,229 @@ class PageOptions(OptionGroup):
         return Output.open(self.output, csv, force=self.force, ascii=self.ascii, no_color=self.no_color)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AnswerOptions(PageOptions):
     """How an answer that was computed is given."""
 
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the answer.")] = False
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print residuals and timings on stderr.")] = False
+    quiet: Annotated[bool, answer_option("--quiet", "-q", help="Print only the answer.")] = False
+    verbose: Annotated[bool, advanced_option("--verbose", "-v", help="Print residuals and timings on stderr.")] = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FigureOptions(AnswerOptions):
     """How an answer with a table of figures is given."""
 
     csv: Annotated[
-        str | None, typer.Option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")
+        str | None, answer_option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")
     ] = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class SamplingOptions(OptionGroup):
+    """Samples of the inputs that are not known exactly: how many, from which seed, by how many processes."""
+
+    draws: DrawsOption = 64
+    seed: SeedOption = 0
+    jobs: Jobs = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class DriveOptions(OptionGroup):
-    """What is said of a drive beside its preset."""
+    """Changes of a preset."""
 
-    panel: ClassVar[str] = "Drive"
+    overrides: Annotated[
+        list[str],
+        drive_option(
+            "--set", metavar="KEY=VALUE", default_factory=list, show_default=False,
+            help="Change a field, like tolerances.F_i2=60.", autocompletion=completion.overrides,
+        ),
+    ]  # fmt: skip
 
-    overrides: Overrides = field(default_factory=list)
+    @property
+    def changes(self) -> list[str]:
+        """All that the options change of a preset, as overrides, in the order in which they apply."""
+        return list(self.overrides)
 
-    def load(self, preset: str, *more: str) -> Drive:
-        """The drive of a preset with the overrides, and more of them. Raises DataError, PresetError or UsageError."""
+    def load(self, preset: str) -> "Drive":
+        """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
-        return load_preset(preset, [*self.overrides, *more])
+        return load_preset(preset, self.changes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LoadedDriveOptions(DriveOptions):
-    """What is said of a drive and its torques beside its preset."""
+    """Changes of a preset, its torques among them."""
 
-    torque: Torques = field(default_factory=list)
+    torque: Annotated[
+        list[float],
+        drive_option(
+            metavar="N*M", default_factory=list, show_default=False,
+            help="Torque M_g instead of the preset's.",
+        ),
+    ]  # fmt: skip
 
-    def load(self, preset: str, *more: str) -> Drive:
-        """The drive of a preset with the overrides and torques. Raises DataError, PresetError or UsageError."""
-        return super().load(preset, *more, *torque_overrides(self.torque))
+    @property
+    def changes(self) -> list[str]:
+        """All that the options change of a preset, its torques too."""
+        return [*super().changes, *torque_overrides(self.torque)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class LimitedDriveOptions(LoadedDriveOptions):
+    """Changes of a preset, its limits of F'_ior among them."""
+
+    limit: Limits
+
+    @property
+    def limits(self) -> "tuple[LimitText, ...]":
+        """Limits of F'_ior, those of all torques first. Raises UsageError for any other limit."""
+        return limits_of_options(self.limit, only="F_ior")
+
+    @property
+    def changes(self) -> list[str]:
+        """All that the options change of a preset, its limits too."""
+        return [*super().changes, *(limit.override for limit in self.limits)]
+
+    def load(self, preset: str) -> "Drive":
+        """The drive of a preset with the changes.
+
+        Raises DataError, PresetError or UsageError, the last also for a limit at a torque that the drive does not have.
+        """
+        from hdassist.acceptance.limits import named_limits
+
+        try:
+            drive = super().load(preset)
+        except UsageError as error:
+            raise UsageError(named_limits(error.message, super().changes, self.limits), error.hint) from None
+        torques = drive.operation.M_g
+        for limit in self.limits:
+            if limit.torque is not None and limit.torque not in torques:
+                at = ", ".join(f"{M_g:g}" for M_g in torques)
+                raise UsageError(
+                    f"--limit {limit}: {drive.name} is not computed at {limit.torque:g} N*m, but at {at}",
+                    f"--torque {limit.torque:g}",
+                )
+        return drive
+
+
+@dataclass(frozen=True, kw_only=True)
 class PitchOptions(OptionGroup):
     """Measured teeth of the wheels in place of their first harmonics."""
 
-    panel: ClassVar[str] = "Measured teeth"
-
     pitch_b: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Measured pitch deviations of the rigid wheel (- for stdin).")
+        str | None, teeth_option(metavar="FILE", help="Pitch deviations of the rigid wheel (- for stdin).")
     ] = None
-    pitch_g: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Measured pitch deviations of the flexspline.")
-    ] = None
+    pitch_g: Annotated[str | None, teeth_option(metavar="FILE", help="Pitch deviations of the flexspline.")] = None
     mark_b: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Direction of the mark of --pitch-b; phases.xi_b without.")
+        float | None, teeth_option(metavar="DEG", help="Direction of the mark of --pitch-b [phases.xi_b].")
     ] = None
     mark_g: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Direction of the mark of --pitch-g; phases.xi_g without.")
+        float | None, teeth_option(metavar="DEG", help="Direction of the mark of --pitch-g [phases.xi_g].")
     ] = None
     pitch_form: Annotated[
         Literal["cumulative", "single"] | None,
-        typer.Option(help="Form of the deviations in the pitch files, whatever they say."),
+        teeth_option(metavar="FORM", help="Deviations in the files: cumulative or single."),
     ] = None
     pitch_sense: Annotated[
-        Literal["ccw", "cw"] | None, typer.Option(help="Sense of the tooth numbers in them, seen from the cam side.")
+        Literal["ccw", "cw"] | None,
+        teeth_option(metavar="SENSE", help="Tooth numbers, seen from the cam: ccw or cw."),
     ] = None
     pitch_flank: Annotated[
-        Literal["left", "right"] | None, typer.Option(help="Flank to take from pitch files that have two.")
+        Literal["left", "right"] | None,
+        teeth_option(metavar="FLANK", help="Flank to take of files with two: left or right."),
     ] = None
 
+    def wheels(self) -> "WheelFiles":
+        """The files and how they are read."""
+        from hdassist.readers.wheels import WheelFiles
 
-@dataclass(frozen=True)
+        return WheelFiles(**asdict(self.only(PitchOptions)))
+
+
+@dataclass(frozen=True, kw_only=True)
 class TraceOptions(OptionGroup):
-    """How the file of a measured trace is read, and what is kept of it."""
+    """How the file of a measured trace is read, and which part of its error is kept."""
 
-    panel: ClassVar[str] = "Trace"
-
-    angle: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the angle, or its number.")] = None
-    angle_of: Annotated[str | None, typer.Option(metavar="SHAFT", help="What turns by it: cam or output.")] = None
-    angle_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")] = None
-    error: Annotated[str | None, typer.Option(metavar="NAME", help="Column of the error, or its number.")] = None
-    error_unit: Annotated[str | None, typer.Option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")] = None
+    angle: Annotated[str | None, trace_option(metavar="NAME", help="Column of the angle, or its number.")] = None
+    angle_of: Annotated[
+        Literal["cam", "output"] | None, trace_option(metavar="SHAFT", help="Shaft of that angle: cam or output.")
+    ] = None
+    angle_unit: Annotated[str | None, trace_option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")] = None
+    error: Annotated[str | None, trace_option(metavar="NAME", help="Column of the error, or its number.")] = None
+    error_unit: Annotated[str | None, trace_option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")] = None
     second: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Column of the output's own angle, instead of an error.")
+        str | None, trace_option(metavar="NAME", help="Column of the output's angle, in place of --error.")
     ] = None
     wrap: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", help="Angle after which encoders begin again.", show_default="guessed"),
+        float | None, trace_option(metavar="DEG", help="Angle at which encoders restart.", show_default="guessed")
     ] = None
     orders: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
+        str | None, trace_option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
     ] = None
-    drift: Annotated[str, typer.Option(metavar="KIND", help="Drift to take off: none, linear, quadratic.")] = "none"
+    drift: Annotated[str, trace_option(metavar="KIND", help="Drift to remove: none, linear, quadratic.")] = "none"
     budget: Annotated[
         list[str],
-        typer.Option(
-            metavar="NAME=ARCSEC,...",
-            help="Standard uncertainty by encoder, coupling, reseating, temperature. Repeatable.",
+        trace_option(
+            metavar="NAME=ARCSEC", default_factory=list, show_default=False,
+            help="Standard uncertainty of encoder and others.",
         ),
-    ] = field(default_factory=list)
+    ]  # fmt: skip
 
-    def form(self) -> TraceForm:
-        """What is asked of the columns of the file. Raises UsageError for a shaft that is none."""
+    def form(self) -> "TraceForm":
+        """What is asked of the columns of the file."""
         from hdassist.readers.trace import TraceForm
 
-        angle_of = shaft(self.angle_of)
-        return TraceForm(self.angle, angle_of, self.angle_unit, self.error, self.error_unit, self.second, self.wrap)
+        return TraceForm(**{each.name: getattr(self, each.name) for each in fields(TraceForm)})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class ChoiceOptions(OptionGroup):
+    """How positions are chosen."""
+
+    weights: Annotated[str | None, typer.Option(metavar="W,W", help="Weights of the torques, in their order.")] = None
+    criterion: Annotated[str, typer.Option(metavar="NAME", help="What decides: expected, worst, or quantile:0.9.")] = (
+        "expected"
+    )
+
+    def numbers(self) -> list[float] | None:
+        """The weights as numbers. Raises UsageError for what is none."""
+        if self.weights is None:
+            return None
+        weights = [number_of(word) for word in self.weights.split(",")]
+        if any(map(isnan, weights)):
+            raise UsageError(
+                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
+            )
+        return weights
+
+
+@dataclass(frozen=True, kw_only=True)
 class CardOptions(OptionGroup):
     """An assembly card beside the answer."""
 
-    panel: ClassVar[str] = "Card"
-
     card: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout).")
+        str | None, card_option(metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout).")
     ] = None
-    lang: Annotated[str | None, typer.Option(metavar="NAME", help="Language of the card, such as ru (en without).")] = (
-        None
-    )
-    serial: Annotated[str | None, typer.Option(metavar="TEXT", help="Serial number on the card.")] = None
+    lang: Annotated[str | None, card_option(metavar="NAME", help="Language of the card, such as ru [en].")] = None
+    serial: Annotated[str | None, card_option(metavar="TEXT", help="Serial number on the card.")] = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrialOptions(OptionGroup):
     """How trials are measured, and how sure the choice has to be."""
 
-    panel: ClassVar[str] = "Trials"
-
     trial_torque: Annotated[
-        float | None, typer.Option(metavar="N*M", help="Torque of the trials; the lightest of the torques without it.")
+        float | None, trials_option(metavar="N*M", help="Torque of the trials.", show_default="the lightest")
     ] = None
     noise: Annotated[
-        float, typer.Option(metavar="ARCSEC", min=1e-6, max=1e6, help="Standard deviation of a trial; repeats tell it.")
+        float, trials_option(metavar="ARCSEC", min=1e-6, max=1e6, help="Standard deviation of one trial.")
     ] = 1.0
     reseat: Annotated[
-        float, typer.Option(metavar="UM", min=0, max=1000, help="Standard deviation of where the wheel sits.")
+        float, trials_option(metavar="UM", min=0, max=1000, help="Standard deviation of where the wheel sits.")
     ] = 0.0
     sure: Annotated[
-        float, typer.Option(metavar="SHARE", min=0.01, max=0.999, help="Probability of a good choice that settles it.")
+        float, trials_option(metavar="P", min=0.01, max=0.999, help="Probability of a good choice that settles it.")
     ] = 0.9
 
     def torque_of(self, torques: Sequence[float]) -> float:
@@ -251,26 +343,23 @@ class TrialOptions(OptionGroup):
 
     def words(self) -> list[str]:
         """The options as a shell takes them, where they are not the usual ones."""
-        told = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        return [word for name, value, usual in told if value != usual for word in (name, f"{value:g}")]
+        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
+        return [word for name, value, usual in values if value != usual for word in (name, f"{value:g}")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WorkOptions(OptionGroup):
     """Where the work of many items is done."""
 
-    panel: ClassVar[str] = "Work"
-
     jobs: Jobs = 0
     scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Work on a dask cluster: tls://HOST:PORT or tcp://HOST:PORT."),
+        str | None, advanced_option(metavar="ADDRESS", help="Dask cluster: tls://HOST:PORT or tcp://HOST:PORT.")
     ] = None
     scheduler_file: Annotated[
-        str | None, typer.Option(metavar="FILE", help="The same, its address in the file that its scheduler wrote.")
+        str | None, advanced_option(metavar="FILE", help="Its address, in the file that its scheduler wrote.")
     ] = None
 
-    def pools(self) -> AbstractContextManager[Pool]:
+    def pools(self) -> "AbstractContextManager[Pool]":
         """What begins executors, for `stream`. Raises UsageError and DataError: a cluster that cannot be used."""
         from hdassist.run.cluster import pools, scheduler_address
         from hdassist.terminal.output import warn
@@ -281,76 +370,24 @@ class WorkOptions(OptionGroup):
         return pools(address, self.jobs)
 
 
-def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with the options of its groups in its signature, as Typer reads it.
+def limits_of_options(texts: Sequence[str], only: str = "") -> "tuple[LimitText, ...]":
+    """Limits of the command line, those of all torques first; only: name of the limits that a command holds.
 
-    Each parameter of the command that is an OptionGroup becomes the group's fields; when the command runs, groups
-    are made of them again.
+    Raises UsageError: a text that is no limit, or one that the command does not hold.
     """
-    hints = get_type_hints(command, include_extras=True)
-    groups: dict[str, type[Any]] = {}
-    shown: list[inspect.Parameter] = []
-    for name, parameter in inspect.signature(command).parameters.items():
-        hint = hints[name]
-        if isinstance(hint, type) and issubclass(hint, OptionGroup):
-            groups[name] = hint
-            shown += _parameters(hint)
-        else:
-            shown.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hint))
+    from hdassist.acceptance.limits import LimitText
 
-    @wraps(command)
-    def run(**given: Any) -> None:
-        require_memory()
-        made = {name: group(**{f.name: given.pop(f.name) for f in fields(group)}) for name, group in groups.items()}
-        try:
-            command(**given, **made)
-        except KeyboardInterrupt:  # before anything was there to answer with
-            from hdassist.terminal.output import note
-
-            note("interrupted")
-            raise typer.Exit(130) from None
-
-    run.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
-    return run
-
-
-def _parameters(group: type[Any]) -> list[inspect.Parameter]:
-    """The fields of a group as parameters of a command."""
-    hints = {name: _in_panel(hint, group.panel) for name, hint in get_type_hints(group, include_extras=True).items()}
-    return [
-        inspect.Parameter(
-            one.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=one.default if one.default_factory is MISSING else one.default_factory(),
-            annotation=hints[one.name],
-        )
-        for one in fields(group)
-    ]
-
-
-def _in_panel(hint: Any, panel: str) -> Any:
-    """An annotated option, in a section of the help text."""
-    if get_origin(hint) is not Annotated:
-        return hint
-    kind, info = get_args(hint)
-    info = copy(info)
-    info.rich_help_panel = panel
-    return Annotated[kind, info]
+    found = [LimitText.parse(text, "--limit") for text in texts]
+    for limit in found:
+        if only and limit.name.partition("@")[0] != only:
+            raise UsageError(f"--limit {limit}: expected a limit of {only}", "hdassist accept holds the others")
+    return tuple(sorted(found, key=lambda limit: limit.torque is not None))
 
 
 def torque_overrides(torques: list[float] | float | None) -> list[str]:
     """Torques of the command line as an override of the preset: the same checks, the same errors."""
     torques = [] if torques is None else [torques] if isinstance(torques, float) else torques
     return [f"operation.M_g={torques!r}"] if torques else []
-
-
-def shaft(text: str | None) -> Shaft | None:
-    """A shaft of the command line: cam or output. Raises UsageError: anything else."""
-    shafts: dict[str | None, Shaft | None] = {None: None, "cam": "cam", "output": "output"}
-    if text not in shafts:
-        raise UsageError(f"--angle-of must be cam or output, not {text}")
-    return shafts[text]
 
 
 def degrees_or_fit(option: str, text: str) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
@@ -27,11 +27,9 @@ class PitchFiles:
     @classmethod
     def asked(cls, presets: Sequence[str], options: PitchOptions) -> PitchFiles:
         """What the options ask for. Raises UsageError for options that cannot be meant, before any file is read."""
-        if all(given is None for given in asdict(options).values()):
+        if options.only(PitchOptions) == PitchOptions():
             return cls(None)
-        from hdassist.readers.wheels import WheelFiles
-
-        found = WheelFiles(**asdict(options))
+        found = options.wheels()
         found.require_sound()
         if found.files and len(presets) > 1:
             raise UsageError("measured teeth are those of one drive", "check the drives one by one")

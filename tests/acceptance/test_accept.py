@@ -383,7 +383,20 @@ def test_words_of_limits():
     drive = tiny("order_0.1=1", "K_1=30 N*m/arcmin")
     assert [a.per_cam_rev for a in limits_of(drive)] == [0.1, 0.1, None]
     assert limits_of(drive)[-1].limit == pytest.approx(30 * 10800 / np.pi)
-    for bad in ("F_ior", "F_ior=", "F_iro=3", "K_1@80=3", "F_ior@=3", "order_x=3", "order_2@=3", "order_@80=3"):
+    assert bounds("30", "0.5 arcmin") == bounds("F_ior=30", "F_ior=0.5 arcmin")
+    for bad in (
+        "",
+        "F_ior",
+        "4:30",
+        "@4=30",
+        "F_ior=",
+        "F_iro=3",
+        "K_1@80=3",
+        "F_ior@=3",
+        "order_x=3",
+        "order_2@=3",
+        "order_@80=3",
+    ):
         with pytest.raises(UsageError):
             bounds(bad)
 
@@ -412,14 +425,15 @@ def test_words_of_stated_values():
 
 def test_the_torque_of_a_trace():
     drive = tiny("F_ior@4=9")
-    alone, named = map(TraceFile.parse, ("run.csv", "4:a:b.csv"))
+    alone, named = map(TraceFile.parse, ("run.csv", "4=a:b.csv"))
     assert (alone.at(drive), alone.file, str(alone)) == (4.0, "run.csv", "run.csv")
-    assert (named.at(drive), named.file, str(named)) == (4.0, "a:b.csv", "4:a:b.csv")
+    assert (named.at(drive), named.file, str(named)) == (4.0, "a:b.csv", "4=a:b.csv")
+    assert TraceFile.recorded("4:a:b.csv") == named
     with pytest.raises(UsageError, match="at which torque"):
         alone.at(tiny("F_ior=9"))
     with pytest.raises(UsageError, match=r"4\.4\.4 is no torque"):
-        TraceFile.parse("4.4.4:run.csv").at(drive)
-    request = Request(TINY, limits=bounds("F_ior@4=9"), measured=(alone, TraceFile.parse("4:again.csv")))
+        TraceFile.parse("4.4.4=run.csv").at(drive)
+    request = Request(TINY, limits=bounds("F_ior@4=9"), measured=(alone, TraceFile.parse("4=again.csv")))
     with pytest.raises(UsageError, match="two traces at 4"):
         request.read(drive)
 

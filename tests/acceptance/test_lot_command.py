@@ -178,7 +178,7 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
 
 
 def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
-    one = ("accept", SMALL, "--limit", "F_ior@4=60", "--measured", "4:run.csv", "--serial", "17-1", *STATED)
+    one = ("accept", SMALL, "--limit", "F_ior@4=60", "--measured", "4=run.csv", "--serial", "17-1", *STATED)
     assert here(*one, "--json", "-o", "one.json")[0] == 0
     assert here(*MEASURED, "--jsonl", "lot.jsonl", "-q")[0] == 4
     code, out, _ = here("accept", "--replay", "one.json", "--json")
@@ -283,7 +283,7 @@ def test_replay_compares_the_whole_answer(folder, here):
     error = drive_error(np.random.default_rng(3), 30)(TURNS[:480])
     (folder / "run.csv").write_text(text([360 * TURNS[:480], error], "cam_deg,error_arcsec"))
     limits = ("--limit", "F_ior@4=60", "--limit", "self_error@4=60")
-    asked = ("accept", TINY, *limits, "--measured", "4:run.csv", "--serial", "17-1", "--fail-on", "warn", "--jobs", "1")
+    asked = ("accept", TINY, *limits, "--measured", "4=run.csv", "--serial", "17-1", "--fail-on", "warn", "--jobs", "1")
     code, out, _ = here(*asked, "--json")
     assert code == 3  # for its remarks
     answers = [json.loads(out)]
@@ -317,7 +317,7 @@ def test_replay_compares_the_whole_answer(folder, here):
         (["--replay", "lot.csv"], 4, "no JSON"),
         (["--replay", "none.json"], 4, "no such file: none.json"),
         (["--replay", "x.json", "--limit", "F_ior=3"], 2, "--replay does what its answer says"),
-        (["--replay", "x.json", "--rule", "simple"], 2, "--replay does what its answer says"),
+        (["--replay", "x.json", "--set", "acceptance.rule=simple"], 2, "--replay does what its answer says"),
         (["--replay", "x.json", "--fail-on", "never"], 2, "--replay does what its answer says"),
     ],
 )

@@ -77,7 +77,7 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
         (("--mark-b", "3"), "--mark-b is the mark of a measured wheel"),
         (("--pitch-sense", "cw"), "say how to read --pitch-b and --pitch-g"),
         ((*FILES, "--measured-only"), "--measured-only predicts nothing, and measured teeth are for predictions"),
-        (("--pitch-b", "-", "--measured", "4:-"), "standard input can be read once only"),
+        (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read once only"),
         (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file 20"),
         ((TINY, *FILES), "what was measured belongs to one drive"),
     ],

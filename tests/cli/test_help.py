@@ -39,7 +39,43 @@ def test_help_of_a_command_is_the_same_either_way(name: str) -> None:
 def test_options_stand_in_sections() -> None:
     told = run("check", "--help").stdout
     sections = [line for line in told.splitlines() if line.endswith(":") and not line.startswith(" ")]
-    assert sections == ["Arguments:", "Drive:", "Options:", "Measured teeth:", "Answer:"]
+    assert sections == ["Arguments:", "Options:", "Drive:", "Measured teeth:", "Answer:", "Advanced:"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_few_need_stands_in_a_section_of_its_own(name: str) -> None:
+    usual, _, advanced = run(name, "--help").stdout.partition("\nAdvanced:\n")
+    options = usual[usual.index("Arguments:" if "Arguments:" in usual else "Options:") :]
+    assert "--debug" in advanced
+    for option in ("--solver", "--cross-check", "--draws", "--seed", "--jobs", "--scheduler", "--ascii", "--debug"):
+        assert f"  {option}" not in options
+
+
+def test_options_of_a_command_take_few_lines() -> None:
+    lines = run("accept", "-h").stdout.split("\nOptions:\n")[1].splitlines()
+    assert sum(line.startswith("  -") for line in lines) == 45
+    assert len(lines) <= 62
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("self-error", "vzp160"), "hdassist check --details"),
+        (("help", "self-error"), "hdassist check --details"),
+        (("accept", "vzp160", "--rule", "simple"), "--set acceptance.rule=simple"),
+        (("accept", "vzp160", "--measured", "80:run.csv"), "--measured 80=run.csv"),
+        (("mount", "vzp160", "--noise", "2"), "hdassist trials"),
+        (("mount", "vzp160", "--samples", "2"), "--draws"),
+        (("tolerance", "vzp160", "--limit", "80:30"), "--limit F_ior@80=30"),
+        (("allocate", "vzp160", "--limit", "8e1:3.5"), "--limit F_ior@8e1=3.5"),
+        (("check", "vzp160", "--limit", "80:30"), "--limit F_ior@80=30"),
+    ],
+)
+def test_an_old_spelling_has_the_new_one_named(args: tuple[str, ...], words: str) -> None:
+    done = run(*args)
+    assert (done.returncode, done.stdout) == (2, "")
+    hint = done.stderr.partition("hint: ")[2]
+    assert words in hint
 
 
 def test_a_command_that_is_none_has_its_neighbour_named() -> None:

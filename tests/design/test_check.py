@@ -382,7 +382,7 @@ def test_another_solver_gives_the_same_numbers(answer):
 
 def test_reader_that_leaves_early_gets_silence():
     process = subprocess.Popen(
-        [*COMMAND, "self-error", TINY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True
+        [*COMMAND, "trace", TINY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True
     )
     assert process.stdout is not None
     assert process.stderr is not None

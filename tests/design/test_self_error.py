@@ -1,4 +1,4 @@
-"""`hdassist self-error` as its users meet it."""
+"""The self error as users of `hdassist check` meet it."""
 
 from __future__ import annotations
 
@@ -11,30 +11,23 @@ import pytest
 from hdassist import load_preset, self_error
 from tests.process import SMALL, run
 
+KEYS = {"self_error_arcsec": "range_arcsec", "tooth_phase_arcsec": "tooth_phase_arcsec",
+        "ball_phase_arcsec": "ball_phase_arcsec"}  # fmt: skip
 
-def test_table_json_csv_and_quiet_agree():
-    told = json.loads(run("self-error", SMALL, "--json").stdout)
-    assert told["schema"] == "hdassist.self-error/1"
-    assert told["certificate"]["states"] == 2 * 16
-    page, quiet = run("self-error", SMALL).stdout, run("self-error", SMALL, "-q").stdout
-    rows = list(csv.DictReader(io.StringIO(run("self-error", SMALL, "--csv", "-").stdout)))
-    for point, own in zip(told["operating_points"], self_error(load_preset(SMALL), [1.0, 4.0]), strict=True):
-        assert point["self_error_arcsec"] == pytest.approx(own.range_arcsec, abs=1e-9)
-        values = [float(r["rotation_arcsec"]) for r in rows if float(r["M_g_Nm"]) == point["M_g_Nm"]]
-        assert max(values) - min(values) == pytest.approx(own.range_arcsec, abs=1e-9)
-        assert f"{own.range_arcsec:.2f}" in page
-        assert f"{point['M_g_Nm']:g} N*m: self error {own.range_arcsec:.2f} arcsec\n" in quiet
-    assert max(map(len, page.splitlines())) <= 80
+
+def test_table_json_and_csv_agree():
+    points = json.loads(run("check", SMALL, "--json").stdout)["operating_points"]
+    page = run("check", SMALL, "--details").stdout
+    rows = csv.DictReader(io.StringIO(run("check", SMALL, "--csv", "-").stdout))
+    for point, row, own in zip(points, rows, self_error(load_preset(SMALL), [1.0, 4.0]), strict=True):
+        for key, name in KEYS.items():
+            assert point[key] == pytest.approx(getattr(own, name), abs=1e-9)
+            assert float(row[key]) == point[key]
+            assert f"{getattr(own, name):.2f}" in page
 
 
 def test_deviations_play_no_part():
-    with_less = run("self-error", SMALL, "-q", "--set", "tolerances.F_i2=0", "--set", "phases.xi_b=10")
-    assert with_less.stdout == run("self-error", SMALL, "-q").stdout
-
-
-@pytest.mark.parametrize(("args", "code"), [(["--torque", "0"], 2), (["--torque", "1e6"], 5), (["--nonsense"], 2)])
-def test_wrong_input(args, code):
-    result = run("self-error", SMALL, *args)
-    assert result.returncode == code
-    assert result.stdout == ""
-    assert result.stderr
+    with_less = json.loads(run("check", SMALL, "--json", "--set", "tolerances.F_i2=0", "--draws", "0").stdout)
+    points = json.loads(run("check", SMALL, "--json", "--draws", "0").stdout)["operating_points"]
+    for less, point in zip(with_less["operating_points"], points, strict=True):
+        assert less["self_error_arcsec"] == point["self_error_arcsec"]

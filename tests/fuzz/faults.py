@@ -89,7 +89,7 @@ CASES = {
         _case("compare", "compare tiny.yaml run.csv --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("trace", "trace tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
-        _case("self-error", "self-error tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
+        _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("new", "presets new mine -o mine.yaml --force", "mine.yaml"),
         _case("schema", "presets schema -o schema.json --force", "schema.json"),
     )

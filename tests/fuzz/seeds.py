@@ -120,7 +120,7 @@ def answers() -> Args:
         folder = Path(name)
         for file, content in {**LOADED, "lot.csv": LOT.encode()}.items():
             (folder / file).write_bytes(content)
-        asked = ("--measured", "1:run.csv", *MEASURED, "--json")
+        asked = ("--measured", "1=run.csv", *MEASURED, "--json")
         run("accept", "lot.csv", *MEASURED, "--jsonl", "lot.jsonl", cwd=folder)
         return (
             (folder / "lot.jsonl").read_text(),
@@ -189,7 +189,7 @@ def trace_input(rng: Rng) -> Input:
             ("measure", "given.csv", "given.csv", *RATIO, *form, "--json"),
             ("measure", "given.csv", *RATIO, "--angle", mutate.word(rng), "--no-plot"),
             ("measure", "given.csv", *RATIO, *form, "--drift", "quadratic", "--orders", "1-3", "--wrap", "360"),
-            ("accept", "drive.yaml", "--measured", "1:given.csv", *form, *MEASURED),
+            ("accept", "drive.yaml", "--measured", "1=given.csv", *form, *MEASURED),
             ("compare", "drive.yaml", "given.csv", *form, "--no-plot"),
         ),
     )
@@ -269,7 +269,7 @@ def options_input(rng: Rng) -> Input:
 LINES: dict[str, Args] = {
     "accept": ("drive.yaml", *MEASURED), "calibrate": ("drive.yaml", "--targets", "targets.yaml", "--evaluations", "8"),
     "check": ("drive.yaml",), "compare": ("drive.yaml", "run.csv", "--no-plot"), "explain": ("F_ior",),
-    "measure": ("run.csv", "--ratio", "15"), "mount": ("drive.yaml",), "self-error": ("drive.yaml",),
+    "measure": ("run.csv", "--ratio", "15"), "mount": ("drive.yaml",),
     "stiffness": ("drive.yaml",), "trace": ("drive.yaml",), "trials": ("drive.yaml", "h0:28.1", "h4:17.3"),
     "tolerance": ("drive.yaml", "-n", "3"), "sensitivity": ("drive.yaml", "-n", "16"), "doctor": (), "help": ("check",),
     "allocate": ("drive.yaml", "--limit", "60", "-n", "20"), "sweep": ("drive.yaml", "--vary", "gears.j_n=5,6"),
@@ -279,7 +279,7 @@ LINES: dict[str, Args] = {
 }  # fmt: skip
 MEANT: dict[str, Args] = {
     "--set": ("cam.W_0=1.1", "gears.j_n=5 um", "operation.M_g=[1, 2]", "tolerances.F_i2=±3"), "--torque": ("1", "2.5"),
-    "--measured": ("1:run.csv", "run.csv"), "--value": ("lost_motion@1=3±1", "F_ior@1=20±2 arcsec"),
+    "--measured": ("1=run.csv", "run.csv"), "--value": ("lost_motion@1=3±1", "F_ior@1=20±2 arcsec"),
     "--limit": ("F_ior@1=60", "order_2=5", "lost_motion=9"), "--budget": ("encoder=0.3",), "--orders": ("1-12", "2"),
     "--csv": ("-", "new.csv", "mine.txt"), "--output": ("new.txt", "mine.txt"), "-o": ("new.txt", "-"),
     "--card": ("card.html", "card.txt", "-"), "--pitch-b": ("pitch.csv",), "--pitch-g": ("pitch.csv",),

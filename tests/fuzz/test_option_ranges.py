@@ -25,7 +25,7 @@ from tests.process import TINY, run
 
 ONE = ("drive.yaml", "--set", "operation.M_g=[4]")
 LINES: dict[str, tuple[str, ...]] = {
-    "check": ONE, "explore": ONE, "trace": (*ONE, "--torque", "4"), "self-error": ONE, "stiffness": ONE,
+    "check": ONE, "explore": ONE, "trace": (*ONE, "--torque", "4"), "stiffness": ONE,
     "tolerance": (*ONE, "-n", "2", "--limit", "3000"), "sensitivity": (*ONE, "-n", "16"),
     "sweep": (*ONE, "--vary", "gears.j_n=5,6"),
     "allocate": (*ONE, "-n", "20", "--limit", "3000"), "compare": (*ONE, "run.csv", "--no-plot"), "report": ONE,

@@ -68,7 +68,7 @@ def answer(tmp_path_factory):
     trace = file.with_name("run.csv")
     rows = (f"{k},{15 * math.sin(math.radians(k)):.4f}\n" for k in range(361))
     trace.write_text("cam_deg,error_arcsec\n" + "".join(rows))
-    asked = ("--limit", "F_ior@4=60", "--measured", f"4:{trace}", "--measured-only")
+    asked = ("--limit", "F_ior@4=60", "--measured", f"4={trace}", "--measured-only")
     assert run("accept", TINY, *asked, "--json", "-o", str(file)).returncode in (0, 6)
     return json.loads(file.read_text())
 

@@ -101,7 +101,6 @@ def trace(tmp_path_factory):
         ["trace"],
         ["mount", "--draws", "0", "--set", "mounting.holes=3"],
         ["stiffness"],
-        ["self-error"],
         ["accept", "--limit", "F_ior=50"],
         ["compare", "TRACE"],
     ],

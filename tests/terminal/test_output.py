@@ -79,7 +79,7 @@ def test_words_beside_a_bar_are_no_markup(monkeypatch: pytest.MonkeyPatch) -> No
         *(
             [*command.split(), "µ±.yaml"]
             for command in (
-                "check", "trace", "self-error", "stiffness", "tolerance", "sensitivity", "allocate", "report", "mount",
+                "check", "trace", "stiffness", "tolerance", "sensitivity", "allocate", "report", "mount",
                 "measure", "accept", "explain", "presets show", "presets validate",
             )
         ),

@@ -31,7 +31,7 @@ def test_the_page_and_json_have_costs_and_what_was_tried() -> None:
 
 
 def test_what_no_tolerances_reach_fails_and_says_why() -> None:
-    limit = ("--limit", "4:1913.2", "--set", "cost.tolerances.F_i1.least=40", "--ascii")
+    limit = ("--limit", "F_ior@4=1913.2", "--set", "cost.tolerances.F_i1.least=40", "--ascii")
     done = run("allocate", TINY, *FEW, *KNOWN, *FIXED, *limit)
     assert done.returncode == 3, done.stderr
     words = " ".join(done.stdout.split())
@@ -41,7 +41,7 @@ def test_what_no_tolerances_reach_fails_and_says_why() -> None:
 
 
 def test_where_the_design_is_not_known_no_tolerance_is_recommended() -> None:
-    done = run("allocate", TINY, *FEW, "-n", "20", "--limit", "4:2050", *SOFT, "--set", "tolerances.e_hb=60")
+    done = run("allocate", TINY, *FEW, "-n", "20", "--limit", "F_ior@4=2050", *SOFT, "--set", "tolerances.e_hb=60")
     words = " ".join(done.stdout.split())
     assert done.returncode == 6, done.stdout + done.stderr
     assert "as built: none recommended: not sure enough" in words
@@ -51,7 +51,7 @@ def test_where_the_design_is_not_known_no_tolerance_is_recommended() -> None:
 
 def test_a_size_that_is_assumed_is_a_tolerance_to_choose() -> None:
     assumed = ("--set", "source.tolerances.F_i2={kind: assumed, range: [0, 47], ref: class 8}")
-    done = run("allocate", TINY, *FEW, "--limit", "4:2400", *assumed, "--json")
+    done = run("allocate", TINY, *FEW, "--limit", "F_ior@4=2400", *assumed, "--json")
     assert "tolerances.F_i2" in [law["field"] for law in json.loads(done.stdout)["laws"]]
 
 
@@ -59,7 +59,7 @@ def test_a_size_that_is_assumed_is_a_tolerance_to_choose() -> None:
     ("arguments", "words"),
     [
         ((), "no limit of F'_ior"),
-        (("--limit", "4:5", "--torque", "4"), "the self error alone is"),
+        (("--limit", "F_ior@4=5", "--torque", "4"), "the self error alone is"),
         (("--limit", "30", "--yield", "1"), "--yield"),
         (("--limit", "30", "--sure", "0.2"), "--sure"),
         (("--limit", "30", "-n", "3"), "-n"),
