@@ -272,9 +272,8 @@ class PresetsNewCommand(TextOptions, WishOptions):
         else:
             like = wish.pop("like")
             other = load_preset("vzp160" if like is None else like)
-            text = similar_preset(
-                self.name, other, read_requirements(other, diameter=wish.pop("pitch_diameter"), **wish)
-            )
+            given = read_requirements(other, diameter=wish.pop("pitch_diameter"), **wish)
+            text = similar_preset(self.name, other, given)
         write_text(self.output, text, self.force)
         return 0
 

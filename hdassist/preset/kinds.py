@@ -108,7 +108,7 @@ POSITION_KEY = rf"(?:h[0-9]+|{NUMBER})@{NUMBER}"
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
-    """What a preset gives for a field, in the form that the field holds; what cannot be read in it is `InvalidValue`."""
+    """What a preset gives for a field, in the form that the field holds; where it cannot be read `InvalidValue`."""
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
