@@ -46,10 +46,10 @@ def trace_command(
     """
     from hdassist.error.trace import trace
     from hdassist.model.kinematics import Kinematics
-    from hdassist.pages.trace import trace_answer
+    from hdassist.pages.trace import trace_report
     from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
-    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.terminal.runs import Answer, answer_of, give, run_each
     from hdassist.terminal.wheels import PitchFiles
 
     out = options.open()
@@ -71,6 +71,6 @@ def trace_command(
                 solver=solver,
                 run=Run(None, progress, seed, cross_check),
             )
-        return trace_answer(drive, result, seed=seed, plots=plot, details=details)
+        return answer_of(trace_report(drive, result, seed), plots=plot, details=details)
 
     give("trace", run_each("trace", [preset], one, options, keep_failures=False), options, out)
