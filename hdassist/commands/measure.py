@@ -1,4 +1,4 @@
-"""`hdassist measure`: what a measured trace says."""
+"""`hdassist measure`: F'_ior of measured traces."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def measure_command(
     from hdassist.measuring.measure import Measurement, measure
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.uncertainty import parse_stated
-    from hdassist.pages.measure import measure_answer, repeats, repeats_line
+    from hdassist.pages.measure import measure_report, repeats, repeats_line
     from hdassist.readers.trace import read_trace
     from hdassist.terminal.answers import failure
-    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.terminal.runs import Answer, answer_of, give, run_each
 
     o.stdin_once(*files, preset)
     out = options.open()
@@ -61,7 +61,7 @@ def measure_command(
         trace = read_trace(name, form, gearing.ratio if gearing else None)
         result = measure(trace, drive=drive, ratio=ratio, orders=orders, drift=traces.drift, stated=stated, seed=seed)
         done.append(result)
-        return measure_answer(result, drive, plots=plot, details=details)
+        return answer_of(measure_report(result, drive), plots=plot, details=details)
 
     answers = run_each("measure", files, one, options, failed=lambda name, fault: failure("measure", fault, file=name))
     several = repeats(done)
