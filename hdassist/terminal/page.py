@@ -23,6 +23,7 @@ from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
 
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
+COLUMN_GAP = 3  # columns of characters between those of a table
 
 
 def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
@@ -99,7 +100,7 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
     first = True
     while columns or first:
         shown = len(columns)
-        while shown > 1 and _width(block, [0, *columns[:shown]]) > style.width:
+        while shown > 1 and _width(block, [0, *columns[:shown]]) > style.width - 2 * style.ascii:
             shown -= 1
         table = _table(block, [0, *columns[:shown]], style)
         title = "\n".join((block.title, *block.notes)) if first else ""
@@ -111,7 +112,7 @@ def _width(block: Table, columns: list[int]) -> int:
     """Columns of characters of a table in which only words wrap."""
     whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
     parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, whole, strict=True)]
-    return sum(max(map(cell_len, cells), default=0) + 3 for cells in parts) + 1
+    return sum(max(map(cell_len, cells), default=0) + COLUMN_GAP for cells in parts) - COLUMN_GAP
 
 
 def _table(block: Table, columns: list[int], style: Style) -> RichTable:
