@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, failure_of, read_answers, to_lines
@@ -34,8 +33,9 @@ from hdassist.runfiles import note_input
 from hdassist.terminal.answers import combine, json_text
 from hdassist.terminal.files import write_text
 from hdassist.terminal.output import complain, note
+from hdassist.terminal.page import report_page
 from hdassist.terminal.runs import Answer as RunAnswer
-from hdassist.terminal.runs import give, run_each
+from hdassist.terminal.runs import answer_of, give, run_each
 from hdassist.terminal.wheels import say_notes
 from hdassist.verdict import worst_exit_code
 
@@ -58,14 +58,8 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
             predictions = request.predict(drive, inputs.wheels, Run(executor, progress))
         answer = accept(request, inputs, predictions, fail_on=options.fail_on)
         answers.append(answer)
-        return RunAnswer(
-            partial(answer_json, answer),
-            None if options.takes_stdout else partial(page.accept_page, answer, predictions, details=options.details),
-            lambda: answer.status,
-            about=drive.name,
-            warnings=answer.warnings,
-            exit_code=answer.exit_code,
-        )
+        report = answer_of(page.accept_report(answer, predictions, drive), details=options.details)
+        return replace(report, page=None) if options.takes_stdout else report
 
     def failed(preset: str, error: HdassistError) -> Json:
         answers.append(failure_of(replace(base, preset=preset), error))
@@ -140,7 +134,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         out.text(json_text(lot_page.accept_lot_json(lot, done)))
     elif shown:
         if not options.quiet:
-            lines += ["\n", out.page(lot_page.accept_lot_page(lot, done, out.style))]
+            summary = report_page(lot_page.lot_report(lot, done), out.style, details=options.details)
+            lines += ["\n", out.page(summary)]
         out.text("".join(lines))
     _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
     return worst_exit_code(answer.exit_code for answer in done)

@@ -48,10 +48,10 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
         from hdassist.measuring.measure import measure
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
-        from hdassist.pages.measure import measure_answer, repeats, repeats_line
+        from hdassist.pages.measure import measure_report, repeats, repeats_line
         from hdassist.readers.trace import read_trace
         from hdassist.terminal.answers import failure
-        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.runs import answer_of, give, run_each
 
         o.stdin_once(*self.files, self.preset)
         out = self.open()
@@ -67,7 +67,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
                 trace, drive=drive, ratio=self.ratio, orders=orders, drift=self.drift, stated=stated, seed=self.seed
             )
             done.append(result)
-            return measure_answer(result, drive, plots=self.plot, details=self.details)
+            return answer_of(measure_report(result, drive), plots=self.plot, details=self.details)
 
         answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))
         several = repeats(done)

@@ -50,10 +50,10 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
         """Compute the trace; returns the exit code."""
         from hdassist.error.trace import trace
         from hdassist.model.kinematics import Kinematics
-        from hdassist.pages.trace import trace_answer
+        from hdassist.pages.trace import trace_report
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
-        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.runs import answer_of, give, run_each
         from hdassist.terminal.wheels import PitchFiles
 
         out = self.open()
@@ -75,6 +75,6 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
                     solver=self.solver,
                     run=Run(None, progress, self.seed, self.cross_check),
                 )
-            return trace_answer(drive, result, seed=self.seed, plots=self.plot, details=self.details)
+            return answer_of(trace_report(drive, result, self.seed), plots=self.plot, details=self.details)
 
         return give("trace", run_each("trace", [self.preset], one, self, keep_failures=False), self, out)

@@ -1,38 +1,37 @@
-"""Acceptance of a drive as a page, as the answer alone, in a sentence for each check, and as CSV."""
+"""Acceptance of a drive as a report, in a sentence for each check, and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from math import floor, log10
 
-from rich.console import Group, RenderableType
-from rich.text import Text
-
-from hdassist.acceptance.answer import AcceptAnswer, provenance
+from hdassist.acceptance.answer import AcceptAnswer, answer_json, provenance
 from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.pages.check import fitted_words
+from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
-from hdassist.terminal.answers import cross_check_words, csv_text
-from hdassist.terminal.brief import facts, proof, verdict_coloured, verdict_text
-from hdassist.terminal.console import Style, table
+from hdassist.report.blocks import Facts, Table
+from hdassist.report.quantities import NO_VALUE, Quantity
+from hdassist.report.report import Report
+from hdassist.terminal.answers import csv_text
+from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
 from hdassist.terminal.wheels import WHEEL_WORDS
-from hdassist.verdict import Verdict
+from hdassist.verdict import SEVERITY
 from hdassist.version import __version__
 
 RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-CHECK_HEADINGS = ("check", "value", "± (k=2)", "5 to 95 %", "limit", "margin", "kept", "verdict")
 FIRST_COLUMNS = (
     "code", "M_g_Nm", "per_cam_rev", "basis", "extent", "value", "expanded_uncertainty", "guard", "limit", "limit_is",
     "margin", "unit", "verdict", "reason",
 )  # fmt: skip
-COLUMN_GAP = 3  # columns between those of a table
+NAMED_CHECKS = 2  # reasons below the verdict
 
 
 def number(value: float, limit: Limit) -> str:
@@ -42,13 +41,78 @@ def number(value: float, limit: Limit) -> str:
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 
-def accept_page(
-    answer: AcceptAnswer, predictions: Predictions | None, style: Style, *, details: bool = False
-) -> RenderableType:
-    """The verdict, a row for each limit, and what it should not be read without; with details every reason."""
+def _number(name: str) -> Callable[[Decision], str | None]:
+    return lambda d: None if (value := getattr(d, name)) is None else number(value, d)
+
+
+def _value(check: Decision) -> str | None:
+    found = _number("value")(check)
+    return found and "≥ " * (check.extent == "at least") + found
+
+
+def _range(check: Decision) -> str | None:
+    return f"{number(check.belief.p5, check)} to {number(check.belief.p95, check)}" if check.belief else None
+
+
+def bound(limit: Limit) -> str:
+    """A limit with its sign."""
+    return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
+
+
+DECISION_COLUMNS: tuple[Quantity[Decision], ...] = (
+    Quantity("check", "check", "", "", lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
+    Quantity("verdict", "verdict", "", "", lambda d: str(d.verdict)),
+    Quantity("value", "value", "", "", _value),
+    Quantity("expanded_uncertainty", "± (k=2)", "", "", _number("expanded_uncertainty")),
+    Quantity("range", "5 to 95 %", "", "", _range),
+    Quantity("limit", "limit", "", "", bound),
+    Quantity("margin", "margin", "", "", _number("margin")),
+    Quantity("kept", "kept", "", "", lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
+)
+
+
+def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
+    """An acceptance of a drive; predictions, what the model says of it, None where nothing was predicted."""
+    found = by_severity(answer.checks)
+    worst = [check for check in found if check.verdict == found[0].verdict]
+    reasons = [f"{check.label}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]]
+    reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
+    remarks = [f"{note.code}: {note.text}" for note in answer.remarks]
+    files = [f"{each.file}: sha256 {each.sha256[:12]}" for each in (*answer.measured, *answer.pitch)]
+    samples = predictions.samples if predictions else None
+    rest = [
+        ("samples", samples_words(samples) if samples else ""),
+        ("exact", fitted_words(samples.prior) if samples else ""),
+        ("reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in found if each.reason)),
+        ("remarks", "\n".join(remarks)),
+        ("version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"),
+        ("files", "\n".join(files)),
+    ]
+    return Report(
+        command="accept",
+        drive=drive,
+        head=answer.preset.name + (f", serial {answer.serial}" if answer.serial else ""),
+        verdict=answer.status,
+        why=tuple(reasons),
+        blocks=(*_tables(answer), Facts.of(_facts(answer, predictions, drive))),
+        details=(Facts.of(rest),),
+        certificate=predictions.certificate if predictions else None,
+        cross_checks=predictions.quantities.cross_checks if predictions else (),
+        values=answer_json(answer),
+        line=answer.status,
+        warnings=answer.warnings,
+        exit_code=answer.exit_code,
+    )
+
+
+def by_severity(checks: Iterable[Decision]) -> list[Decision]:
+    """Checks by their verdict, the worst first, and those of a verdict by their room to the limit, the least first."""
+    return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
+
+
+def _tables(answer: AcceptAnswer) -> Iterator[Table]:
+    """A table of the checks that are known in one way, for each way."""
     assert answer.rule is not None
-    name = answer.preset.name + (f", serial {answer.serial}" if answer.serial else "")
-    parts: list[RenderableType] = [verdict_text(style, f"{name}: ", Verdict(answer.status)), Text("")]
     teeth = ", ".join(f"{WHEEL_WORDS[wheel.wheel]} ({shown(wheel.file)})" for wheel in answer.pitch)
     titles = {
         "measured": f"measured: {RULE_WORDS[answer.rule.measured]}",
@@ -57,47 +121,28 @@ def accept_page(
         + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
-        if rows := [_row(check) for check in answer.checks if (check.basis or "measured") == basis]:
-            kept = [k for k in range(len(CHECK_HEADINGS)) if k in (1, 5) or any(row[k] for row in rows)]
-            cells = [[row[k] or "-" for k in kept] for row in rows]
-            parts.append(numbers(style, title, [CHECK_HEADINGS[k] for k in kept], cells))
-    return Group(*parts, facts(style, _facts(answer, predictions, details)))
+        checks = [check for check in answer.checks if (check.basis or "measured") == basis]
+        less = "margin" if any(check.belief for check in checks) else ""  # a probability stands in its place
+        columns = [q for q in DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
+        yield Table.by_row(title, columns, checks, words=(0, 1))
 
 
-def numbers(style: Style, title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
-    """A table whose first column may be broken; sentences in its place where a terminal is too narrow for numbers."""
-    headings, *rows = ([style.text(cell) for cell in row] for row in (headings, *rows))
-    needed = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
-    needed[0] = max(len(word) for row in (headings, *rows) for word in row[0].split())
-    if sum(needed) + COLUMN_GAP * (len(needed) - 1) + 2 * style.ascii > style.width:
-        pairs = [[" ".join(pair) for pair in zip(headings, row, strict=True) if pair[1] != "-"][1:] for row in rows]
-        lines = [Text(f"{row[0]}: {', '.join(pair)}") for row, pair in zip(rows, pairs, strict=True)]
-        return Group(*[Text(style.text(title), style="bold")] * bool(title), *lines)
-    grid = table(style, title)
-    for heading in headings:
-        is_text = heading in ("check", "verdict")
-        grid.add_column(heading, justify="left" if is_text else "right", no_wrap=heading != "check")
-    for row in rows:
-        grid.add_row(*map(verdict_coloured, row))
-    return grid
-
-
-def _row(check: Decision) -> list[str]:
-    """A cell for each of HEADINGS, empty where there is nothing."""
-    value, spread, margin = (
-        "" if figure is None else number(figure, check)
-        for figure in (check.value, check.expanded_uncertainty, check.margin)
-    )
-    at_least, belief = "≥ " if check.extent == "at least" else "", check.belief
-    span = f"{number(belief.p5, check)} to {number(belief.p95, check)}" if belief else ""
-    kept = f"{100 * belief.probability:.0f} %" if belief else ""
-    name = f"{check.label}, {check.unit.replace('*', '·')}"
-    return [name, at_least + value, spread, span, bound(check), margin, kept, str(check.verdict)]
+def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[tuple[str, str]]:
+    """Largest influences, what to measure, remarks and the next command, a label and a text each."""
+    if predictions and predictions.samples:
+        if (least := predictions.least_sure) and predictions.influences:
+            yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
+        yield "measure", measure_words(predictions.to_measure, held=True)
+    codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
+    yield "remarks", f"hdassist explain {codes}" if codes else ""
+    first = by_severity(answer.checks)[0]
+    measured = first.basis == "predicted" and first.verdict != "FAIL"
+    yield "next", f"{again('accept', drive)} {measured_option(first)}" if measured else to_explain(answer.checks)
 
 
 def sentence(check: Decision) -> str:
     """A check in words: value, uncertainty or range, limit, margin, how it is known."""
-    _, value, spread, span, limit, margin, kept, _ = _row(check)
+    _, _, value, spread, span, limit, margin, kept = (quantity.value(check) for quantity in DECISION_COLUMNS)
     if not value:
         return f"{check.label}: no value, limit {limit} {check.unit}"
     measure = value + (f" ± {spread}" if spread else "") + (f" ({span})" if span else "")
@@ -105,58 +150,24 @@ def sentence(check: Decision) -> str:
     return f"{check.label}: {measure} {check.unit}, limit {limit}, margin {margin}{sure}, {check.basis}"
 
 
-def bound(limit: Limit) -> str:
-    """A limit with its sign."""
-    return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
+def is_open(check: Decision) -> bool:
+    """Whether a prediction leaves a check open, so that measuring decides it."""
+    return check.verdict == "INCONCLUSIVE" and check.basis == "predicted"
 
 
-def how_to_decide(check: Decision) -> str:
-    """What to measure where a prediction is open; empty of any other check."""
-    if check.verdict != "INCONCLUSIVE" or check.basis != "predicted":
-        return ""
+def measured_option(check: Decision) -> str:
+    """The option of accept that gives a check its measured value."""
     torque = "" if check.M_g_Nm is None else f"{check.M_g_Nm:g}"
+    if check.check.measured and torque:
+        return f"--measured {torque}=FILE"
     name = check.check.field if check.per_cam_rev is None else f"order_{check.per_cam_rev:g}"
-    value = f"--value {name}{torque and f'@{torque}'}=VALUE±U"
-    return f"{check.reason}: measure it, {f'--measured {torque}=FILE' if check.check.measured and torque else value}"
+    return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
 
 
 def to_explain(checks: Iterable[Decision]) -> str:
     """The command that explains what failed, or is open where it was measured; empty where nothing is."""
-    open_ = [each for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not how_to_decide(each)]
-    return f"hdassist explain {' '.join(dict.fromkeys(each.code for each in open_))}" if open_ else ""
-
-
-def _of_belief(predictions: Predictions | None) -> Iterator[tuple[str, str]]:
-    """What predictions hang on and what to measure next, a label and a text each, as `hdassist check` has them."""
-    if predictions is None or predictions.samples is None:
-        return
-    if (least := predictions.least_sure) and predictions.influences:
-        yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
-    yield "measure", measure_words(predictions.to_measure, held=True)
-    yield "samples", samples_words(predictions.samples)
-    yield "exact", fitted_words(predictions.samples.prior)
-
-
-def _facts(answer: AcceptAnswer, predictions: Predictions | None, details: bool) -> Iterator[tuple[str, str]]:
-    """What is to be known beside the verdicts, a label and a text each; with details all reasons, remarks and files."""
-    decided = [check for check in answer.checks if check.reason]
-    reasons = [f"{check.verdict}, {check.label}: {how_to_decide(check) or check.reason}" for check in decided]
-    if reasons:
-        more = f"; {len(reasons) - 1} more" if len(reasons) > 1 else ""
-        yield "why", "\n".join(reasons) if details else reasons[0] + more
-    yield from _of_belief(predictions)
-    codes = list(dict.fromkeys(note.code for note in answer.remarks))
-    words = f"{', '.join(codes)}: hdassist explain {' '.join(codes)}" if codes else ""
-    yield "remarks", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks) if details else words
-    yield "next", to_explain(answer.checks)
-    if predictions:
-        proved, crosses = predictions.certificate, predictions.quantities.cross_checks
-        yield "proof", f"{proved}{cross_check_words(crosses)}" if details else proof(proved, crosses)
-    if not details:
-        yield "more", "--details"
-        return
-    yield "version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
-    yield "files", "\n".join(f"{each.file}: sha256 {each.sha256[:12]}" for each in (*answer.measured, *answer.pitch))
+    codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not is_open(each)]
+    return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
 
 def csv(answers: Sequence[AcceptAnswer]) -> str:

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import AcceptAnswer, provenance
 from hdassist.acceptance.decision import Decision
-from hdassist.pages.accept import how_to_decide, sentence
+from hdassist.pages.accept import is_open, measured_option, sentence
 from hdassist.visible import visible
 
 STARTS = 100_000  # bytes in which the first suite of a lot says so
@@ -91,8 +91,8 @@ def _suite(root: Element, answer: AcceptAnswer, facts: Mapping[str, Any]) -> Non
         if check.verdict == "PASS":
             case(check.label, "system-out", "", "", words, because)
         else:
-            todo = f"what to do: {how_to_decide(check) or f'hdassist explain {check.code}'}"
-            case(check.label, "failure", words, str(check.verdict), words, because, todo)
+            todo = f"measure it, {measured_option(check)}" if is_open(check) else f"hdassist explain {check.code}"
+            case(check.label, "failure", words, str(check.verdict), words, because, f"what to do: {todo}")
     for label in answer.left_out:
         case(label, "skipped", "not tested: nothing was measured", "")
     remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import sqrt
 from typing import Any
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from hdassist.acceptance.answer import AcceptAnswer, answer_json
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
-from hdassist.pages.accept import bound, how_to_decide, number, numbers, sentence, to_explain
+from hdassist.pages.accept import bound, by_severity, is_open, number, sentence, to_explain
 from hdassist.preset.yamltext import shown
+from hdassist.report.blocks import Facts, Table
+from hdassist.report.report import Report
 from hdassist.terminal.answers import together
-from hdassist.terminal.console import Style
-from hdassist.verdict import SEVERITY
 from hdassist.version import __version__
 
 Z = 1.959963984540054  # standard normal: 95 % within
@@ -39,8 +37,7 @@ def lot_line(answer: AcceptAnswer, width: int, *, is_short: bool = False) -> str
         first, *more = answer.error.message.splitlines()
         words = first + (f" (and {len(more)} more)" if more else "")
     else:
-        rank = {check: (SEVERITY.index(check.verdict), (check.margin or 0.0) / check.limit) for check in answer.checks}
-        words = sentence(min(rank, key=lambda check: rank[check]))
+        words = sentence(by_severity(answer.checks)[0])
     return f"{title(answer):<{width}}  {answer.status:<12}  {words}"
 
 
@@ -50,42 +47,47 @@ def title(answer: AcceptAnswer) -> str:
     return shown(name, len(name))
 
 
-def accept_lot_page(lot: Lot, answers: Sequence[AcceptAnswer], style: Style) -> RenderableType:
-    """Counts, yield, the spread of values, and what it rests on."""
+def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
+    """Counts, yield, the spread of values, and what to do about drives that do not pass."""
     found = summary(answers)
     counts = [f"{n} {verdict}" for verdict, n in found["verdicts"].items() if n]
     counts += [f"{found['broken']} broken ({100 * found['broken_share']:.3g} %)"] * bool(found["broken"])
-    parts: list[RenderableType] = [
-        Text(style.text(f"{lot.file}: {_drives(found['drives'])}, {', '.join(counts)}"), style="bold")
-    ]
-    share, rows = found["yield"], found["checks"]
-    if share["with_verdict"]:
-        low, high = (100 * end for end in share["interval_95"])
-        words = (
-            f"yield: {share['passed']} of {share['with_verdict']} drives with a verdict, "
-            f"{100 * share['share']:.1f} % (95 % interval after Wilson: {low:.1f} to {high:.1f})"
-        )
-        cells = [_cells(row, several=len({row["preset"] for row in rows}) > 1) for row in rows]
-        parts += [Text(style.text(words)), Text(""), numbers(style, "", LOT_HEADINGS, cells)]
+    rows, why = found["checks"], ""
+    if decided := found["yield"]["with_verdict"]:
+        low, high = (100 * end for end in found["yield"]["interval_95"])
+        share = f"{found['yield']['passed']} of {decided} drives with a verdict, {100 * found['yield']['share']:.1f} %"
+        why = f"yield: {share} (95 % interval after Wilson: {low:.1f} to {high:.1f})"
+    cells = tuple(_cells(row, several=len({row["preset"] for row in rows}) > 1) for row in rows)
+    return Report(
+        command="accept",
+        drive=None,
+        head=f"{lot.file}, {_drives(found['drives'])}",
+        verdict=", ".join(counts),
+        why=(why,) if why else (),
+        blocks=(Table("values of each check", LOT_HEADINGS, cells), Facts.of(_facts(rows, answers))),
+        details=(Facts((("version", __version__), ("lot", f"{lot.file}, sha256 {lot.sha256[:12]}"))),),
+    )
+
+
+def _facts(rows: Sequence[Mapping[str, Any]], answers: Sequence[AcceptAnswer]) -> Iterator[tuple[str, str]]:
+    """Values left out, remarks, what to measure and the next command, a label and a text each."""
     part = sum(row["of_part_only"] for row in rows)
-    lines = [f"left out of it: {part} values of part of the cycle, or none"] * bool(part)
+    yield "left out", f"{part} values of part of the cycle, or none" if part else ""
     remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
-    lines += [f"remark {code}: {_drives(remarks[code])}" for code in sorted(remarks)]
+    yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
-    close = {f"{check.label}: measure it" for check in checks if how_to_decide(check)}
-    lines += [f"not settled by its prediction, {words}" for words in sorted(close)]
-    lines += [f"what to do: {command}" for command in [to_explain(checks)] if command]
-    lines.append(f"hdassist {__version__}, {lot.file}, sha256 {lot.sha256[:12]}; all else stands in --json or --jsonl")
-    return Group(*parts, *(Text(style.text(line)) for line in lines))
+    open_ = sorted({check.label for check in checks if is_open(check)})
+    yield "measure", f"{'; '.join(open_)}: open by its prediction" if open_ else ""
+    yield "next", to_explain(checks)
 
 
-def _cells(row: Mapping[str, Any], several: bool) -> list[str]:
-    """A cell for each of HEADINGS; several: whether the lot has drives of several presets."""
+def _cells(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
+    """A cell for each of LOT_HEADINGS; several: whether the lot has drives of several presets."""
     limit = Limit(row["code"], row["limit_greatest"], row["M_g_Nm"], row["per_cam_rev"])
     ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
     found = ["-" if row[key] is None else number(row[key], limit) for key in QUANTILES]
     name = f"{row['preset']}: " * several + f"{limit.label}, {row['unit']}, {row['basis'] or 'no value'}"
-    return [name, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"]
+    return name, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"
 
 
 def _drives(count: int) -> str:

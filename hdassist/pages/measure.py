@@ -1,233 +1,202 @@
-"""A measured trace as a page, as JSON, and as CSV."""
+"""A measured trace as a report."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from hdassist.json_parts import Json
+from hdassist.measuring.cycle import Coverage, Gearing
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
+from hdassist.pages.trace import curve_of_turns
 from hdassist.preset.fields import Drive
-from hdassist.report.quantities import Quantity, as_object
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.brief import again, facts
-from hdassist.terminal.console import Style, table
-from hdassist.terminal.plot import curve
-from hdassist.terminal.runs import Answer, CsvTable
+from hdassist.report.blocks import Curve, Facts, ReportSection, Table
+from hdassist.report.quantities import NO_VALUE, Quantity, as_object
+from hdassist.report.report import CsvTable, Report
+from hdassist.terminal.brief import again
 from hdassist.textfile import STDIN
 
-SHOWN_ORDERS, NAMED_ORDERS = 12, 3  # orders in the table, and in a line: the greatest
-MANY_TURNS = 8  # cam turns from which on their least and greatest values are drawn
-ENVELOPE = "error, arcsec: least and greatest around each cam turn"
-DIRECTION_NAMES = {1: "growing cam angle", -1: "falling cam angle"}
+LISTED_ORDERS, NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
+DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
 ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
     Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f", lambda o: o.amplitude_arcsec),
-    Quantity("amplitude_uncertainty_arcsec", "+/-", "arcsec", ".3f", lambda o: o.uncertainty_arcsec),
+    Quantity("amplitude_uncertainty_arcsec", "±", "arcsec", ".3f", lambda o: o.uncertainty_arcsec),
     Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
 )
+COVERAGE: tuple[Quantity[Coverage], ...] = (
+    Quantity("share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}", lambda c: c.share),
+    Quantity("visited_cam_revolutions", "visited", "cam turns", ".4g", lambda c: c.cam_turns),
+    Quantity("step_cam_deg", "a reading every", "deg of the cam", ".3g", lambda c: c.step_deg),
+    Quantity("visited_cells", "cells visited", "", "", lambda c: c.visited),
+    Quantity("cells", "  cells of the cycle", "", "", lambda c: c.cells),
+    Quantity("cell_cam_deg", "  size of a cell", "deg of the cam", "g", lambda c: c.cam_deg),
+    Quantity("cell_output_deg", "  and", "deg of the output", "g", lambda c: c.output_deg),
+)
+SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
+    Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__, lambda s: s.direction),
+    Quantity("F_ior_arcsec", "F'_ior", "arcsec", ".2f", lambda s: s.range.value),
+    Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", "arcsec", ".2f",
+             lambda s: s.uncertainty_arcsec),
+    Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "arcsec",
+             lambda ends: "{:.2f} to {:.2f}".format(*ends), lambda s: list(s.interval_arcsec)),
+    Quantity("F_ior_is_lower_bound", "  is a lower bound", "", lambda bound: "yes" if bound else "no",
+             lambda s: s.is_bound),
+    Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", "arcsec", ".2f",
+             lambda s: s.rise_arcsec),
+    Quantity("band_limited_range_arcsec", "  with what noise adds", "arcsec", ".2f", lambda s: s.range.fitted),
+    Quantity("noise_bias_arcsec", "  noise adds", "arcsec", ".2f", lambda s: s.range.bias),
+    Quantity("raw_range_arcsec", "  range of the readings", "arcsec", ".2f", lambda s: s.raw_range_arcsec),
+    Quantity("revolution_range_arcsec", "range in a cam turn, at most", "arcsec", ".2f", lambda s: s.revolution.value),
+    Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "arcsec", ".2f",
+             lambda s: s.revolution_uncertainty_arcsec),
+    Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "arcsec", ".2f",
+             lambda s: s.revolution_rise_arcsec),
+    Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
+    Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
+    Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda s: s.bins.span),
+    Quantity("drift_arcsec", "drift taken off", "arcsec", ".2f", lambda s: float(s.fit.drift.sum())),
+    Quantity("residuals.rms_arcsec", "beyond the orders, rms", "arcsec", ".2f",
+             lambda s: float(np.std(s.fit.residual))),
+    Quantity("residuals.unmodelled_arcsec", "  not noise", "arcsec", ".2f", lambda s: s.fit.unmodelled),
+    Quantity("residuals.correlated_steps", "  correlated over", "steps", ".3g", lambda s: s.fit.correlated),
+    Quantity("residuals.condition", "condition of the fit", "", ".3g", lambda s: s.fit.design.condition),
+)  # fmt: skip
+BUDGET: tuple[Quantity[UncertaintySource], ...] = (
+    Quantity("source", "source", "", "", lambda source: source.name),
+    Quantity("standard_uncertainty_arcsec", "u", "arcsec", ".3f", lambda source: source.arcsec),
+    Quantity("origin", "from", "", "", lambda source: source.origin),
+)
+ON_PAGE: tuple[Quantity[SweepResult], ...] = (
+    SWEEP_QUANTITIES[0],
+    SWEEP_QUANTITIES[1],
+    Quantity("interval", "95 %", "", "{0[0]:.2f} to {0[1]:.2f}".format, lambda s: s.interval_arcsec),
+    Quantity("u", "u", "", ".2f", lambda s: s.uncertainty_arcsec),
+    Quantity("in_a_turn", "in a turn", "", ".2f", lambda s: s.revolution.value),
+    Quantity("visited", "visited", "", lambda c: f"{100 * c.share:.1f} %", lambda s: s.coverage),
+)
 
 
-def measure_answer(result: Measurement, drive: Drive | None, *, plots: bool, details: bool = False) -> Answer:
-    """A measured trace as a page, JSON, CSV and a line; plots: whether it is drawn; details: with all tables."""
-    return Answer(
-        to_json=lambda: _to_json(result, drive),
-        page=lambda style: _render(result, drive, style, plots=plots, details=details),
-        summary_line=lambda: _summary_line(result),
-        figures=lambda: _figures(result),
-        about=result.trace.file,
+def measure_report(result: Measurement, drive: Drive | None) -> Report:
+    """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
+    found, *others = result.directions
+    trace, gearing, reversal = result.trace, result.gearing, result.reversal
+    table = Table.by_row("", ON_PAGE, result.directions, words=(0,))
+    return Report(
+        command="measure",
+        drive=drive,
+        head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
+        verdict=f"F'_ior {'at least ' if found.is_bound else ''}{found.range.value:.2f} arcsec",
+        why=tuple(_lower_bound(result, found)),
+        blocks=(table, Facts.of(_facts(result, drive)), _curve(found)),
+        details=(
+            Table.by_column("all numbers", SWEEP_QUANTITIES, result.directions),
+            *(block for each in result.directions for block in _details(each, gearing)),
+            *map(_curve, others),
+        ),
+        values={
+            "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
+            "notes": list(result.notes),
+            "cycle": gearing
+            and {"ratio": gearing.ratio, "cam_revolutions": gearing.cycle, "output_revolutions": gearing.cycle_output},
+            "F_ior_arcsec": result.F_ior_arcsec,
+            "directions": [_sweep(each) for each in result.directions],
+            "reversal_error": reversal
+            and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
+            "seed": result.seed,
+        },
+        csv=_csv(result),
+        line=_line(found),
+        about=trace.file,
         warnings=result.warnings,
     )
 
 
-def _render(
-    result: Measurement, drive: Drive | None, style: Style, *, plots: bool = True, details: bool = False
-) -> RenderableType:
-    """F'_ior in each direction and what it takes to read it right; with details all orders and the budget."""
-    name = f"{result.trace.file}: {len(result.trace.line)} rows" + (f", {drive.name}" if drive else "")
-    parts: list[RenderableType] = [Text(style.text(name), style="bold")]
-    for found in result.directions:
-        parts += [Text(""), *_direction(found, style, plots)]
-        parts.append(facts(style, _facts(result, found, details=details)))
-        if details:
-            parts += [Text(""), _orders(found, style), _budget(found, style)]
-    return Group(*parts, Text(""), facts(style, _below(result, drive, details=details)))
+def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
+    """Why F'_ior is a lower bound; empty of the full cycle."""
+    if found.coverage is None or result.gearing is None:
+        yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
+    elif found.is_bound:
+        turns = f"{found.coverage.cam_turns:.4g} of {result.gearing.cycle} cam turns"
+        yield f"a lower bound: {100 * found.coverage.share:.1f} % of the full cycle visited, {turns}"
 
 
-def _direction(found: SweepResult, style: Style, plots: bool) -> list[RenderableType]:
-    heading = Text(f"{DIRECTION_NAMES[found.direction]}: {_value(found)}", style="bold")
-    if not plots:
-        return [heading]
-    first = found.bins.sweep == 0
-    x, y = found.bins.turns[first], found.bins.error[first] - found.fit.level[0]
-    over, label = (1.0, ENVELOPE) if np.ptp(x) > MANY_TURNS else (0.0, "error, arcsec")
-    return [heading, Text(""), Text(curve(style, x, y, x_label="cam angle, turns", y_label=label, over=over)), Text("")]
-
-
-def _facts(result: Measurement, found: SweepResult, *, details: bool) -> Iterator[tuple[str, str]]:
-    """Facts on a direction, a label and a text each."""
-    if details:
-        raw = f"{found.raw_range_arcsec:.2f} arcsec as read; limited to the orders {found.range.fitted:.2f}"
-        yield "range", f"{raw}, of which noise adds {found.range.bias:.2f}"
-    yield "in a turn", f"at most {found.revolution.value:.2f} arcsec, u = {found.revolution_uncertainty_arcsec:.2f}"
+def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
+    """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
+    found, file = result.directions[0], result.trace.file
+    first, *others = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:NAMED_ORDERS]
+    cause = f" ({first.cause})" if first.cause else ""
+    more = "".join(f"; {o.per_cam_rev:.2f}: {o.amplitude_arcsec:.2f}" for o in others)
+    yield "orders", f"{first.per_cam_rev:.2f} a cam turn, {first.amplitude_arcsec:.2f} arcsec{cause}{more}"
     if found.lines:
-        yield "lines", _lines(found)
-    yield "visited", _visited(result, found, details=details)
-    if not details:
-        greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:NAMED_ORDERS]
-        yield "orders", "; ".join(map(_order, greatest))
-        missing = [source.name for source in found.sources if source.arcsec is None]
-        yield "not in u", f"{', '.join(missing)}: --budget {missing[0]}=ARCSEC says them" if missing else ""
-
-
-def _below(result: Measurement, drive: Drive | None, *, details: bool) -> Iterator[tuple[str, str]]:
+        lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
+        rise = f"; in another cycle they may add {found.rise_arcsec:.2f} arcsec" if found.rise_arcsec else ""
+        yield "lines", f"off the orders: {lines}{rise}"
     if reversal := result.reversal:
         words = f"{reversal.mean_arcsec:.2f} arcsec on the mean, up to {reversal.greatest_arcsec:.2f} arcsec off that"
         yield "reversal", f"{words}; it is not lost motion"
+    missing = [source.name for source in found.sources if source.arcsec is None]
+    yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
-    file = result.trace.file
-    yield "next", again("compare", drive, file) if drive and file != STDIN else ""
-    yield "more", "" if details else "--details"
+    if file != STDIN:
+        yield "next", again("compare", drive, file) if drive else shlex.join(["hdassist", "compare", "PRESET", file])
 
 
-def _order(order: MeasuredOrder) -> str:
-    """An order in words: 2.01 a turn, 6.46 arcsec (flexspline + rigid wheel)."""
-    cause = f" ({order.cause})" if order.cause else ""
-    return f"{order.per_cam_rev:.2f} a turn, {order.amplitude_arcsec:.2f} arcsec{cause}"
+def _curve(found: SweepResult) -> Curve:
+    """The error in the first sweep of a direction."""
+    first = found.bins.sweep == 0
+    words = f"error, arcsec, {DIRECTION_NAMES[found.direction]} cam angle"
+    return curve_of_turns(found.bins.turns[first], found.bins.error[first] - found.fit.level[0], words)
 
 
-def _value(found: SweepResult) -> str:
-    low, high = found.interval_arcsec
-    bound = "at least, for the angles visited: " if found.is_bound else ""
-    value = f"{found.range.value:.2f} arcsec, u = {found.uncertainty_arcsec:.2f}"
-    return f"F'_ior {bound}{value}, 95 % {low:.2f} to {high:.2f}"
-
-
-def _lines(found: SweepResult) -> str:
-    lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
-    rise = f"; in another cycle they may add {found.rise_arcsec:.2f} arcsec" if found.rise_arcsec else ""
-    return f"off the orders: {lines}{rise}"
-
-
-def _visited(result: Measurement, found: SweepResult, *, details: bool) -> str:
-    if found.coverage is None or result.gearing is None:
-        return f"{found.bins.span:.2f} cam turns; without --drive or --ratio the full cycle is not known"
-    c, gearing = found.coverage, result.gearing
-    turns = "turn" if gearing.cycle_output == 1 else "turns"
-    cycle = f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output {turns}"
-    share = f"{c.cam_turns:.4g} of {gearing.cycle} cam turns, {100 * c.share:.1f} % of the cycle"
-    if not details:
-        return f"{share}, a reading every {c.step_deg:.3g} deg ({cycle})"
-    cells = f"{c.visited} of {c.cells} cells of {c.cam_deg:g} deg of the cam by {c.output_deg:.3g} deg of the output"
-    return f"{share}, {cells}, a reading every {c.step_deg:.3g} deg of the cam ({cycle})"
-
-
-def _orders(found: SweepResult, style: Style) -> Table:
-    grid = table(
-        style, f"orders: amplitude·cos(order·angle + phase), the {SHOWN_ORDERS} greatest of {len(found.orders)}"
-    )
+def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSection]:
+    """Coverage, orders and budget of uncertainty of a direction."""
     shown = ORDER_COLUMNS if any(order.cause for order in found.orders) else ORDER_COLUMNS[:-1]
-    for quantity in shown:
-        left = quantity is ORDER_COLUMNS[-1]
-        grid.add_column(style.text(quantity.words), justify="left" if left else "right", overflow="fold")
-    greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:SHOWN_ORDERS]
-    for order in sorted(greatest, key=lambda o: o.per_cam_rev):
-        grid.add_row(*(style.text(quantity.text(order)) for quantity in shown))
-    return grid
-
-
-def _budget(found: SweepResult, style: Style) -> Table:
-    grid = table(style, f"standard uncertainty of F'_ior; u combined, 95 %: k = {COVERAGE_FACTOR:g}")
-    for words in ("source", "arcsec", "from"):
-        grid.add_column(words, justify="right" if words == "arcsec" else "left", overflow="fold")
-    for source in found.sources:
-        value = "-" if source.arcsec is None else f"{source.arcsec:.3f}"
-        grid.add_row(source.name, value, style.text(source.origin))
+    greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:LISTED_ORDERS]
+    title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
+    orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev), words=(4,))
     stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
-    grid.add_row("combined", f"{found.uncertainty_arcsec:.3f}", "" if stated else "without what is -")
-    return grid
+    combined = ("combined", f"{found.uncertainty_arcsec:.3f}", "" if stated else f"without those with {NO_VALUE}")
+    heads = tuple(quantity.words for quantity in BUDGET)
+    rows = [tuple(quantity.text(source) for quantity in BUDGET) for source in found.sources]
+    title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
+    budget = Table(title, heads, (*rows, combined), words=(0, 2))
+    cycle: list[Table] = []
+    if found.coverage and gearing:
+        output = f"{gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"
+        title = f"full cycle: {gearing.cycle} cam turns, {output}"
+        cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in COVERAGE)
+        cycle.append(Table(title, ("", ""), cells, header=False))
+    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, orders, budget))
 
 
-def _summary_line(result: Measurement) -> str:
-    """The answer alone: F'_ior with its expanded uncertainty."""
-    found = result.directions[0]
+def _sweep(found: SweepResult) -> Json:
+    """One direction as a JSON object."""
+    return {
+        **as_object(SWEEP_QUANTITIES, found),
+        "coverage": found.coverage and as_object(COVERAGE, found.coverage),
+        "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
+        "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
+        "budget": [as_object(BUDGET, source) for source in found.sources],
+    }
+
+
+def _line(found: SweepResult) -> str:
+    """F'_ior with its expanded uncertainty."""
     bound = ">= " if found.is_bound else ""
     reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.rise_arcsec
     spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"+- {reach:.2f}"
     return f"{bound}{found.range.value:.2f} {spread} arcsec"
 
 
-def _to_json(result: Measurement, drive: Drive | None) -> Json:
-    """The measurement as a JSON object."""
-    trace, gearing, reversal = result.trace, result.gearing, result.reversal
-    return {
-        **envelope("measure", drive, 0, result.warnings),
-        "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
-        "notes": list(result.notes),
-        "cycle": gearing
-        and {"ratio": gearing.ratio, "cam_revolutions": gearing.cycle, "output_revolutions": gearing.cycle_output},
-        "F_ior_arcsec": result.F_ior_arcsec,
-        "directions": [_sweep(found) for found in result.directions],
-        "reversal_error": reversal
-        and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
-        "seed": result.seed,
-    }
-
-
-def _sweep(found: SweepResult) -> Json:
-    """One direction as a JSON object."""
-    fit, c = found.fit, found.coverage
-    return {
-        "direction": found.direction,
-        "rows": int(found.bins.rows.sum()),
-        "sweeps": len(fit.level),
-        "cam_revolutions": found.bins.span,
-        "F_ior_arcsec": found.range.value,
-        "F_ior_is_lower_bound": found.is_bound,
-        "standard_uncertainty_arcsec": found.uncertainty_arcsec,
-        "interval_arcsec": list(found.interval_arcsec),
-        "revolution_range_arcsec": found.revolution.value,
-        "revolution_range_standard_uncertainty_arcsec": found.revolution_uncertainty_arcsec,
-        "rise_in_another_cycle_arcsec": found.rise_arcsec,
-        "revolution_range_rise_arcsec": found.revolution_rise_arcsec,
-        "band_limited_range_arcsec": found.range.fitted,
-        "noise_bias_arcsec": found.range.bias,
-        "raw_range_arcsec": found.raw_range_arcsec,
-        "drift_arcsec": float(fit.drift.sum()),
-        "residuals": {
-            "rms_arcsec": float(np.std(fit.residual)),
-            "unmodelled_arcsec": fit.unmodelled,
-            "correlated_steps": fit.correlated,
-            "condition": fit.design.condition,
-        },
-        "coverage": c
-        and {
-            "share": c.share,
-            "visited_cam_revolutions": c.cam_turns,
-            "step_cam_deg": c.step_deg,
-            "visited_cells": c.visited,
-            "cells": c.cells,
-            "cell_cam_deg": c.cam_deg,
-            "cell_output_deg": c.output_deg,
-        },
-        "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
-        "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
-        "budget": [
-            {"source": s.name, "standard_uncertainty_arcsec": s.arcsec, "origin": s.origin} for s in found.sources
-        ],
-    }
-
-
-def _figures(result: Measurement) -> CsvTable:
+def _csv(result: Measurement) -> CsvTable:
     """One row per step of the angle, in each direction: error less its level and drift, and the fitted curve."""
     rows: list[list[Any]] = []
     for found in result.directions:

@@ -120,7 +120,7 @@ def give(
             made = [
                 made_or("page", partial(answer.page, out.style), answer.summary_line) for answer in pages if answer.page
             ]
-            out.human(Group(*made, *below))
+            out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
     if out.csv is not None and (tables := [answer.figures() for answer in answers if answer.figures]):
         out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))
     return worst_exit_code(answer.exit_code for answer in answers)

@@ -26,11 +26,10 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.measuring.measure import measure
 from hdassist.measuring.uncertainty import STATED
-from hdassist.pages.accept import accept_page, number
+from hdassist.pages.accept import accept_report, number
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.console import Style
-from hdassist.terminal.output import Output
 from tests.acceptances import accept
+from tests.paper import on_paper
 from tests.process import TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range
 
@@ -305,12 +304,11 @@ def test_no_width_cuts_a_number():
     found = accept(drive, stated=told, measured_only=True)
     for plain in (False, True):
         for width in range(14, 90, 5):
-            style = Style(plain, False, width)
-            words = Output(style).page(accept_page(found, None, style)).replace("|", " ").replace(",", " ").split()
+            page = on_paper(accept_report(found, None, drive), width, ascii=plain)
+            words = page.replace("|", " ").replace(",", " ").split()
             missing = {"1876.54", "6.42", "-1826.54", "12.5", "1234.5"} - set(words)
             assert not missing, (plain, width, missing)
-            assert words.count("PASS") == 1
-            assert words.count("FAIL") == 3
+            assert (words.count("PASS"), words.count("FAIL")) == (1, 3)
 
 
 def test_remarks_that_count():

@@ -121,7 +121,7 @@ def test_people_see_each_check_with_how_it_is_known(rig):
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert done.stdout.isascii()
     for words in ("small: FAIL", "measured: guard bands of 1.65 u", "predicted: PASS from 95 % probability", "<= 400",
-                  "F'_ior at 4 N*m", "BUDGET: run.csv", "worst residuals",
+                  "F'_ior at 4 N*m", "BUDGET: run.csv", "equilibrium",
                   "explain F_IOR ORDER LOST_MOTION"):  # fmt: skip
         assert words in done.stdout
 
@@ -131,8 +131,9 @@ def test_the_short_page_has_the_verdict_and_what_to_do_next(rig):
     done = accepted(rig, "--measured", "4=run.csv", *limits, budget="encoder=0.1")
     lines = done.stdout.splitlines()
     assert lines[0] == "small: FAIL"
+    assert re.match(r"F'_ior at 4 N·m: \d+\.\d\d ± \d\.\d\d arcsec, limit ≤ 1, margin -\d+\.\d\d, measured$", lines[1])
     assert len(lines) <= 24
-    assert "certificate" not in done.stdout
+    assert "sha256" not in done.stdout
     command = next(line for line in lines if line.startswith("next")).split()[1:]
     assert command == ["hdassist", "explain", "F_IOR"]
     assert run(*command[1:]).returncode == 0

@@ -83,7 +83,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert [line.split()[:2] for line in lines[:5]] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin -15.00, stated" in lines[1]
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in lines[3]
-    assert "5 drives, 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 broken (40 %)" in result.stdout
+    assert "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 broken (40 %)" in result.stdout
     assert "yield: 1 of 3 drives with a verdict, 33.3 %" in result.stdout
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",

@@ -27,10 +27,9 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.pages import accept_lot as report
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept_lot import Z, quantiles, summary, wilson
-from hdassist.terminal.console import Style
-from hdassist.terminal.output import Output
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
+from tests.paper import on_paper
 from tests.process import SMALL, TINY
 
 HEAD = ["serial", "preset", "measured", "measured@4", "phases.xi_b", "F_ior@1", "limit F_ior@1", "Note"]
@@ -241,7 +240,7 @@ def test_summary_counts_and_spreads(told):
 
 @pytest.mark.parametrize("width", [60, 100])
 def test_lines_of_a_lot_fit_their_width(lot, told, width):
-    page = Output(Style(False, False, width)).page(report.accept_lot_page(lot, told, Style(False, False, width)))
+    page = on_paper(report.lot_report(lot, told), width)
     assert max(map(len, page.splitlines())) <= width
     for words in ("stated", "20.00", "21.00", "22.00", "≤ 30"):
         assert words in page

@@ -16,7 +16,7 @@ from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.pages.calibrate import calibrate_answer
-from hdassist.pages.trace import trace_figures
+from hdassist.pages.trace import trace_csv
 from hdassist.run.kept import RecordKind, open_kept
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.terminal.answers import csv_text
@@ -197,7 +197,7 @@ def test_nothing_computable_is_an_error(cheap):
 
 def test_a_trace_names_the_drive_it_was_made_of(tmp_path):
     hidden = drive_of().with_values(HIDDEN)
-    (tmp_path / "trace.csv").write_text(csv_text(*trace_figures(trace(hidden, 4.0, revolutions=2, run=UNCHECKED))))
+    (tmp_path / "trace.csv").write_text(csv_text(*trace_csv(trace(hidden, 4.0, revolutions=2, run=UNCHECKED))))
     targets = targets_of(drive_of(), ["quantity: trace, M_g: 4, file: trace.csv, tolerance: 0.1"], folder=str(tmp_path))
     quantities = TargetQuantities(hidden, REPORTING)
     (target,) = targets.targets

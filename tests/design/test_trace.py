@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 
 import pytest
 
@@ -33,23 +34,24 @@ def test_whole_cycle_as_csv():
     assert float(rows[-1]["phi_g_deg"]) == pytest.approx(-360 + 360 / 62 / 30)
 
 
-def test_people_see_curve_range_and_orders():
+def test_a_screen_holds_the_range_the_orders_and_the_curve():
     page = run("trace", SMALL)
+    lines = page.stdout.splitlines()
+    told = json.loads(run("trace", SMALL, "--json").stdout)
     assert page.returncode == 0
-    assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in (
-        "1 N·m, phi_g0 = 0 deg",
-        "cam angle phi_h, deg",
-        "range",
-        "orders",
-        "2 rigid wheel",
-        "-n 30",
-        "proof",
-    ):
-        assert words in page.stdout
-    assert len(run("trace", SMALL, "--no-plot").stdout.splitlines()) <= 24
+    assert lines[0] == f"small, 1 N·m, 1 cam turn from phi_g0 = 0°: range {told['range_arcsec']:.2f} arcsec"
+    assert lines[1] == "1 of the 30 cam turns of the full cycle: F'_ior is at least as large"
+    greatest = max(told["orders"], key=lambda order: order["amplitude_arcsec"])
+    row = rf" *{greatest['per_cam_rev']:.2f} +{greatest['amplitude_arcsec']:.2f} +{greatest['cause'][:20]}"
+    assert any(re.match(row, line) for line in lines)
+    assert any(re.match(r"next +hdassist trace .* -n 30 ", line) for line in lines)
+    assert lines[-1].startswith("proof  ")
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
     assert "amplitude·cos(order·phi_h + phase)" in run("trace", SMALL, "--no-plot", "--details").stdout
-    assert "turns" in run("trace", SMALL, "-n", "3").stdout
+    whole = run("trace", SMALL, "-n", "30").stdout
+    assert "of the full cycle:" not in whole
+    assert "least and greatest around each cam turn" in whole
 
 
 def test_quiet_prints_the_range():

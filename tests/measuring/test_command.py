@@ -53,24 +53,56 @@ def test_json(rig):
     assert told["seed"] == 0
 
 
-def test_people_see_what_was_found_and_assumed(rig):
-    page = run("measure", "run.csv", "--ratio", "30", cwd=rig)
-    assert page.returncode == 0
-    assert max(map(len, page.stdout.splitlines())) <= 80
+def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
+    lines = run("measure", "run.csv", "--drive", SMALL, cwd=rig).stdout.splitlines()
+    told = json.loads(run("measure", "run.csv", "--drive", SMALL, "--json", cwd=rig).stdout)
+    (found,) = told["directions"]
+    low, high = found["interval_arcsec"]
+    assert lines[0] == f"run.csv, 3600 rows, small: F'_ior {told['F_ior_arcsec']:.2f} arcsec"
+    assert any(f"{low:.2f} to {high:.2f}" in line and line.endswith("100.0 %") for line in lines)
+    labels = [match[1] for line in lines if (match := re.match(r"(orders|measure|read as|next|more)  +\S", line))]
+    assert labels == ["orders", "measure", "read as", "next", "more"]
+    assert any(re.match(r"measure +not in u: encoder, .* \(--budget", line) for line in lines)
+    assert any(re.match(r"next +hdassist compare .*small.yaml run.csv", line) for line in lines)
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+
+
+def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
+    (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
+    lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
+    assert lines[0].startswith("part.csv, 600 rows: F'_ior at least ")
+    assert lines[1] == "a lower bound: 16.7 % of the full cycle visited, 5 of 30 cam turns"
+    assert len(lines) <= 24
+    assert "".join(lines).isascii()
+    alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
+    assert "without --drive or --ratio the cycle is unknown" in alone
+    assert "next     hdassist compare PRESET part.csv\n" in alone
+
+
+def test_the_rest_stands_in_the_details(rig):
+    whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig).stdout
+    assert max(map(len, whole.splitlines())) <= 80
+    for words in ("range of the readings", "full cycle: 30 cam turns, 1 output turn", "cells visited",
+                  "the 12 greatest of", "not stated", "combined"):  # fmt: skip
+        assert words in whole
     coupled = ERROR + 12 * np.cos(2 * np.pi * TURNS / 30)
     (rig / "coupled.csv").write_text(text([360 * TURNS, coupled], "cam_deg,error_arcsec"))
     beside = run("measure", "coupled.csv", "--drive", SMALL, "--no-plot", cwd=rig)
     assert "once per output turn: also encoder graduation and coupling" in " ".join(beside.stdout.split())
-    for words in ('"cam_deg": cam angle', "F'_ior", "100.0 % of the cycle", "orders", "--budget encoder", "--details"):
-        assert words in page.stdout
-    assert len(page.stdout.splitlines()) < 30
-    whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig)
-    assert max(map(len, whole.stdout.splitlines())) <= 80
-    for words in ("as read", "cells of", "the 12 greatest of", "not stated", "combined"):
-        assert words in whole.stdout
-    plain = run("measure", "run.csv", "--ascii", cwd=rig).stdout
-    assert plain.isascii()
-    assert "at least" in plain
+
+
+def test_both_directions_stand_side_by_side(rig):
+    back = [360 * TURNS[-2::-1], ERROR[-2::-1] + 5]
+    both = text([np.append(360 * TURNS, back[0]), np.append(ERROR, back[1])], "cam_deg,error_arcsec")
+    (rig / "both.csv").write_text(both)
+    command = ("measure", "both.csv", "--ratio", "30", "--no-plot")
+    page = run(*command, cwd=rig).stdout
+    told = json.loads(run(*command, "--json", cwd=rig).stdout)
+    for direction in told["directions"]:
+        name = {1: "growing", -1: "falling"}[direction["direction"]]
+        assert re.search(rf"^{name} +{direction['F_ior_arcsec']:.2f} ", page, re.MULTILINE)
+    assert re.search(r"^reversal +-5\.\d\d arcsec on the mean", page, re.MULTILINE)
 
 
 def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
@@ -78,7 +110,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     (rig / "gap.csv").write_text(text([360 * TURNS[kept], ERROR[kept]], "cam_deg,error_arcsec"))
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "21 of 30 cam turns, 70.0 % of the cycle" in " ".join(page.stdout.split())
+    assert "70.0 % of the full cycle visited, 21 of 30 cam turns" in page.stdout
 
 
 def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
@@ -89,7 +121,7 @@ def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
     whole = run(*command, "--no-plot", cwd=rig)
     for place, kind, left in (
         ("hdassist.terminal.plot._fill", "plot", whole.stdout.split()),
-        ("hdassist.pages.measure._render", "page", run(*command, "-q", cwd=rig).stdout.split()),
+        ("hdassist.terminal.page.report_page", "page", run(*command, "-q", cwd=rig).stdout.split()),
     ):
         monkeypatch.setattr(place, broken)
         assert run(*command, cwd=rig).returncode == 1  # a fault of ours: seen by every test

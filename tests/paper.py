@@ -1,0 +1,14 @@
+"""Reports as people read them."""
+
+from __future__ import annotations
+
+from hdassist.report.report import Report
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output
+from hdassist.terminal.page import report_page
+
+
+def on_paper(report: Report, width: int = 80, *, ascii: bool = False, details: bool = False) -> str:
+    """The page of a report as plain text without plots, so many columns wide."""
+    style = Style(ascii, False, width)
+    return Output(style).page(report_page(report, style, plots=False, details=details))
