@@ -35,6 +35,7 @@ def tolerance_command(
     results: Results = None,
     work: o.WorkOptions,
     plot: o.Plot = True,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
@@ -58,12 +59,12 @@ def tolerance_command(
     from hdassist.commands.draw_options import require_limits
     from hdassist.error.self_error import self_error
     from hdassist.errors import UntrustedError
-    from hdassist.pages.tolerance import tolerance_answer
+    from hdassist.pages.tolerance import tolerance_report
     from hdassist.run.kept import KeptOwner, open_kept
     from hdassist.run.stops import at_stop, until_interrupted
     from hdassist.runfiles import claim_output
     from hdassist.terminal.output import note
-    from hdassist.terminal.runs import give
+    from hdassist.terminal.runs import answer_of, give
     from hdassist.tolerance.production import Production
     from hdassist.tolerance.stream import stream
     from hdassist.tolerance.yields import AtTorque, Summary, rooms
@@ -112,5 +113,5 @@ def tolerance_command(
         if interrupted:
             raise typer.Exit(130)
         raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
-    told = tolerance_answer(law, drives.seed, summary, samples, plots=plot, interrupted=interrupted)
-    raise typer.Exit(give("tolerance", [told], options, out))
+    report = tolerance_report(law, drives.seed, summary, samples, interrupted=interrupted)
+    raise typer.Exit(give("tolerance", [answer_of(report, plots=plot, details=details)], options, out))
