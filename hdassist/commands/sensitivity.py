@@ -18,6 +18,7 @@ def sensitivity_command(
     count: Annotated[int, typer.Option("-n", min=16, max=65536, help="Random drives, each of another design.")] = 96,
     drives: DrawOptions,
     work: o.WorkOptions,
+    details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
     """Which tolerance to tighten first, and how much a step takes off F'_ior; or what to measure before.
@@ -35,8 +36,8 @@ def sensitivity_command(
     """
     from dataclasses import replace
 
-    from hdassist.pages.sensitivity import sensitivity_answer
-    from hdassist.terminal.runs import give
+    from hdassist.pages.sensitivity import sensitivity_report
+    from hdassist.terminal.runs import answer_of, give
     from hdassist.tolerance.production import Production, RandomDrive
     from hdassist.tolerance.sensitivity import sensitivities
     from hdassist.tolerance.stream import collected
@@ -58,4 +59,5 @@ def sensitivity_command(
                 return collected(production.records, count, pool, progress)
 
         found = sensitivities(production, samples, records)
-    raise typer.Exit(give("sensitivity", [sensitivity_answer(replace(found, law=law))], options, out))
+    answer = answer_of(sensitivity_report(replace(found, law=law)), details=details)
+    raise typer.Exit(give("sensitivity", [answer], options, out))
