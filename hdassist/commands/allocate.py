@@ -52,8 +52,8 @@ def allocate_command(
     from hdassist.commands.draw_options import require_limits
     from hdassist.error.self_error import self_error
     from hdassist.errors import UsageError
-    from hdassist.pages.allocate import Allocated, allocate_answer
-    from hdassist.terminal.runs import give
+    from hdassist.pages.allocate import Allocated, allocate_report
+    from hdassist.terminal.runs import answer_of, give
     from hdassist.tolerance.allocation import Allocator
     from hdassist.tolerance.production import Production, RandomDrive
     from hdassist.tolerance.sensitivity import to_measure
@@ -92,4 +92,4 @@ def allocate_command(
                 ways.append(allocator.in_classes(ways[-1]))
     gains = to_measure(law, samples, 0) if samples else ()
     found = Allocated(law, wanted, sure, limits, own, allocator.choices, ways, drives.seed, gains)
-    raise typer.Exit(give("allocate", [allocate_answer(found)], options, out))
+    raise typer.Exit(give("allocate", [answer_of(allocate_report(found))], options, out))
