@@ -44,6 +44,7 @@ def sweep_command(
     drives: o.LoadedDriveOptions,
     plot: o.Plot = True,
     work: o.WorkOptions,
+    details: o.Details = False,
     options: RowOptions,
 ) -> None:
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
@@ -73,7 +74,7 @@ def sweep_command(
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import take_output, write_bytes
     from hdassist.terminal.output import note
-    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.terminal.runs import Answer, answer_of, give, run_each
     from hdassist.tolerance.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
     from hdassist.tolerance.sweep import collect
 
@@ -103,19 +104,13 @@ def sweep_command(
         elif file is not None:
             results.require_there()
             note(f"wrote {file}")
-        if page.sweep_exit_code(swept):
+        report = page.sweep_report(swept, results.records() if options.json else ())
+        if report.exit_code:
             note(f"error: no row has an answer: {swept.reason}")
-        return Answer(
-            to_json=lambda: page.sweep_json(swept, results.records()),
-            page=None if streamed else lambda style: page.sweep_page(swept, style, name, plots=plot),
-            summary_line=lambda: page.sweep_summary(swept),
-            about=drive.name,
-            warnings=swept.warnings,
-            proof=f"{swept.states} states, greatest residual {swept.max_residual:.1e}",
-            exit_code=page.sweep_exit_code(swept),
-        )
+        answer = answer_of(report, plots=plot, details=details)
+        return replace(answer, page=None) if streamed else answer
 
-    with ExitStack() as stack:  # a page and JSON are made of the rows that the file of results has
+    with ExitStack() as stack:  # JSON is made of the rows that the file of results has
         code = give("sweep", run_each("sweep", [preset], one, options), options, out)
     raise typer.Exit(code)
 

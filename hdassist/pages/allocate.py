@@ -144,7 +144,8 @@ def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
         yield "measure", measure_words(found.to_measure, False) or MORE_DRIVES
     if passed:
         cheapest = min((way for way in found.ways if way.fits), key=lambda way: way.cost)
-        yield "next", again("tolerance", found.drive, *(f"--set={p}={v:.3g}" for p, v in cheapest.values.items()))
+        values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
+        yield "next", again("tolerance", found.drive, *(word for value in values for word in ("--set", value)))
     else:
         yield "next", again("sensitivity", found.drive)
 

@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from hdassist.belief.samples import Probability, Samples
 from hdassist.json_parts import Json, measure_objects
@@ -18,7 +16,6 @@ from hdassist.report.blocks import Curve, Facts, Table, TwoCurves
 from hdassist.report.quantities import Quantity, as_object
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, proof_words
-from hdassist.terminal.console import Style
 from hdassist.terminal.influence_words import measure_words
 from hdassist.tolerance.law import RAYLEIGH_TAIL, ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
@@ -160,12 +157,6 @@ def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
     """Warnings about a drive and about the distributions that its random drives are drawn from."""
     words = f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}"
     return (*law.drive.origin.warnings, *[words] * bool(law.not_given))
-
-
-def paragraphs(style: Style, *parts: RenderableType) -> RenderableType:
-    """Texts and tables with a line between them."""
-    made = [Text(style.text(part)) if isinstance(part, str) else part for part in parts]
-    return Group(*(line for part in made for line in (part, Text(""))))
 
 
 def _yields(summary: Summary) -> str:
