@@ -32,13 +32,14 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
     count: Annotated[
         int, typer.Option("-n", metavar="N", min=16, max=65536, help="Random drives, each of another design.")
     ] = 96
+    details: o.Details = False
 
     def run(self) -> int:
         """Rank the tolerances; returns the exit code."""
         from dataclasses import replace
 
-        from hdassist.pages.sensitivity import sensitivity_answer
-        from hdassist.terminal.runs import give
+        from hdassist.pages.sensitivity import sensitivity_report
+        from hdassist.terminal.runs import answer_of, give
         from hdassist.tolerance.production import Production, RandomDrive
         from hdassist.tolerance.sensitivity import sensitivities
         from hdassist.tolerance.stream import collected
@@ -61,4 +62,5 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
                     return collected(production.records, count, pool, progress)
 
             found = sensitivities(production, samples, records)
-        return give("sensitivity", [sensitivity_answer(replace(found, law=law))], self, out)
+        answer = answer_of(sensitivity_report(replace(found, law=law)), details=self.details)
+        return give("sensitivity", [answer], self, out)

@@ -48,6 +48,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         typer.Option(metavar="KEY=VALUES", show_default=False, help="Vary a field: START:STOP:STEPS, or A,B,C."),
     ]
     plot: o.Plot = True
+    details: o.Details = False
     output: Annotated[
         str,
         o.answer_option("--output", "-o", metavar="FILE", help="Keep rows as JSON Lines to go on from; or .parquet."),
@@ -64,7 +65,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         from hdassist.terminal.answers import csv_text
         from hdassist.terminal.files import take_output, write_bytes
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import Answer, give, run_each
+        from hdassist.terminal.runs import answer_of, give, run_each
         from hdassist.tolerance.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
         from hdassist.tolerance.sweep import collect
 
@@ -76,7 +77,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
             take_output(packed, self.force)
         streamed = self._takes_stdout()
 
-        def one(name: str) -> Answer:
+        def one(_: str) -> Answer:
             sweep, drive, owner = self._sweep()
             pool = stack.enter_context(self.pools())
             if file is not None and not packed:
@@ -94,19 +95,13 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
             elif file is not None:
                 results.require_there()
                 note(f"wrote {file}")
-            if page.sweep_exit_code(swept):
+            report = page.sweep_report(swept, results.records() if self.json else ())
+            if report.exit_code:
                 note(f"error: no row has an answer: {swept.reason}")
-            return Answer(
-                to_json=lambda: page.sweep_json(swept, results.records()),
-                page=None if streamed else lambda style: page.sweep_page(swept, style, name, plots=self.plot),
-                summary_line=lambda: page.sweep_summary(swept),
-                about=drive.name,
-                warnings=swept.warnings,
-                proof=f"{swept.states} states, greatest residual {swept.max_residual:.1e}",
-                exit_code=page.sweep_exit_code(swept),
-            )
+            answer = answer_of(report, plots=self.plot, details=self.details)
+            return replace(answer, page=None) if streamed else answer
 
-        with ExitStack() as stack:  # a page and JSON are made of the rows that the file of results has
+        with ExitStack() as stack:  # JSON is made of the rows that the file of results has
             return give("sweep", run_each("sweep", [self.preset], one, self), self, out)
 
     def _takes_stdout(self) -> bool:

@@ -48,6 +48,7 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         str | None, typer.Option(metavar="FILE", help="Keep every drive; the same command goes on with it.")
     ] = None
     plot: o.Plot = True
+    details: o.Details = False
     per_design: Annotated[int, o.advanced_option(metavar="N", min=1, help="Drives of each design that is drawn.")] = 10
 
     def run(self) -> int:
@@ -55,12 +56,12 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from hdassist.commands.draw_options import require_limits
         from hdassist.error.self_error import self_error
         from hdassist.errors import UntrustedError
-        from hdassist.pages.tolerance import tolerance_answer
+        from hdassist.pages.tolerance import tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.stops import at_stop, until_interrupted
         from hdassist.runfiles import claim_output
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import give
+        from hdassist.terminal.runs import answer_of, give
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.stream import stream
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
@@ -117,5 +118,5 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
             if interrupted:
                 return 130
             raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
-        answer = tolerance_answer(law, self.seed, summary, samples, plots=self.plot, interrupted=interrupted)
-        return give("tolerance", [answer], self, out)
+        report = tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
+        return give("tolerance", [answer_of(report, plots=self.plot, details=self.details)], self, out)

@@ -1,131 +1,132 @@
-"""What F'_ior comes from and which tolerance to tighten first: a line and two tables, JSON, CSV."""
+"""Which tolerance to tighten first, and which fields F'_ior comes from, as a report."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 
-from rich.console import RenderableType
-from rich.table import Table
-from rich.text import Text
-
-from hdassist.json_parts import Json, influence_objects, measure_objects
-from hdassist.pages.tolerance import law_warnings, paragraphs
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.brief import again
-from hdassist.terminal.console import Style, table
+from hdassist.json_parts import influence_objects, measure_objects
+from hdassist.pages.tolerance import law_warnings
+from hdassist.report.blocks import Facts, Table
+from hdassist.report.quantities import Quantity
+from hdassist.report.report import Report
+from hdassist.terminal.brief import again, proof_words
 from hdassist.terminal.influence_words import measure_words, named
-from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.tolerance.production import TIGHTER_STEP
-from hdassist.tolerance.sensitivity import Sensitivities
+from hdassist.tolerance.sensitivity import Sensitivities, Tightened
 
 BAR = 10  # columns of the longest bar
-LISTED = 8  # fields of a table
+LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
+TIGHTER = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
-def sensitivity_answer(found: Sensitivities) -> Answer:
-    """What there is to say of a drive's sensitivities."""
-    return Answer(
-        to_json=lambda: sensitivity_json(found),
-        page=lambda style: sensitivity_page(found, style),
-        summary_line=lambda: sensitivity_summary(found),
-        figures=lambda: sensitivity_figures(found),
-        about=found.law.drive.name,
-        warnings=law_warnings(found.law),
-        proof=sensitivity_proof(found),
+@dataclass(frozen=True)
+class FieldEffect:
+    """A field at a torque: its share of the variance of ln F'_ior, and what its tolerance does; None without any.
+
+    bar: of the gain beside those of the other fields.
+    """
+
+    M_g: float
+    path: str
+    share: float | None
+    tightened: Tightened | None
+    bar: str
+
+
+CSV: tuple[Quantity[FieldEffect], ...] = (
+    Quantity("M_g_Nm", "torque", "N·m", "g", lambda e: e.M_g),
+    Quantity("field", "field", "", "", lambda e: e.path),
+    Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", lambda e: e.share),
+    Quantity("now_arcsec", "95th percentile", "", ".2f", lambda e: e.tightened and e.tightened.now),
+    Quantity("tighter_arcsec", TIGHTER, "", ".2f", lambda e: e.tightened and e.tightened.then),
+)
+ON_PAGE: tuple[Quantity[FieldEffect], ...] = (
+    *CSV[1:3],
+    Quantity(
+        "gain",
+        "takes off, arcsec",
+        "",
+        lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
+        lambda e: e.tightened,
+    ),
+    Quantity("bar", "", "", "", lambda e: e.bar),
+)
+
+
+def sensitivity_report(found: Sensitivities) -> Report:
+    """The sensitivities of a drive."""
+    law, samples, torques = found.law, found.samples, found.samples.torques
+    effects = [_effects(found, t) for t in range(len(torques))]
+    verdict, reason = _answer(found)
+    drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
+    facts = [("measure", measure_words(found.to_measure, False)), ("next", again("allocate", law.drive))]
+    return Report(
+        command="sensitivity",
+        drive=law.drive,
+        head=f"{law.drive.name}, tighten first at {torques[found.worst]:g} N·m",
+        verdict=verdict,
+        why=(reason,),
+        blocks=(_table(effects[found.worst], *LISTED), Facts.of(facts)),
+        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each)) for each in effects)),
+        proof=f"{proof_words(found.states, found.max_residual)}, {found.drives} drives",
+        values={
+            "operating_points": [
+                {
+                    "M_g_Nm": M_g,
+                    "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
+                    "influence": influence_objects(found.influences[t]),
+                    "tighter": [
+                        {"field" if key == "path" else key: value for key, value in asdict(way).items()}
+                        for way in found.tightened[t]
+                    ],
+                }
+                for t, M_g in enumerate(torques)
+            ],
+            "tighter_factor": TIGHTER_STEP,
+            "tighten_first": found.first.path if found.is_worth_tightening else None,
+            "to_measure": measure_objects(found.to_measure),
+            "samples": {"effective": samples.effective, "draws": samples.draws, "seed": samples.seed},
+            "drives": found.drives,
+            "seed": samples.seed,
+            "certificate": {"states": found.states, "max_residual": found.max_residual},
+        },
+        csv=(
+            ["preset", *(q.key for q in CSV)],
+            [[law.drive.name, *(q.value(each) for q in CSV)] for at_torque in effects for each in at_torque],
+        ),
+        line=f"tighten first: {verdict}; {reason}",
+        warnings=law_warnings(law),
     )
 
 
-def sensitivity_summary(found: Sensitivities) -> str:
-    """The tolerance to tighten first and what a step brings, or what to measure before."""
-    first, largest, M_g = found.first, found.largest, found.samples.torques[found.worst]
-    at = f"the 95th percentile of F'_ior at {M_g:g} N·m"
-    measure = f"measure {named(largest.group)} first, {largest.share:.0%} of the spread" if largest else ""
+def _answer(found: Sensitivities) -> tuple[str, str]:
+    """The tolerance to tighten first and what a step of it brings; or why there is none, and what to do."""
+    first, largest = found.first, found.largest
+    percentile = f"the 95th percentile of F'_ior, {first.now:.2f} arcsec"
     if found.is_worth_tightening:
-        return (
-            f"tighten first: {named(first.path)}: {1 - TIGHTER_STEP:.0%} tighter takes {first.gain:.2f} arcsec "
-            f"({first.now - first.high:.2f}-{first.now - first.low:.2f}) off {at}, {first.now:.2f}"
-        )
-    tolerances = {way.path for way in found.tightened[found.worst]}
-    hint = measure if largest and largest.group not in tolerances else ""
-    return (
-        f"no tolerance {1 - TIGHTER_STEP:.0%} tighter moves {at}, {first.now:.2f}, by more than "
-        f"{max(first.gain, 0):.2f} arcsec"
-        + ("; " + hint if hint else f" for certain: more drives (-n {4 * len(found.samples.weights)}) tell")
-    )
+        gain = f"{first.gain:.2f} arcsec ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
+        return named(first.path), f"{TIGHTER} it takes {gain} off {percentile}"
+    reason = f"a tolerance {TIGHTER} takes at most {max(first.gain, 0):.2f} arcsec off {percentile}"
+    if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
+        share = f"{100 * largest.share:.0f} % of the variance of ln F'_ior"
+        return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
+    return f"no tolerance, more drives are needed (-n {4 * len(found.samples.weights)})", reason
 
 
-def sensitivity_page(found: Sensitivities, style: Style) -> RenderableType:
-    """The answer, a table a torque, what to measure, and the next command."""
-    drive, samples = found.law.drive, found.samples
-    head = f"{drive.name}: {len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
-    tables = [_table(found, t, style) for t in range(len(samples.torques))]
-    measure = measure_words(found.to_measure, False)
-    below = [sensitivity_proof(found), *[f"to measure: {measure}"] * bool(measure), f"next: {again('allocate', drive)}"]
-    return paragraphs(
-        style, head, Text(style.text(sensitivity_summary(found)), style="bold"), *tables, "\n".join(below)
-    )
-
-
-def sensitivity_proof(found: Sensitivities) -> str:
-    """What stands behind the numbers, in a line."""
-    return f"proof: {found.states} states of {found.drives} drives, worst residual {found.max_residual:.0e}"
-
-
-def _table(found: Sensitivities, torque: int, style: Style) -> Table:
-    """Shares of the variance of ln F'_ior by field, and what a tighter tolerance takes off, the greatest first."""
+def _effects(found: Sensitivities, torque: int) -> list[FieldEffect]:
+    """All fields that do something at a torque, the greatest shares of the variance first."""
     shares = {each.group: each.share for each in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
+    most = max((way.gain for way in ways.values()), default=0.0)
+    bars = {path: "█" * round(BAR * way.gain / most) for path, way in ways.items() if way.gain > 0}
     M_g = found.samples.torques[torque]
-    grid = table(
-        style, f"at {M_g:g} N·m: share of the variance of ln F'_ior; 95th percentile, {1 - TIGHTER_STEP:.0%} tighter"
-    )
-    grid.add_column(style.text("field"), no_wrap=True)
-    grid.add_column(style.text("share, %"), justify="right", no_wrap=True)
-    grid.add_column("", no_wrap=True)
-    grid.add_column(style.text("arcsec"), justify="right", no_wrap=True)
-    most = max(shares.values(), default=1.0)
-    for path in sorted(shares | ways, key=lambda p: -shares.get(p, 0.0))[:LISTED]:
-        way, share = ways.get(path), shares.get(path, 0.0)
-        bar = ("#" if style.ascii else "█") * round(max(share, 0) / most * BAR)
-        then = f"{way.now:.2f} > {way.then:.2f}" + ("" if way.proven else " or more") if way else "-"
-        grid.add_row(*map(style.text, (path, f"{100 * share:.0f}" if path in shares else "-", bar, then)))
-    return grid
+    return [FieldEffect(M_g, p, shares.get(p), ways.get(p), bars.get(p, "")) for p in dict.fromkeys((*shares, *ways))]
 
 
-def sensitivity_json(found: Sensitivities) -> Json:
-    """The sensitivities as a JSON object."""
-    samples = found.samples
-    return {
-        **envelope("sensitivity", found.law.drive, 0, law_warnings(found.law)),
-        "operating_points": [
-            {
-                "M_g_Nm": M_g,
-                "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
-                "influence": influence_objects(found.influences[t]),
-                "tighter": [
-                    {"field" if key == "path" else key: value for key, value in asdict(way).items()}
-                    for way in found.tightened[t]
-                ],
-            }
-            for t, M_g in enumerate(samples.torques)
-        ],
-        "tighter_factor": TIGHTER_STEP,
-        "tighten_first": found.first.path if found.is_worth_tightening else None,
-        "to_measure": measure_objects(found.to_measure),
-        "samples": {"effective": samples.effective, "draws": samples.draws, "seed": samples.seed},
-        "drives": found.drives,
-        "seed": samples.seed,
-        "certificate": {"states": found.states, "max_residual": found.max_residual},
-    }
-
-
-def sensitivity_figures(found: Sensitivities) -> CsvTable:
-    """One row per torque and field."""
-    rows: list[list[object]] = []
-    for t, M_g in enumerate(found.samples.torques):
-        shares = {each.group: each.share for each in found.influences[t]}
-        ways = {way.path: way for way in found.tightened[t]}
-        for path in dict.fromkeys((*shares, *ways)):
-            way = ways.get(path)
-            rows.append([found.law.drive.name, M_g, path, shares.get(path), way and way.now, way and way.then])
-    return ["preset", "M_g_Nm", "field", "share", "now_arcsec", "tighter_arcsec"], rows
+def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Table:
+    """So many fields with a tolerance, the greatest gain first, and so many others."""
+    tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
+    rest = [e for e in effects if not e.tightened]
+    title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {TIGHTER}"
+    return Table.by_row(title, ON_PAGE, [*tight[:tolerances], *rest[:others]], words=(0, 3))

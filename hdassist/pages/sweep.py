@@ -1,4 +1,4 @@
-"""A sweep as a plot with its ends, as JSON, and its rows for CSV and Parquet."""
+"""A sweep as a report, and its rows for CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from rich.console import RenderableType
-from rich.text import Text
 
-from hdassist.json_parts import Json, unknown_objects
+from hdassist.json_parts import unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.pages.tolerance import paragraphs
 from hdassist.preset.kinds import plain
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.console import Style
-from hdassist.terminal.heat import heat
-from hdassist.terminal.plot import curve
+from hdassist.report.blocks import Curve, Facts, HeatMap
+from hdassist.report.report import Report
+from hdassist.terminal.brief import again, proof_words
 from hdassist.tolerance.sweep import Sweep, SweepRow, Swept, largest
 from hdassist.tolerance.vary import TORQUE, Axis
 from hdassist.verdict import worst_exit_code
@@ -34,65 +30,54 @@ def cells(record: SweepRow) -> list[Any]:
     return [*record.values.values(), record.M_g_Nm, record.F_ior_arcsec, record.max_residual, record.reason]
 
 
-def sweep_exit_code(swept: Swept) -> int:
-    """0 where any row has an answer, else the worst of the rows."""
-    return worst_exit_code(swept.exit_codes) if swept.end(True) is None else 0
-
-
-def sweep_json(swept: Swept, records: Iterable[SweepRow]) -> Json:
-    """The sweep as a JSON object, with its rows."""
+def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
+    """A sweep; records of its rows, where they are wanted."""
     sweep, drive = swept.sweep, swept.drive
-    ends = {name: swept.end(greatest) for name, greatest in (("least", False), ("greatest", True))}
-    return {
-        **envelope("sweep", drive, sweep_exit_code(swept), swept.warnings),
-        "unknown": unknown_objects(unknowns(largest(drive, sweep.axes))),
-        "vary": [
-            {"field": axis.path, "unit": axis.unit, "values": list(axis.values), "effect_arcsec": swept.effect(k)}
-            for k, axis in enumerate(sweep.axes)
-        ],
-        **{name: end and {"row": end[0], "F_ior_arcsec": end[1]} for name, end in ends.items()},
-        "rows": list(map(asdict, records)),
-        "rows_without_answer": swept.failed,
-        "certificate": {"states": swept.states, "max_residual": swept.max_residual},
-    }
-
-
-def sweep_summary(swept: Swept) -> str:
-    """The answer alone: the least and the greatest F'_ior."""
     least, greatest = swept.end(False), swept.end(True)
-    return f"{least[1]:.2f} to {greatest[1]:.2f} arcsec" if least and greatest else "no answer"
+    figures = list(_figures(swept))
+    line = f"{least[1]:.2f} to {greatest[1]:.2f} arcsec" if least and greatest else "no answer"
+    return Report(
+        command="sweep",
+        drive=drive,
+        head=f"{drive.name}, F'_ior over {' and '.join(map(_span, sweep.axes))}, {sweep.rows} rows",
+        verdict=line,
+        blocks=(Facts.of(_facts(swept)), *figures[:1]),
+        details=tuple(figures[1:]),
+        proof=proof_words(swept.states, swept.max_residual) if swept.states else "",
+        values={
+            "unknown": unknown_objects(unknowns(largest(drive, sweep.axes))),
+            "vary": [
+                {"field": axis.path, "unit": axis.unit, "values": list(axis.values), "effect_arcsec": swept.effect(k)}
+                for k, axis in enumerate(sweep.axes)
+            ],
+            **{
+                key: end and {"row": end[0], "F_ior_arcsec": end[1]}
+                for key, end in (("least", least), ("greatest", greatest))
+            },
+            "rows": list(map(asdict, records)),
+            "rows_without_answer": swept.failed,
+            "certificate": {"states": swept.states, "max_residual": swept.max_residual},
+        },
+        line=line,
+        warnings=tuple(swept.warnings),
+        exit_code=worst_exit_code(swept.exit_codes) if least is None else 0,
+    )
 
 
-def sweep_page(swept: Swept, style: Style, name: str, *, plots: bool = True) -> RenderableType:
-    """Plot of a sweep of one field or two, its ends, what moves it most, and the next command.
-
-    Arguments: name of the preset, as it was asked for; plots, whether it is drawn.
-    """
-    sweep = swept.sweep
-    over = " and ".join(_span(axis) for axis in sweep.axes)
-    head = f"{swept.drive.name}: F'_ior over {over}, {sweep.rows} rows"
-    drawn = [Text(text) for text in _plots(swept, style)] if plots else []
-    return paragraphs(style, head, *drawn, "\n".join(_facts(swept, name)))
-
-
-def _facts(swept: Swept, name: str) -> Iterator[str]:
-    """Least and greatest F'_ior, what moves it most, rows without an answer, proof, and the next command."""
-    if least := swept.end(False):
-        yield f"least    {_at(swept, *least)}"
-    if greatest := swept.end(True):
-        yield f"greatest {_at(swept, *greatest)}"
-    effects = [
-        (effect, axis.path) for k, axis in enumerate(swept.sweep.axes) if (effect := swept.effect(k)) is not None
-    ]
-    if effects:
-        told = ", ".join(f"{path} by {effect:.2f} arcsec" for effect, path in sorted(effects, reverse=True))
-        yield f"moved most by: {told}"
+def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
+    """Least and greatest F'_ior, effect of each field, rows without an answer, and the next command."""
+    least, greatest = swept.end(False), swept.end(True)
+    if least and greatest:
+        yield "least", _at(swept, *least)
+        yield "greatest", _at(swept, *greatest)
+    effects = [(swept.effect(k), axis.path) for k, axis in enumerate(swept.sweep.axes)]
+    moved = sorted(((effect, path) for effect, path in effects if effect is not None), reverse=True)
+    yield "effect", ", ".join(f"{path} {effect:.2f} arcsec" for effect, path in moved)
     if swept.failed:
-        yield f"without an answer: {swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
+        yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
     if least:
-        yield f"certificate: {swept.states} states, greatest residual {swept.max_residual:.1e} of its scale"
-        sets = " ".join(f"--set {path}={_exact(value)}" for path, value in swept.sweep.values(least[0]).items())
-        yield f"next: hdassist check {name} {sets}"
+        values = [f"{path}={_exact(value)}" for path, value in swept.sweep.values(least[0]).items()]
+        yield "next", again("check", swept.drive, *(word for value in values for word in ("--set", value)))
 
 
 def _span(axis: Axis) -> str:
@@ -112,26 +97,25 @@ def _unit(axis: Axis) -> str:
 
 def _at(swept: Swept, row: int, F_ior: float) -> str:
     units = {axis.path: _unit(axis) for axis in swept.sweep.axes}
-    told = [f"{path} = {value:g} {units[path]}".rstrip() for path, value in swept.sweep.values(row).items()]
+    values = [f"{path} = {value:g} {units[path]}".rstrip() for path, value in swept.sweep.values(row).items()]
     torque = [] if TORQUE in units else [f"{swept.sweep.torque(row):g} N·m"]
-    return f"{F_ior:.2f} arcsec at {', '.join(told + torque)}"
+    return f"{F_ior:.2f} arcsec at {', '.join(values + torque)}"
 
 
-def _plots(swept: Swept, style: Style) -> Iterator[str]:
+def _figures(swept: Swept) -> Iterator[Curve | HeatMap]:
     """A curve of one field or a map of two at each torque; none of more fields."""
     sweep = swept.sweep
     if len(sweep.axes) > 2:
         return
     orders = [np.argsort(axis.values) for axis in sweep.axes]
     labels = [f"{axis.path}, {_unit(axis)}".removesuffix(", ") for axis in sweep.axes]
-    sorted_values = [np.array(axis.values, dtype=float)[order] for axis, order in zip(sweep.axes, orders, strict=True)]
+    values = [np.array(axis.values, dtype=float)[order] for axis, order in zip(sweep.axes, orders, strict=True)]
     for k in range(sweep.shape[-1]):
         F_ior = swept.F_ior_arcsec[..., k][np.ix_(*orders)]
-        there = np.isfinite(F_ior)
+        solved = np.isfinite(F_ior)
         at = f"F'_ior at {sweep.torques[k]:g} N·m, arcsec" if sweep.torques else "F'_ior, arcsec"
-        if len(orders) == 1 and there.sum() > 1:
-            words = at + ("" if there.all() else f", {np.sum(~there)} points without an answer left out")
-            yield curve(style, sorted_values[0][there], F_ior[there], x_label=labels[0], y_label=words)
-        elif len(orders) == 2 and there.any():
-            x, y = (list(map(float, values)) for values in sorted_values)
-            yield heat(style, x, y, F_ior, x_label=labels[0], y_label=f"{labels[1]}; {at}")
+        if len(orders) == 1 and solved.sum() > 1:
+            at += "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
+            yield Curve(values[0][solved], F_ior[solved], labels[0], at)
+        elif len(orders) == 2 and solved.any():
+            yield HeatMap(tuple(values[0].tolist()), tuple(values[1].tolist()), F_ior, labels[0], f"{labels[1]}; {at}")

@@ -1,129 +1,216 @@
-"""Yield and percentiles of random drives, as a table and a plot, as JSON, and as CSV."""
+"""Yield and F'_ior of random drives as a report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
-from hdassist.belief.measure import MeasurementGain
-from hdassist.belief.samples import Samples
+from hdassist.belief.samples import Probability, Samples
 from hdassist.json_parts import Json, measure_objects
-from hdassist.preset.fields import Drive, field_table
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import unit_of
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.brief import again
-from hdassist.terminal.console import Style, table
+from hdassist.report.blocks import Curve, Facts, Table, TwoCurves
+from hdassist.report.quantities import Quantity, as_object
+from hdassist.report.report import Report
+from hdassist.terminal.brief import again, proof_words
 from hdassist.terminal.influence_words import measure_words
-from hdassist.terminal.plot import curve
-from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.tolerance.law import RAYLEIGH_TAIL, ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
-from hdassist.tolerance.yields import YIELD_TAIL as ENDS
-from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
+from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
-PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
 LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {RAYLEIGH_TAIL:g} standard deviations)"}
+PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
+PLOTTED_ROWS = 6
+MORE_DRIVES = "more drives (-n) may decide it"
 
 
-def tolerance_answer(
-    law: ProductionLaw,
-    seed: int,
-    summary: Summary,
-    samples: Samples | None,
-    *,
-    plots: bool,
-    interrupted: bool = False,
-) -> Answer:
-    """What there is to say of random drives.
+@dataclass(frozen=True)
+class MountedDrives:
+    """Random drives at a torque, as built or (best) each with its wheel in its best position."""
 
-    Arguments: samples of the designs, None where they are one, or were not drawn now; plots, whether one is drawn;
-    interrupted, before all were done.
-    """
-    code = 130 if interrupted else summary.verdict.exit_code
-    drive = law.drive
-    return Answer(
-        to_json=lambda: tolerance_json(law, seed, summary, samples, code),
-        page=lambda style: tolerance_page(law, seed, summary, samples, style, plots=plots),
-        summary_line=lambda: tolerance_summary(summary),
-        figures=lambda: tolerance_figures(drive, summary),
-        about=drive.name,
-        warnings=tolerance_warnings(law, summary),
-        proof=tolerance_proof(summary),
-        exit_code=code,
+    summary: Summary
+    point: AtTorque
+    best: bool
+
+    @property
+    def F_ior(self) -> Sequence[float]:
+        """F'_ior [arcsec], one a drive."""
+        return self.point.best if self.best else self.point.as_built
+
+    def percentile(self, share: float) -> Percentile:
+        """Percentile of F'_ior over the drives [arcsec]."""
+        return self.summary.percentile(self.F_ior, share)
+
+    @property
+    def yield_belief(self) -> YieldBelief | None:
+        """Their yield at this torque; None without a limit."""
+        return None if self.point.limit is None else self.summary.yield_of(self.best, self.point)
+
+
+def yield_words(found: YieldBelief) -> str:
+    """A yield as a range over the designs, or that of the only one with its interval."""
+    low, middle, high = (100 * found.percentile(share) for share in (YIELD_TAIL, 0.5, 1 - YIELD_TAIL))
+    if len(found.weights) == 1:
+        return f"{100 * found.share:.1f} % ({low:.1f} to {high:.1f})"
+    return f"{low:.1f} to {high:.1f} %, median {middle:.1f} %"
+
+
+def _yield_cell(found: YieldBelief) -> str:
+    middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
+    low, high = (100 * found.percentile(share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
+    return f"{100 * middle:.0f} ({low:.0f} to {high:.0f})"
+
+
+PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
+DRIVES: tuple[Quantity[MountedDrives], ...] = (
+    Quantity("M_g_Nm", "torque, N·m", "", "g", lambda d: d.point.M_g),
+    Quantity("wheel", "wheel", "", "", lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
+)
+F_IOR: tuple[Quantity[MountedDrives], ...] = (
+    *(
+        Quantity(f"{name}_arcsec", words, "", ".2f", lambda d, share=share: d.percentile(share).value)  # type: ignore[misc]
+        for name, words, share in PERCENTILES
+    ),
+    Quantity("worst_arcsec", "worst", "", ".2f", lambda d: max(d.F_ior)),
+    Quantity("mean_arcsec", "mean", "", ".2f", lambda d: float(np.average(d.F_ior, weights=d.summary.weights))),
+)
+INTERVALS: tuple[Quantity[MountedDrives], ...] = tuple(
+    Quantity(
+        f"{name}_interval_arcsec", words, "", lambda ends: f"{ends[0]:.2f} to {ends[1]:.2f}",
+        lambda d, share=share: [*asdict(d.percentile(share)).values()][1:],  # type: ignore[misc]
+    )
+    for name, words, share in PERCENTILES
+)  # fmt: skip
+HELD: tuple[Quantity[MountedDrives], ...] = (
+    Quantity("limit", "limit", "", "g", lambda d: d.point.limit),
+    Quantity("yield", "yield, %", "", _yield_cell, lambda d: d.yield_belief),
+)
+
+
+def tolerance_report(
+    law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, *, interrupted: bool = False
+) -> Report:
+    """Random drives; samples of their designs, None where they are one, or were not drawn now."""
+    drive, points = law.drive, summary.points
+    ways = (False, True) if summary.positions > 1 else (False,)
+    drives = [MountedDrives(summary, point, best) for point in points for best in ways]
+    worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
+    gains = to_measure(law, samples, worst) if samples else ()
+    measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
+    F_ior_table = Table.by_row(
+        "F'_ior, arcsec: percentiles over the drives",
+        (*DRIVES, *F_IOR[:3], *HELD[: 2 * summary.has_limit]),
+        drives,
+        words=(1,),
+    )
+    more = Table.by_row(
+        "Monte Carlo intervals of these percentiles, arcsec (5 to 95 %)",
+        (*DRIVES, *INTERVALS, *F_IOR[3:]),
+        drives,
+        words=(1,),
+    )
+    plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
+    columns = (*DRIVES, *F_IOR)
+    return Report(
+        command="tolerance",
+        drive=drive,
+        head=f"{drive.name}, {summary.count} random drives" + f" of {summary.design_count} designs" * bool(law.shared),
+        verdict=_yields(summary) if summary.has_limit and summary.wanted is None else str(summary.verdict),
+        why=tuple(_reasons(summary, law)),
+        blocks=(
+            F_ior_table,
+            Facts.of([("measure", measure or ""), ("next", again("sensitivity", drive))]),
+            plots.pop(worst),
+        ),
+        details=(Facts((("drawn", _law_words(law, seed)),)), more, *plots),
+        proof=proof_words(summary.states, summary.max_residual),
+        values={
+            **_values(law, seed, summary),
+            "operating_points": [_point_object(point, summary) for point in points],
+            "to_measure": measure_objects(gains),
+        },
+        csv=(
+            ["preset", *(q.key for q in columns), "yield"],
+            [
+                [drive.name, *(q.value(d) for q in columns), d.yield_belief.share if d.yield_belief else None]
+                for d in drives
+            ],
+        ),
+        line=f"{_yields(summary)}: {summary.verdict}"
+        if summary.has_limit
+        else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
+        warnings=(*law_warnings(law), *_refused(summary)),
+        exit_code=130 if interrupted else summary.verdict.exit_code,
     )
 
 
-def tolerance_warnings(law: ProductionLaw, summary: Summary) -> tuple[str, ...]:
-    """What a reader should know beside the numbers."""
-    refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
-    return (*law_warnings(law), *[refused] * bool(summary.refused))
+def _refused(summary: Summary) -> Iterator[str]:
+    if summary.refused:
+        yield f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
 
 
 def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
-    """Warnings about a drive and about what its random drives are drawn from."""
+    """Warnings about a drive and about the distributions that its random drives are drawn from."""
     words = f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}"
     return (*law.drive.origin.warnings, *[words] * bool(law.not_given))
 
 
-def paragraphs(style: Style, *parts: RenderableType) -> RenderableType:
-    """Texts and tables with a line between them."""
-    made = [Text(style.text(part)) if isinstance(part, str) else part for part in parts]
-    return Group(*(line for part in made for line in (part, Text(""))))
+def _yields(summary: Summary) -> str:
+    words = f"yield as built {yield_words(summary.yield_of(False))}"
+    turned = f"; each wheel in its best position {yield_words(summary.yield_of(True))}"
+    return words + turned * (summary.positions > 1)
 
 
-def tolerance_page(
-    law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, style: Style, *, plots: bool = True
-) -> RenderableType:
-    """Yield and gain, a table of both ways to build, the distribution at the first torque."""
-    drive = law.drive
-    of = f" of {summary.design_count} designs" if law.shared else ""
-    head = f"{drive.name}: {summary.count} random drives{of}, {_law_words(law)}, seed {seed}"
-    below = [tolerance_proof(summary)]
-    if summary.verdict is Verdict.INCONCLUSIVE:
-        words = measure_words(_to_measure(law, summary, samples), False)
-        below.append(f"to measure: {words}" if words else "more drives (-n) may tell")
-    below.append(f"next: {again('sensitivity', drive)}")
-    first = summary.points[0]
-    has_plot = plots and np.ptp(_ways(first, summary)[-1][1]) > 0
-    return paragraphs(
-        style,
-        Text(style.text(head), style="bold"),
-        "\n".join(_verdict_lines(summary, law)),
-        _table(summary, style),
-        *([Text(_distribution(first, summary, style))] if has_plot else []),
-        "\n".join(below),
-    )
-
-
-def tolerance_proof(summary: Summary) -> str:
-    """What stands behind the numbers, in a line."""
-    return (
-        f"proof: every extreme is a solved state ({summary.states} states, worst residual {summary.max_residual:.0e})"
-    )
-
-
-def tolerance_summary(summary: Summary) -> str:
-    """The answer alone: percentiles or yields."""
+def _reasons(summary: Summary, law: ProductionLaw) -> Iterator[str]:
+    if summary.has_limit and summary.wanted is not None:
+        sure = probability_words(summary.yield_of(True).probability(summary.wanted))
+        yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}; {summary.sure:g} needed"
     if summary.has_limit:
-        turned = f", {_yield_words(summary.yield_of(True))} with the wheel turned" if summary.positions > 1 else ""
-        return f"yield {_yield_words(summary.yield_of(False))} as built{turned}, {summary.verdict}"
-    return "\n".join(
-        f"{p.M_g:g} N*m: 95 % of drives below {summary.percentile(p.as_built, 0.95).value:.2f} arcsec as built"
-        + (f", {summary.percentile(p.best, 0.95).value:.2f} with the wheel turned" if summary.positions > 1 else "")
-        for p in summary.points
-    )
+        over = f"{100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over what is not known of the design"
+        yield _yields(summary) * (summary.wanted is not None) + f" ({over})" * bool(law.shared)
+    elif summary.positions > 1:
+        off = []
+        for point in summary.points:
+            low, median, high = 100 * np.quantile(point.gains(), (0.05, 0.5, 0.95))
+            off.append(f"{median:.0f} % ({low:.0f} to {high:.0f}) at {point.M_g:g} N·m")
+        yield f"turning the wheel takes off F'_ior {', '.join(off)}"
 
 
-def tolerance_json(law: ProductionLaw, seed: int, summary: Summary, samples: Samples | None, exit_code: int) -> Json:
-    """The random drives as a JSON object."""
+def probability_words(found: Probability) -> str:
+    """A probability with its Monte Carlo interval."""
+    return f"{found.value:.2f}" + f" ({found.low:.2f} to {found.high:.2f})" * (found.low < found.high)
+
+
+def _law_words(law: ProductionLaw, seed: int) -> str:
+    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
+    words = [f"given sizes {', '.join(LAW_WORDS.get(each, each) for each in laws)}"] if laws else []
+    return ", ".join([*words, *["others even"] * bool(law.not_given), f"seed {seed}"])
+
+
+def _share_below(drives: Sequence[MountedDrives]) -> Curve | TwoCurves:
+    """F'_ior that a share of the drives at a torque stays below, as built and where wheels are turned."""
+    point, weights = drives[0].point, np.array(drives[0].summary.weights)
+    limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
+    curves: list[Array] = []
+    for each in drives:
+        order = np.argsort(each.F_ior)
+        below = 100 * np.cumsum(weights[order]) / weights.sum()
+        curves.append(np.interp(PLOTTED_SHARES, below, np.array(each.F_ior)[order]))
+    x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, arcsec"
+    y_label += "" if limit is None else f" ({limit:.4g} allowed)"
+    built, best = curves[0], curves[-1]
+    if len(curves) == 1:
+        return Curve(PLOTTED_SHARES, built, x_label, y_label, limit=limit, rows=PLOTTED_ROWS)
+    names = ("as built", "best mounted")
+    return TwoCurves(PLOTTED_SHARES, built, best, names, x_label, y_label, limit=limit, rows=PLOTTED_ROWS)
+
+
+def _values(law: ProductionLaw, seed: int, summary: Summary) -> Json:
     return {
-        **envelope("tolerance", law.drive, exit_code, tolerance_warnings(law, summary)),
         "drives": summary.count,
         "designs": summary.design_count,
         "refused": len(summary.refused),
@@ -138,7 +225,6 @@ def tolerance_json(law: ProductionLaw, seed: int, summary: Summary, samples: Sam
             }
             for f in law.joint.fields
         ],
-        "operating_points": [_point_object(point, summary) for point in summary.points],
         "yield": {
             name: _yield_object(summary.yield_of(best), summary.wanted)
             for name, best in (("as_built", False), ("best_position", True))
@@ -147,133 +233,9 @@ def tolerance_json(law: ProductionLaw, seed: int, summary: Summary, samples: Sam
         else None,
         "yield_wanted": summary.wanted,
         "sure": summary.sure,
-        "to_measure": measure_objects(_to_measure(law, summary, samples)),
         "certificate": {"states": summary.states, "max_residual": summary.max_residual},
         "verdict": str(summary.verdict),
     }  # fmt: skip
-
-
-def tolerance_figures(drive: Drive, summary: Summary) -> CsvTable:
-    """One row per torque and way to build."""
-    rows = []
-    for point in summary.points:
-        for way, F_ior, held in _ways(point, summary):
-            numbers = _F_ior_object(F_ior, summary)
-            values = [numbers[f"{name}_arcsec"] for name in NAMES]
-            rows.append([drive.name, point.M_g, way, *values, held.share if point.limit is not None else None])
-    return ["preset", "M_g_Nm", "wheel", *(f"{name}_arcsec" for name in NAMES), "yield"], rows
-
-
-NAMES = ("low", "median", "high", "worst", "mean")
-
-
-def _verdict_lines(summary: Summary, law: ProductionLaw) -> Iterable[str]:
-    if summary.has_limit:
-        over = (
-            f" ({100 * ENDS:.0f}-{100 - 100 * ENDS:.0f} % over what is not known of the design)" if law.shared else ""
-        )
-        words = f"yield as built {_yield_words(summary.yield_of(False))}"
-        if summary.positions > 1:
-            words += f"; with the wheel in its best position {_yield_words(summary.yield_of(True))}"
-        yield words + over
-    if summary.wanted is not None and summary.has_limit:
-        how = ", each wheel in its best position" if summary.positions > 1 else ""
-        found = summary.yield_of(True).probability(summary.wanted)
-        within = f" ({found.low:.2f}-{found.high:.2f})" if found.low < found.high else ""
-        yield (
-            f"probability that it reaches {summary.wanted:.0%}{how}: {found.value:.2f}{within}, {summary.sure:g} "
-            f"needed: {summary.verdict}"
-        )
-    if summary.positions > 1:
-        off = []
-        for p in summary.points:
-            low, median, high = np.quantile(p.gains(), [0.05, 0.5, 0.95])
-            off.append(f"{median:.0%} at {p.M_g:g} N·m (5 to 95 % of drives: {low:.0%} to {high:.0%})")
-        yield f"turning the wheel takes off F'_ior {', '.join(off)}"
-
-
-def _table(summary: Summary, style: Style) -> Table:
-    grid = table(style, "F'_ior, arcsec (Monte Carlo interval)")
-    grid.add_column(no_wrap=True)
-    heads = [*(words for _, words, _ in PERCENTILES), *(["limit", "yield, %"] if summary.has_limit else [])]
-    for words in heads:
-        grid.add_column(style.text(words), justify="right", no_wrap=True)
-    for point in summary.points:
-        for way, F_ior, held in _ways(point, summary):
-            found = [summary.percentile(F_ior, share) for _, _, share in PERCENTILES]
-            cells = [f"{each.value:.3g}" for each in found]
-            cells[-1] += f" ({found[-1].low:.3g}-{found[-1].high:.3g})"
-            if summary.has_limit:
-                limit = "-" if point.limit is None else f"{point.limit:g}"
-                cells += [limit, "-" if point.limit is None else _yield_cell(held)]
-            grid.add_row(style.text(f"{point.M_g:g} N·m, {way}"), *map(style.text, cells))
-    return grid
-
-
-def _distribution(point: AtTorque, summary: Summary, style: Style) -> str:
-    """Which share of the drives stays below which F'_ior, each wheel in its best position where it is turned."""
-    way, F_ior, _ = _ways(point, summary)[-1]
-    order = np.argsort(F_ior)
-    below = np.cumsum(np.array(summary.weights)[order]) / np.sum(summary.weights)
-    words = f"F'_ior at {point.M_g:g} N·m, arcsec, {way}"
-    return curve(style, np.array(F_ior)[order], 100 * below, x_label=words, y_label="% of drives below")
-
-
-def _ways(point: AtTorque, summary: Summary) -> list[tuple[str, Sequence[float], YieldBelief]]:
-    """Ways to build: in words, F'_ior [arcsec] and yield at a torque."""
-    found: list[tuple[str, Sequence[float], YieldBelief]] = []
-    found.append(("as built", point.as_built, summary.yield_of(False, point)))
-    if summary.positions > 1:
-        found.append((f"best of {summary.positions}", point.best, summary.yield_of(True, point)))
-    return found
-
-
-def _law_words(law: ProductionLaw) -> str:
-    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
-    words = [f"given sizes {', '.join(LAW_WORDS.get(each, each) for each in laws)}"] if laws else []
-    return ", ".join(words + (["others even"] if law.not_given else []))
-
-
-def _to_measure(law: ProductionLaw, summary: Summary, samples: Samples | None) -> Sequence[MeasurementGain]:
-    """What to measure of the design next, at the torque with the least yield."""
-    if samples is None:
-        return ()
-    worst = min(range(len(summary.points)), key=lambda k: summary.yield_of(True, summary.points[k]).share)
-    return to_measure(law, samples, worst)
-
-
-def _yield_words(found: YieldBelief) -> str:
-    """A range over the designs, or the yield of the only one with its interval."""
-    low, middle, high = (100 * found.percentile(share) for share in (ENDS, 0.5, 1 - ENDS))
-    if len(found.weights) == 1:
-        return f"{100 * found.share:.1f} % ({low:.1f}-{high:.1f})"
-    return f"{low:.1f} to {high:.1f} %, median {middle:.1f} %"
-
-
-def _yield_cell(found: YieldBelief) -> str:
-    middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
-    return f"{100 * middle:.0f} ({100 * found.percentile(ENDS):.0f}-{100 * found.percentile(1 - ENDS):.0f})"
-
-
-def _yield_object(found: YieldBelief, wanted: float | None) -> Json:
-    return {
-        "share": found.share,
-        "low": found.percentile(ENDS),
-        "median": found.percentile(0.5),
-        "high": found.percentile(1 - ENDS),
-        "good": int(found.passed.sum()),
-        "probability": None if wanted is None else asdict(found.probability(wanted)),
-    }
-
-
-def _F_ior_object(F_ior: Sequence[float], summary: Summary) -> Json:
-    found = {name: summary.percentile(F_ior, share) for name, _, share in PERCENTILES}
-    return {
-        **{f"{name}_arcsec": each.value for name, each in found.items()},
-        **{f"{name}_interval_arcsec": [each.low, each.high] for name, each in found.items()},
-        "worst_arcsec": max(F_ior),
-        "mean_arcsec": float(np.average(F_ior, weights=summary.weights)),
-    }
 
 
 def _point_object(point: AtTorque, summary: Summary) -> Json:
@@ -282,7 +244,20 @@ def _point_object(point: AtTorque, summary: Summary) -> Json:
         "M_g_Nm": point.M_g,
         "limit_arcsec": point.limit,
         "self_error_arcsec": point.self_error,
-        "as_built": _F_ior_object(point.as_built, summary),
-        "best_position": _F_ior_object(point.best, summary),
+        **{
+            name: as_object((*F_IOR, *INTERVALS), MountedDrives(summary, point, best))
+            for name, best in (("as_built", False), ("best_position", True))
+        },
         "gain": dict(zip(("low", "median", "high"), gains, strict=True)),
+    }
+
+
+def _yield_object(found: YieldBelief, wanted: float | None) -> Json:
+    return {
+        "share": found.share,
+        "low": found.percentile(YIELD_TAIL),
+        "median": found.percentile(0.5),
+        "high": found.percentile(1 - YIELD_TAIL),
+        "good": int(found.passed.sum()),
+        "probability": None if wanted is None else asdict(found.probability(wanted)),
     }

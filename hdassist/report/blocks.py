@@ -96,7 +96,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class TwoCurves:
-    """Two series over x, all shape (n,), with a name each; labels with units."""
+    """Two series over x, all shape (n,), with a name each; labels with units; limit and rows as of a curve."""
 
     x: Series
     first: Series
@@ -104,6 +104,8 @@ class TwoCurves:
     names: tuple[str, str]
     x_label: str
     y_label: str
+    limit: float | None = None
+    rows: int = 20
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,11 +34,11 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     if details and report.certificate:
         blocks.append(certificate_table(report))
     more = "(more: --details)" if report.details and not details else ""
-    proven = proof(report.certificate, report.cross_checks) if report.certificate else ""
+    proven = proof(report.certificate, report.cross_checks) if report.certificate else report.proof
     last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
-    if plots and blocks and isinstance(blocks[-1], Curve):
+    if plots and blocks and isinstance(blocks[-1], Curve | TwoCurves):
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
     return Group(head, *why, *lines, *block_on_page(last, style))
@@ -81,7 +81,7 @@ def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> st
         case TwoCurves():
             return two_curves(
                 style, block.x, block.first, block.second, names=block.names, x_label=block.x_label,
-                y_label=block.y_label,
+                y_label=block.y_label, height=block.rows, limit=block.limit,
             )  # fmt: skip
         case HeatMap():
             return heat(style, block.x, block.y, block.z, x_label=block.x_label, y_label=block.y_label)

@@ -55,8 +55,8 @@ def curve(
     by the first letter of their words. Returns lines without a final newline.
     """
     wide, tall = (1, 1) if style.ascii else (2, 4)
-    ends = [end for _, *both in whiskers for end in both] + [0.0] * from_zero + ([] if limit is None else [limit])
-    frame = _Frame.around(style, [y, np.array([*ends, *y[:1]])], height)
+    ends = [end for _, *both in whiskers for end in both] + [0.0] * from_zero
+    frame = _Frame.around(style, [y, np.array([*ends, *y[:1]])], height, limit)
     columns, rows = frame.columns * wide, frame.rows * tall
     bottom, top = frame.ticks[0], frame.ticks[-1]
     lines = least_and_greatest(x, y, columns, over) if over else [(x, y)]
@@ -69,8 +69,6 @@ def curve(
     for at_x, low, high in whiskers:
         (column, first), (_, last) = place(at_x, high, columns, rows), place(at_x, low, columns, rows)
         dots[first : last + 1, column] = True
-    if limit is not None:
-        dots[place(x[0], limit, columns, rows)[1], :: 2 * wide] = True
     cells = dots_to_ascii(dots) if style.ascii else dots_to_braille(dots)
     for mark in marks:
         column, row = place(mark.x, mark.y, frame.columns, frame.rows)
@@ -88,9 +86,11 @@ def two_curves(
     names: tuple[str, str],
     x_label: str,
     y_label: str,
+    height: int = 2 * HEIGHT,
+    limit: float | None = None,
 ) -> str:
     """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
-    frame = _Frame.around(style, [first, second], 2 * HEIGHT)
+    frame = _Frame.around(style, [first, second], height, limit)
     both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
     glyphs = " .o#" if style.ascii else " ·o●"
     rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
@@ -101,30 +101,40 @@ def two_curves(
 
 @dataclass(frozen=True)
 class _Frame:
-    """Numbered axes around a picture of so many columns and rows; apart, rows from tick to tick."""
+    """Numbered axes around a picture of so many columns and rows; apart, rows from tick to tick; limit, a line."""
 
     ticks: list[float]
     apart: int
     columns: int
     margin: int
+    limit: float | None
 
     @classmethod
-    def around(cls, style: Style, series: Sequence[PlotValues], height: int) -> _Frame:
-        low, high = (float(end(end(y) for y in series)) for end in (min, max))
+    def around(cls, style: Style, series: Sequence[PlotValues], height: int, limit: float | None) -> _Frame:
+        limits = [] if limit is None else [limit]
+        low, high = (float(end([*(end(y) for y in series), *limits])) for end in (min, max))
         marks = ticks(low, high, max(2, height // 2))
         margin = max(7, *(len(f"{tick:g}") for tick in marks))
         apart = max(1, round((height - 1) / (len(marks) - 1)))
-        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin)
+        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin, limit)
 
     @property
     def rows(self) -> int:
         return self.apart * (len(self.ticks) - 1) + 1
+
+    @property
+    def limit_row(self) -> int | None:
+        """The row of the limit, from the top; None without one."""
+        top, bottom = self.ticks[-1], self.ticks[0]
+        return None if self.limit is None else round((top - self.limit) / (top - bottom) * (self.rows - 1))
 
     def drawn(self, style: Style, rows: Sequence[str], x: PlotValues, x_label: str, y_label: str) -> str:
         numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         lines = [style.text(y_label)]
         for k, row in enumerate(rows):
+            if k == self.limit_row:
+                row = row.replace(" ", floor)
             lines.append(f"{numbers.get(k, ''):>{self.margin}} {mark if k in numbers else side}{row}".rstrip())
         lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
         lines.append(" " * (self.margin + 2) + _x_numbers(float(x[0]), float(x[-1]), self.columns))

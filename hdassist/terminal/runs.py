@@ -52,8 +52,8 @@ def answer_of(report: Report, *, plots: bool = True, details: bool = False) -> A
     csv = report.csv
     return Answer(
         lambda: report_object(report), page, lambda: report.line, (lambda: csv) if csv else None,
-        report.about or (report.drive.name if report.drive else ""), report.warnings, report.certificate or "",
-        report.exit_code,
+        report.about or (report.drive.name if report.drive else ""), report.warnings,
+        report.certificate or report.proof, report.exit_code,
     )  # fmt: skip
 
 

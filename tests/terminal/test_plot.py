@@ -70,6 +70,17 @@ def test_a_gap_is_drawn_as_one():
     assert all(row[:20] == "*" * 20 and not row[23:40].strip() and row[45:65] == "*" * 20 for row in marked)
 
 
+@pytest.mark.parametrize("draw", ["curve", "two"])
+def test_a_limit_is_a_line_across_within_the_axis(draw):
+    x, y, labels = np.linspace(0, 1, 50), np.linspace(0, 1, 50), {"x_label": "x", "y_label": "y", "limit": 3.0}
+    page = (
+        curve(ASCII, x, y, **labels) if draw == "curve" else two_curves(ASCII, x, y, y / 2, names=("a", "b"), **labels)
+    )
+    across = [row for row in rows(page) if set(row) == {"-"}]
+    assert len(across) == 1
+    assert rows(page).index(across[0]) == 0
+
+
 def test_braille_dots_are_where_unicode_has_them():
     dots = np.zeros((4, 2), dtype=bool)
     dots[0, 0] = dots[3, 1] = True

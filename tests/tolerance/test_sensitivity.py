@@ -7,7 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.samples import weighted_quantile
-from hdassist.pages.sensitivity import sensitivity_summary
+from hdassist.pages.sensitivity import sensitivity_report
 from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 from hdassist.tolerance.sensitivity import Sensitivities, sensitivities
@@ -56,7 +56,11 @@ def test_the_spread_of_a_linear_drive_is_shared_as_its_sizes_are(oval: tuple[Pro
     shares = {each.group: each.share for each in oval[1].influences[0]}
     assert list(shares) == ["harmonics.a_g2", "harmonics.a_b2"]
     assert sum(shares.values()) > 0.8
-    assert sensitivity_summary(oval[1]).startswith("tighten first: ")
+    report = sensitivity_report(oval[1])
+    assert report.line.startswith("tighten first: ")
+    first, second = report.blocks[0].rows  # type: ignore[union-attr]
+    assert (first[0], second[0]) == ("harmonics.a_g2", "harmonics.a_b2")
+    assert (first[-1], len(second[-1]) < 10) == ("█" * 10, True)
 
 
 def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tightened() -> None:
@@ -64,6 +68,6 @@ def test_a_support_that_nobody_knows_is_measured_before_any_tolerance_is_tighten
     assert found.largest and found.largest.group == "supports.C_3"
     assert not found.is_worth_tightening
     assert found.to_measure[0].measured == "supports.C_3"
-    words = sensitivity_summary(found)
-    assert words.startswith("no tolerance 20% tighter moves the 95th percentile of F'_ior at 4 N·m")
-    assert "measure support of the cam, radial (supports.C_3) first" in words
+    report = sensitivity_report(found)
+    assert report.verdict == "no tolerance, measure support of the cam, radial (supports.C_3)"
+    assert "a tolerance 20 % tighter takes at most" in report.why[0]

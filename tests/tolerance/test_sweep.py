@@ -142,9 +142,12 @@ def test_a_map_of_two_fields_and_parquet(tmp_path):
     assert [row[0].strip() for row in drawn[:2]] == ["4", "1.6"]
     assert drawn[0][1] == "!" * 70  # no such drives
     assert drawn[1][1] == "." * 35 + "@" * 35
-    assert "without an answer: 2 of 4 rows; the first: gears.x_b:" in done.stdout
-    said = " ".join(done.stdout.split())
-    assert said.endswith(f"next: hdassist check {SMALL} --set tolerances.e_hb=30 --set gears.x_b=1.6")
+    words = " ".join(done.stdout.split())
+    assert words.startswith(
+        "small, F'_ior over tolerances.e_hb (30 to 60 um) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
+    )
+    assert "no answer 2 of 4 rows; the first: gears.x_b:" in words
+    assert f"next hdassist check {SMALL} --torque=4 --set tolerances.e_hb=30 --set gears.x_b=1.6 " in words
     table = pyarrow.parquet.read_table(tmp_path / "rows.parquet")
     assert json.loads(table.schema.metadata[b"hdassist"])["preset"] == "small"
     in_csv = list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))

@@ -25,10 +25,31 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_page_has_yields_both_ways_and_the_next_command() -> None:
-    done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--limit", "60", "--jobs", "1", "--ascii")
+    done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--limit", "60", "--jobs", "1")
     assert done.returncode == 0, done.stderr
-    for words in ("12 random drives, given sizes", "yield as built", "best of 12", "5 %", "proof:", "next: hdassist"):
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("tiny, 12 random drives: yield as built ")
+    for words in ("best of 12", "5 %", "residual"):
         assert words in done.stdout
+    assert f"hdassist sensitivity {TINY}" in " ".join(done.stdout.split())
+    assert "given sizes Rayleigh" not in done.stdout
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 24
+
+
+def test_the_page_of_a_yield_that_is_wanted_has_its_verdict_first_and_all_tables_by_details() -> None:
+    few = ("-n", "12", "--torque", "1", "--limit", "55", "--yield", "0.99", "--jobs", "1")
+    done = run("tolerance", TINY, *few, "--details", "--no-plot", "--ascii")
+    words = " ".join(done.stdout.split())
+    assert words.startswith("tiny, 12 random drives: FAIL probability that the yield reaches 99 %: 0.00; 0.95 needed")
+    for part in (
+        "yield as built 0.0 %",
+        "given sizes Rayleigh (tolerance = 3 standard deviations), seed 0",
+        "Monte Carlo intervals",
+        "worst",
+    ):
+        assert part in words
+    assert "share of the drives" not in words
     assert done.stdout.isascii()
     assert max(map(len, done.stdout.splitlines())) <= 80
 
@@ -62,8 +83,8 @@ def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> N
     open_ = run("tolerance", TINY, *few, *sizes, *soft)
     words = " ".join(open_.stdout.split())
     assert open_.returncode == 6, open_.stdout + open_.stderr
-    assert "100 random drives of 10 designs" in words
-    assert re.search(r"yield as built [\d.]+ to 100.0 %, median [\d.]+ % \(5-95 % over what is not known", words)
+    assert words.startswith("tiny, 100 random drives of 10 designs: INCONCLUSIVE")
+    assert re.search(r"yield as built [\d.]+ to 100.0 %, median [\d.]+ % \(5 to 95 % over what is not known", words)
     assert "more drives (-n)" in words
 
 
