@@ -410,7 +410,8 @@ static int settle(walk *w) {
             add_others(w, more);
             wrong = off(w);
         }
-        if (wrong > INACCURATE) {
+        /* rounding may have hidden that a value is negative, where the pivot of its candidate is large */
+        if (wrong > INACCURATE || least(w->n, w->value) < -ZERO) {
             if (made++) return 0;
             make_anew(w);
             continue;
