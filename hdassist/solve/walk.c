@@ -410,7 +410,8 @@ static int settle(walk *w) {
             add_others(w, more);
             wrong = off(w);
         }
-        if (wrong > INACCURATE) {
+        /* rounding may have hidden that a value is negative, where the pivot of its candidate is large */
+        if (wrong > INACCURATE || least(w->n, w->value) < -ZERO) {
             if (made++) return 0;
             make_anew(w);
             continue;
@@ -432,24 +433,29 @@ static void certify(walk *w, int states, double *residual) {
     const int M = s->M, m = s->m, panels = (m + WIDTH - 1) / WIDTH, groups = (states + ABREAST - 1) / ABREAST;
     double a[BATCH][FREEDOMS], balance[BATCH][FREEDOMS], size[BATCH][FREEDOMS];
     double *restrict gap = w->gap;
-    int *loaded = w->loaded, count = 0;
-    memset(gap, 0, sizeof(double) * m);
-    for (int j = 0; j < states; j++) add_multiple(m, 1.0, w->at_place + (size_t)j * m, gap);
-    for (int i = 0; i < m; i++)
-        if (gap[i] != 0) loaded[count++] = i; /* a force of 0 closes no gap, and no force is negative */
-    const int rows = count + FREEDOMS;
-    memset(w->blocks, 0, sizeof(double) * groups * rows * ABREAST);
-    for (int j = 0; j < states; j++) {
-        const double *F = w->at_place + (size_t)j * m, *free = w->free + (size_t)j * s->free;
-        double *block = w->blocks + (size_t)(j / ABREAST) * rows * ABREAST + j % ABREAST;
-        for (int l = 0; l < count; l++) block[l * ABREAST] = F[loaded[l]];
-        for (int f = 0; f < FREEDOMS; f++) {
-            double sizes;
-            const double sum = product(m, F, s->G + (size_t)f * m, &sizes);
-            a[j][f] = s->freedom[f] < 0 ? sum / s->C[f] : free[s->freedom[f]];
-            balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? s->torque : 0.0);
-            size[j][f] = sizes + (f == s->rotation ? fabs(s->torque) : 0.0);
-            block[(count + f) * ABREAST] = a[j][f];
+    int count[BATCH]; /* places that are loaded in a group of states: a force of 0 closes no gap */
+    for (int group = 0; group < groups; group++) {
+        const int first = group * ABREAST, last = first + ABREAST < states ? first + ABREAST : states;
+        int *loaded = w->loaded + (size_t)group * m;
+        memset(gap, 0, sizeof(double) * m);
+        for (int j = first; j < last; j++) add_multiple(m, 1.0, w->at_place + (size_t)j * m, gap); /* none is negative */
+        count[group] = 0;
+        for (int i = 0; i < m; i++)
+            if (gap[i] != 0) loaded[count[group]++] = i;
+        double *x = w->blocks + (size_t)group * (m + FREEDOMS) * ABREAST;
+        memset(x, 0, sizeof(double) * (count[group] + FREEDOMS) * ABREAST);
+        for (int j = first; j < last; j++) {
+            const double *F = w->at_place + (size_t)j * m, *free = w->free + (size_t)j * s->free;
+            double *block = x + j - first;
+            for (int l = 0; l < count[group]; l++) block[l * ABREAST] = F[loaded[l]];
+            for (int f = 0; f < FREEDOMS; f++) {
+                double sizes;
+                const double sum = product(m, F, s->G + (size_t)f * m, &sizes);
+                a[j][f] = s->freedom[f] < 0 ? sum / s->C[f] : free[s->freedom[f]];
+                balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? s->torque : 0.0);
+                size[j][f] = sizes + (f == s->rotation ? fabs(s->torque) : 0.0);
+                block[(count[group] + f) * ABREAST] = a[j][f];
+            }
         }
     }
     for (int panel = 0; panel < panels; panel++) {
@@ -459,15 +465,16 @@ static void certify(walk *w, int states, double *residual) {
         for (int f = 0; f < FREEDOMS; f++)
             for (int i = 0; i < wide; i++) G[f][i] = s->G[(size_t)f * m + first + i];
         for (int group = 0; group < groups; group++) {
-            const double *x = w->blocks + (size_t)group * rows * ABREAST;
+            const double *x = w->blocks + (size_t)group * (m + FREEDOMS) * ABREAST;
+            const int *loaded = w->loaded + (size_t)group * m, rows = count[group];
             vector sum[ABREAST] = {{0}};
-            for (int l = 0; l < count; l++) {
+            for (int l = 0; l < rows; l++) {
                 const vector d = *(const vector *)(D + (size_t)loaded[l] * WIDTH);
                 for (int j = 0; j < ABREAST; j++) sum[j] += x[l * ABREAST + j] * d;
             }
             for (int f = 0; f < FREEDOMS; f++) {
                 const vector g = *(const vector *)G[f];
-                for (int j = 0; j < ABREAST; j++) sum[j] += x[(count + f) * ABREAST + j] * g;
+                for (int j = 0; j < ABREAST; j++) sum[j] += x[(rows + f) * ABREAST + j] * g;
             }
             for (int j = 0; j < ABREAST && group * ABREAST + j < states; j++)
                 for (int i = 0; i < wide; i++) gap[(size_t)(group * ABREAST + j) * m + first + i] = sum[j][i];
@@ -556,7 +563,7 @@ walk *walk_new(const contact_system *s) {
     const size_t M = s->M, m = s->m, R = m + s->free, panels = (m + WIDTH - 1) / WIDTH;
     w->system = s;
     const size_t widest = M + M / 2 + 2 * FEW;
-    w->candidate = room(M, sizeof(int)), w->position = room(M, sizeof(int)), w->loaded = room(M, sizeof(int));
+    w->candidate = room(M, sizeof(int)), w->position = room(M, sizeof(int)), w->loaded = room(M + BATCH / ABREAST * m, sizeof(int));
     w->changed = room(2 * M, 1), w->last = room(2 * M, sizeof(long));
     w->tableau = bare_room(M * widest, sizeof(double)); /* of which little is ever in use */
     w->rows[0] = room(TOGETHER * widest, sizeof(double)), w->columns[0] = room(TOGETHER * widest, sizeof(double));

@@ -185,8 +185,8 @@ def test_without_a_compiler_nothing_is_made(tmp_path, monkeypatch, variable):
     assert compile_walk(tmp_path) == []
 
 
-def test_a_state_that_the_walk_solves_inaccurately_is_solved_once_more():
-    """Far off its centre on a stiff support: one of 20 200 states had a residual of 3.8e-8 and no answer."""
+def test_a_contact_whose_force_is_negative_but_for_rounding_opens():
+    """Far off its centre on a stiff support: one of 20 200 states had a residual of 3.8e-8, solved at a wrong set."""
     fields = {
         "numerics.stations": 1, "gears.j_n": 5.937, "flexspline.k_t": 1.186, "bearing.ring_h": 3.907,
         "supports.C_1": 1.83e6, "supports.C_2": 2.3e4, "supports.C_3": 1e5, "contact.c_t": 3.944e-5,
@@ -194,4 +194,4 @@ def test_a_state_that_the_walk_solves_inaccurately_is_solved_once_more():
     }  # fmt: skip
     found = kinematic_error(load_preset("vzp160", [f"{path}={value}" for path, value in fields.items()]), 80.0)
     assert found.certificate.max_residual < PROVEN
-    assert found.certificate.fallbacks <= 1
+    assert found.certificate.fallbacks == 0
