@@ -116,7 +116,7 @@ def hidden_drive(rng: np.random.Generator):
     there = there.model_copy(update={"numerics": there.numerics.model_copy(update=numerics)})
     figures, _ = in_wide_enough_window(there, stiffness_figures)
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
-    text = similar_preset("own", like, wish(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
+    text = similar_preset("own", like, requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
     return preset, there, _teeth(there, rng)
 

@@ -257,11 +257,11 @@ def new(
         text = new_preset(name)
     else:
         other = load_preset(like if like is not None else "vzp160")
-        wish = read_requirements(
+        required = read_requirements(
             other, coupling=coupling, shaft=shaft, diameter=pitch_diameter, teeth=teeth, ratio=ratio, torque=torque,
             stiffness=stiffness, lost_motion=lost_motion, accuracy=accuracy,
         )  # fmt: skip
-        text = similar_preset(name, other, wish)
+        text = similar_preset(name, other, required)
     write_text(output, text, force)
 
 
