@@ -74,7 +74,7 @@ def _unquoted(text: str) -> str:
     return text[1:-1].replace('""', '"').strip() if quoted else text
 
 
-def text_of(row: Iterable[Cell]) -> str:
+def row_text(row: Iterable[Cell]) -> str:
     """Texts of some cells, with blanks between them."""
     return " ".join(cell.text for cell in row).strip()
 

@@ -27,8 +27,8 @@ from hdassist.readers.cells import (
     fault_of,
     has_numbers,
     names_in,
+    row_text,
     separator_of,
-    text_of,
 )
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
@@ -208,7 +208,7 @@ class _Rows:
         row_line = next(line.number for line, row in zip(sample, cells, strict=True) if has_numbers(row))
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
-            self._refuse(row_line, message, text_of(rows[0]), "columns stand apart by ; or , or tabs or blanks")
+            self._refuse(row_line, message, row_text(rows[0]), "columns stand apart by ; or , or tabs or blanks")
         self._name(first if named else self.above, separator, named)
         texts = [cell.text for row in rows for cell in row]
         bare = separator == "," and self.width > 2 and not self.table.names
@@ -287,12 +287,12 @@ class _Rows:
         """Numbers of a row; None, with a finding, for a row that has none or another number of cells."""
         if not has_numbers(row):
             hint = "put # in front of it; only one line of names, above the rows"
-            self.table.add(line, row[0].column if row else 1, "", "a line of text among the rows", text_of(row), hint)
+            self.table.add(line, row[0].column if row else 1, "", "a line of text among the rows", row_text(row), hint)
             return None
         if len(row) != self.width:
             hint = "a decimal comma? separate the columns by ;" if self.separator == "," else "one cell for each column"
             wrong = f"a row of {len(row)}, most rows have {self.width} columns"
-            self.table.add(line, row[0].column, "", wrong, text_of(row), hint)
+            self.table.add(line, row[0].column, "", wrong, row_text(row), hint)
             return None
         return [self._number(line, index, cell) for index, cell in enumerate(row)]
 
