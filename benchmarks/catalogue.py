@@ -92,27 +92,27 @@ def presets() -> Iterator[tuple[str, str]]:
     like = load_preset("vzp160")
     for each in SIZES:
         d = round(MM_A_SIZE * each.size, 2)
-        said = {
+        sources = {
             "teeth": "ratio 100, two waves",
             "diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
             "torque": RATED,
         }
         others = each.figures | ({"mounting.holes": SimilarValue(*each.holes)} if each.holes else {})
         yield each.name, similar_preset(
-            each.name, like, Requirements(200, d, each.rated, derived=True, said=said, others=others),
+            each.name, like, Requirements(200, d, each.rated, derived=True, sources=sources, others=others),
             f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
             f"Given are ratio and rated torque (Harmonic Drive CSF), beside them what catalogues say; targets in "
             f"docs/targets/{each.name}.targets.yaml. "
             "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
         )  # fmt: skip
     for name, (d, rated) in MVZ.items():
-        said = {
+        sources = {
             "diameter": f"inner diameter of the flexspline ({MVZ_SOURCE}), which is the pitch diameter of vzp160 too",
             "torque": MVZ_SOURCE,
         }
         title = f"MVz-{d:g}"
         yield name, similar_preset(
-            name, like, Requirements(None, d, rated, derived=True, said=said),
+            name, like, Requirements(None, d, rated, derived=True, sources=sources),
             f"Motor gear unit {title}, by similarity from vzp160. Nobody measured this model of it. "
             "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
         )  # fmt: skip

@@ -98,14 +98,14 @@ def _name(text: str) -> str:
     return text if word and isinstance(scalar_value(text), str) else _quoted(text)
 
 
-def similar_preset(name: str, like: Drive, wish: Requirements, description: str = "") -> str:
+def similar_preset(name: str, like: Drive, required: Requirements, description: str = "") -> str:
     """Text of a preset of a drive that is like another one.
 
-    Arguments: name; like, the other drive; wish, what is given of the new one; description, in place of the usual.
-    Raises UsageError: a name that no preset can have, requirements that contradict each other, no drive that meshes.
+    Arguments: name; like, the other drive; requirements of the new one; description, in place of the usual. Raises
+    UsageError: a name that a preset cannot have, requirements that contradict each other, or no drive that meshes.
     """
     _require_name(name)
-    entries = similar(like, wish)
+    entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:
         load_text(text, name)

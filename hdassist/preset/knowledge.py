@@ -22,7 +22,7 @@ CATALOGUE_K3 = 9.0e5
 # to size 20 of the high-torque series (52 N*m); d = 2.54 mm a size
 TORQUE_DENSITY = (1.7e-4, 4.0e-4)
 PAPER = "Lyuminarsky et al. (2019)"
-ROUNDING = 1e-9  # of a bound
+BOUND_ROUNDING = 1e-9  # of a bound
 WAVE = (1.0, 1.27)  # modules, cam.W_0
 # Greatest deviations where a preset does not give them. F'_i: F_p of this class of ISO 1328-1:2013, the coarsest teeth
 # that a drive is taken to have; those of the paper are there
@@ -177,7 +177,7 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     for each in PROPORTIONS:
         value, base = drive.value(each.path), each.base(drive)
         share = value / base if value and base else None
-        if share is not None and not each.low * (1 - ROUNDING) <= share <= each.high * (1 + ROUNDING):
+        if share is not None and not each.low * (1 - BOUND_ROUNDING) <= share <= each.high * (1 + BOUND_ROUNDING):
             words = each.words.format(value=value, base=base, share=share, ball=drive.bearing.d_ball)
             yield each.path, words, f"usual: {each.usual.format(low=each.low, high=each.high)}"
     yield from _implausible_torques(drive)
@@ -192,7 +192,7 @@ def _implausible_torques(drive: Drive) -> Iterator[tuple[str, str, str]]:
     if rated is None and most > limit:
         words = f"{most:g} N*m is {most / limit:.3g} {beyond}"
         yield "operation.M_g", words, f"{usual}; give operation.rated where it is another"
-    if rated is not None and most > rated * (1 + ROUNDING):
+    if rated is not None and most > rated * (1 + BOUND_ROUNDING):
         words = f"{most:g} N*m is {most / rated:.3g} times the rated torque"
         yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
     if rated is not None and rated > limit * 1.01:

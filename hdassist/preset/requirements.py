@@ -1,4 +1,4 @@
-"""What is asked of a new drive, from the texts of a command line."""
+"""Requirements on a new drive from the options of a command line."""
 
 from __future__ import annotations
 
@@ -26,44 +26,42 @@ def read_requirements(
     lost_motion: str | None = None,
     accuracy: str | None = None,
 ) -> Requirements:
-    """What is given of a drive that is to be like another one.
+    """Requirements on a drive that is to be like another one.
 
     Arguments: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of one that it is overhung
     on, like 14x30; diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the drive built in as the other one;
-    of a catalogue three stiffnesses [N*m/rad], lost motion and accuracy [arcsec]; all with units if need be. Raises
-    UsageError: what cannot be read, or contradicts itself.
+    of a catalogue three stiffnesses [N*m/rad], lost motion and accuracy [arcsec]; all but the ratio may have a unit.
+    Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
-    said = {}
-    z_g = None if teeth is None else _teeth(teeth)
+    z_g, sources = None if teeth is None else _teeth(teeth), {}
     if z_g is not None:
-        said["teeth"] = f"--teeth {z_g}/{z_g + 2}"
+        sources["teeth"] = f"--teeth {z_g}/{z_g + 2}"
     if ratio is not None:
         if not (isfinite(ratio) and ratio > 0):
-            raise UsageError(f"--ratio must be a number above 0 (got {ratio:g})")
+            raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
         by_ratio = teeth_of_ratio(like, ratio)
-        if z_g is not None and by_ratio != z_g:
+        if z_g not in (None, by_ratio):
             raise UsageError(
                 f"--teeth {z_g}/{z_g + 2} contradicts --ratio {plain(ratio)}, which takes {by_ratio}/{by_ratio + 2}",
                 "leave one of them out",
             )
         z_g = by_ratio
-        said["teeth"] = f"--ratio {plain(ratio)}, two waves"
+        sources["teeth"] = f"--ratio {plain(ratio)}, two waves"
     d = None if diameter is None else _measure("--pitch-diameter", diameter, "mm")
     T = None if torque is None else _measure("--torque", torque, "N*m")
     K = None if stiffness is None else _stiffnesses(stiffness)
-    limits = {
-        f"catalogue.{name}": SimilarValue(_measure(option, text, "arcsec"), "given", f"{option} {text}")
-        for name, option, text in (("lost_motion", "--lost-motion", lost_motion), ("accuracy", "--accuracy", accuracy))
-        if text is not None
-    }
-    said |= {} if d is None else {"diameter": f"--pitch-diameter {d:g}"}
-    said |= {} if T is None else {"torque": f"--torque {plain(T)}"}
-    said |= (
-        {}
-        if K is None
-        else {"stiffness": f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"}
-    )
-    return Requirements(z_g, d, T, K, said=said, others=_coupling(coupling, shaft) | limits)
+    if d is not None:
+        sources["diameter"] = f"--pitch-diameter {d:g}"
+    if T is not None:
+        sources["torque"] = f"--torque {plain(T)}"
+    if K is not None:
+        sources["stiffness"] = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
+    others = _coupling(coupling, shaft)
+    for name, option, text in (("lost_motion", "--lost-motion", lost_motion), ("accuracy", "--accuracy", accuracy)):
+        if text is not None:
+            arcsec = _measure(option, text, "arcsec")
+            others[f"catalogue.{name}"] = SimilarValue(arcsec, "given", f"{option} {text}")
+    return Requirements(z_g, d, T, K, sources=sources, others=others)
 
 
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
@@ -76,25 +74,25 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
         raise UsageError(
             f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near_miss(coupling, words)
         )
-    sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft or "")
-    if shaft and sizes is None:
-        raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "like 14x30")
-    kind, ref = "given" if coupling != "unknown" else "assumed", f"--coupling {coupling}"
-    both = dict(zip(("cam.shaft_d", "cam.overhang"), sizes.groups() if sizes else (), strict=False))
-    measured = {
-        path: SimilarValue(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}") for path, text in both.items()
-    }
-    return {"cam.coupling": SimilarValue(coupling, kind, ref), **measured}
+    kind = "given" if coupling != "unknown" else "assumed"
+    values = {"cam.coupling": SimilarValue(coupling, kind, f"--coupling {coupling}")}
+    if shaft is not None:
+        sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft)
+        if sizes is None:
+            raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "like 14x30")
+        for path, text in zip(("cam.shaft_d", "cam.overhang"), sizes.groups(), strict=True):
+            values[path] = SimilarValue(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}")
+    return values
 
 
 def _teeth(text: str) -> int:
     match = re.fullmatch(r"\s*([0-9]{1,6})\s*(?:/\s*([0-9]{1,6})\s*)?", text)
     if match is None:
-        raise UsageError(f"--teeth must be two whole numbers, like 160/162 (got {shown(text) or 'nothing'})")
+        raise UsageError(f"invalid --teeth {shown(text)!r}: expected two whole numbers", "like 160/162")
     z_g = int(match[1])
     if match[2] is not None and int(match[2]) != z_g + 2:
         raise UsageError(
-            f"--teeth {z_g}/{int(match[2])}: only drives with two waves and z_b - z_g = 2 are supported",
+            f"invalid --teeth {z_g}/{int(match[2])}: expected z_b - z_g = 2 (two waves)",
             f"{z_g}/{z_g + 2}, the flexspline first",
         )
     return z_g
@@ -103,14 +101,14 @@ def _teeth(text: str) -> int:
 def _measure(option: str, text: str, unit: str) -> float:
     value = read_number(scalar_value(text.strip()), unit)
     if isinstance(value, InvalidValue):
-        raise UsageError(f"{option}: {value.message} (got {shown(text) or 'nothing'})", value.hint)
+        raise UsageError(f"invalid {option} {shown(text)!r}: {value.message}", value.hint)
     if not value > 0:
-        raise UsageError(f"{option} must be above 0 {unit} (got {shown(text)})")
+        raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0 {unit}")
     return float(value)
 
 
 def _stiffnesses(text: str) -> tuple[float, float, float]:
     values = [_measure("--stiffness", part, "N*m/rad") for part in text.split(",")]
     if len(values) != 3:
-        raise UsageError(f"--stiffness takes three numbers, like 3.1e4,5e4,5.7e4 (got {len(values)})")
+        raise UsageError(f"invalid --stiffness {shown(text)}: expected three numbers", "like 3.1e4,5e4,5.7e4")
     return values[0], values[1], values[2]

@@ -1,4 +1,4 @@
-"""A drive like a known one: what is given of it, and everything else by similarity, with its plausible range.
+"""Fields of a drive like a known one: the given ones, and all others by similarity, each with its plausible range.
 
 Each field follows its law (`knowledge`); profile shifts keep the bore in proportion to the pitch diameter.
 """
@@ -33,7 +33,7 @@ SIMILAR_WORDS = {
 
 @dataclass(frozen=True)
 class SimilarValue:
-    """Value of a field in its unit, how sure it is, its source, and its plausible range."""
+    """Value of a field in its unit, its kind (given or assumed), its source, and its plausible range."""
 
     value: Any
     kind: str
@@ -43,10 +43,10 @@ class SimilarValue:
 
 @dataclass(frozen=True)
 class Requirements:
-    """What is given of a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
+    """Requirements on a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
 
-    derived: whether the diameter only follows from something else; said: where each comes from, by "teeth", "diameter",
-    "torque", "stiffness"; others: further fields, by path.
+    derived: whether the diameter follows from another requirement; sources: of "teeth", "diameter", "torque" and
+    "stiffness"; others: further fields, by path.
     """
 
     z_g: int | None = None
@@ -54,17 +54,17 @@ class Requirements:
     torque: float | None = None
     stiffness: tuple[float, float, float] | None = None
     derived: bool = False
-    said: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
     others: Mapping[str, SimilarValue] = field(default_factory=dict)
 
-    def source(self, what: str) -> str:
-        """Where a thing that is given comes from."""
-        return self.said.get(what, "hdassist presets new")
+    def source(self, name: str) -> str:
+        """Source of the teeth, diameter, torque or stiffness, for the preset."""
+        return self.sources.get(name, "hdassist presets new")
 
 
 @dataclass(frozen=True)
 class Size:
-    """Pitch diameter [mm] of a new drive, where it comes from, and how much stiffer it is than others of its size."""
+    """Pitch diameter [mm] of a new drive, whether it is given, its source, and K3 over that of catalogues for it."""
 
     diameter: float
     given: bool
@@ -77,19 +77,19 @@ def rated_of(drive: Drive) -> float:
     return drive.operation.rated or max(map(abs, drive.operation.M_g))
 
 
-def size_of(like: Drive, wish: Requirements) -> Size:
-    """Pitch diameter of a drive that is like another one, from what is given of it.
+def size_of(like: Drive, required: Requirements) -> Size:
+    """Pitch diameter of a drive that is like another one, from its requirements.
 
-    A diameter counts as it is given; without one K3 says it by the cube law of catalogues, without that the torque
-    by the cube law, and with nothing it is that of the other drive.
-    Raises UsageError: a torque or a stiffness that no drive of such a size has.
+    It is the required diameter; without one, that of K3 by the cube law of catalogues; without K3, that of the torque
+    by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
+    the size has.
     """
-    d, own = wish.diameter, like.gears.pitch_diameter
-    T, K = wish.torque, wish.stiffness
+    d, own = required.diameter, like.gears.pitch_diameter
+    T, K = required.torque, required.stiffness
     if K is not None and not 0 < K[0] <= K[1] <= K[2]:
         raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
     if d is not None:
-        size = Size(d, not wish.derived, wish.source("diameter"))
+        size = Size(d, not required.derived, required.source("diameter"))
     elif K is not None:
         d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
         size = Size(d, False, f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues")
@@ -100,9 +100,9 @@ def size_of(like: Drive, wish: Requirements) -> Size:
         size = Size(d, False, why)
     else:
         size = Size(own, False, f"the pitch diameter of {like.name}, {own:g} mm")
-    if T is not None and (K is not None or wish.diameter is not None):
+    if T is not None and (K is not None or required.diameter is not None):
         _require_torque(size.diameter, T)
-    if K is not None and wish.diameter is not None:
+    if K is not None and required.diameter is not None:
         stiffer = K[2] / (CATALOGUE_K3 * (size.diameter / REFERENCE) ** 3)
         if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
             raise UsageError(
@@ -124,36 +124,36 @@ def _require_torque(d: float, T: float) -> None:
         )
 
 
-def similar(like: Drive, wish: Requirements) -> dict[str, SimilarValue]:
-    """Fields of a drive that is like another one, by path: what is given of it as given, the rest as assumed.
+def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
+    """Fields of a drive that is like another one, by path: the required ones as given, all others as assumed.
 
-    Deviations but F'_i, offsets and all phases are not known and left out.
+    Deviations other than F'_i, offsets and phases are unknown and left out.
     Raises UsageError: requirements that contradict each other.
     """
-    size = size_of(like, wish)
+    size = size_of(like, required)
     d, s = size.diameter, size.diameter / like.gears.pitch_diameter
-    z_g = wish.z_g or like.gears.z_g
+    z_g = required.z_g or like.gears.z_g
     m = rounded(d / z_g, 12)
-    sure = "given" if wish.z_g else "assumed"
-    teeth = wish.source("teeth") if wish.z_g else f"as {like.name}"
+    kind = "given" if required.z_g else "assumed"
+    teeth = required.source("teeth") if required.z_g else f"as {like.name}"
     entries = {
-        "gears.z_g": SimilarValue(z_g, sure, teeth),
-        "gears.z_b": SimilarValue(z_g + 2, sure, teeth),
+        "gears.z_g": SimilarValue(z_g, kind, teeth),
+        "gears.z_b": SimilarValue(z_g + 2, kind, teeth),
         "gears.m": SimilarValue(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
     }
-    known = {path: law for path, law in LAWS.items() if like.value(path) is not None}
-    known = {path: law for path, law in known.items() if path not in WHERE_GIVEN or path in _given(like)}
-    known.pop(like.unused_tooth_field, None)
-    entries |= {path: _scaled(like, path, law, s, m, size.stiffer) for path, law in known.items()}
+    for path, law in LAWS.items():
+        optional = path in WHERE_GIVEN and path not in _given(like)
+        if like.value(path) is not None and path != like.unused_tooth_field and not optional:
+            entries[path] = _scaled(like, path, law, s, m, size.stiffer)
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)
-    entries |= _load(like, wish, s, d)
+    entries |= _load(like, required, s, d)
     entries |= {path: SimilarValue(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
-    K = wish.stiffness or ()
+    K = required.stiffness or ()
     entries |= {
-        f"catalogue.K_{k}": SimilarValue(value, "given", wish.source("stiffness")) for k, value in enumerate(K, 1)
+        f"catalogue.K_{k}": SimilarValue(value, "given", required.source("stiffness")) for k, value in enumerate(K, 1)
     }
-    entries |= wish.others
+    entries |= required.others
     if "cam.coupling" in entries:
         del entries["supports.C_3"]  # it follows from that
     for path, entry in entries.items():
@@ -172,13 +172,13 @@ def _given(drive: Drive) -> set[str]:
 
 
 def _choices(like: Drive) -> list[str]:
-    """Fields that are no sizes: how the drive is built in, and how finely it is computed."""
-    differs = (path for path in _given(like) if path.startswith(("mounting.fixed", "numerics.")))
-    return [path for path in differs if like.value(path) != field_table()[path].default]
+    """Fields of the mounting and of the numerical model in which a drive differs from their defaults."""
+    settings = (path for path in _given(like) if path.startswith(("mounting.fixed", "numerics.")))
+    return [path for path in settings if like.value(path) != field_table()[path].default]
 
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
-    """A field by its law, s times as large, of a module m [mm], stiffer than others of its size."""
+    """A field scaled by its law; s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses."""
     value, ratio = like.value(path), m / like.gears.m
     factor = growth(law.by, s, ratio)
     stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
@@ -190,13 +190,13 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     if elastic != 1 and factor:
         words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
     bounds = None
-    if isinstance(value, float) and (found := law.range_at(s * like.gears.m * like.gears.z_g, m, value)):
-        bounds = _around(like, path, value, *map(rounded, found))
+    if isinstance(value, float) and (scaled := law.range_at(s * like.gears.m * like.gears.z_g, m, value)):
+        bounds = _around(like, path, value, *map(rounded, scaled))
     return SimilarValue(value, "assumed", f"{words}; {law.why}" if law.why else words, bounds)
 
 
 def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
-    """Bounds that hold the value and are allowed; none where they leave nothing open."""
+    """Bounds widened to hold the value; None where they are equal or beyond the range of the field."""
     low, high = min(low, value), max(high, value)
     return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
 
@@ -226,16 +226,16 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
     return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
 
 
-def _load(like: Drive, wish: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
+def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
     own = rated_of(like)
-    rated = rounded(own * s**3, 3) if wish.torque is None else wish.torque
+    rated = rounded(own * s**3, 3) if required.torque is None else required.torque
     shares = tuple(rounded(torque / own * rated, 3) for torque in like.operation.M_g)
-    if wish.torque is None:
+    if required.torque is None:
         bounds = [rounded(density * d**3, 2) for density in TORQUE_DENSITY]
         ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
         rating = SimilarValue(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
     else:
-        rating = SimilarValue(rated, "given", wish.source("torque"))
+        rating = SimilarValue(rated, "given", required.source("torque"))
     return {
         "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
         "operation.rated": rating,
@@ -258,5 +258,5 @@ def teeth_of_ratio(like: Drive, ratio: float) -> int:
 
 
 def rounded(value: float, digits: int = 4) -> float:
-    """A number with so many significant digits."""
+    """A number rounded to a number of significant digits."""
     return value if value == 0 else round(value, digits - 1 - int(log10(abs(value)) // 1))

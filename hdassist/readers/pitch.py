@@ -12,7 +12,7 @@ constant for the whole wheel. A file has two columns, tooth number and deviation
     # mark: 17                    the tooth that bears the mark; the first one by default
     # flank: left | right
 
-What is read always counts counter-clockwise from the mark, with positive deviations counter-clockwise. A wheel of four
+The deviations read always count counter-clockwise from the mark, positive ones counter-clockwise. A wheel of four
 teeth, numbered clockwise, mark on tooth 2:
 
     # sense: cw
@@ -50,8 +50,8 @@ from hdassist.readers.words import (
 )
 from hdassist.textfile import Readable
 
-LEAST_RANGE, LARGEST_RANGE = 0.5, 1000.0  # um: range over a wheel that can be meant
-CLOSING = 0.2  # of the range: how far the single deviations may be from closing
+LEAST_RANGE, LARGEST_RANGE = 0.5, 1000.0  # um: range of the deviations of a wheel
+CLOSING = 0.2  # of the range: greatest sum of the single deviations
 NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
 
@@ -61,7 +61,7 @@ Sign = Literal["along", "ccw", "cw"]
 Flank = Literal["left", "right"]
 
 CHOICES = {"form": get_args(PitchForm), "sense": get_args(Sense), "sign": get_args(Sign), "flank": get_args(Flank)}
-MEANT = {  # what may be stated, for messages
+EXPECTED = {  # by key, for messages
     "form": "cumulative or single",
     "unit": "um or mm",
     "sense": "ccw or cw, seen from the cam side",
@@ -82,19 +82,19 @@ def read_pitch(
     mark: int | None = None,
     flank: Flank | None = None,
 ) -> PitchFile:
-    """Read the pitch deviations of a wheel; see the module for what a file may say.
+    """Read the pitch deviations of a wheel; for the form of a file see the module.
 
-    Arguments: source, a path ("-" is standard input), stream or bytes; teeth of the wheel; the others win over what
-    the file says, and flank chooses among columns for two flanks.
+    Arguments: source, a path ("-" is standard input), stream or bytes; teeth of the wheel; the others take precedence
+    over remarks of the file, and flank chooses among columns for two flanks.
     Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
     """
     asked = {"form": form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
     given = {key: str(value) for key, value in asked.items() if value is not None}
     for key, choices in CHOICES.items():
         if given.get(key, choices[0]) not in choices:
-            raise UsageError(f"{key} must be one of {', '.join(choices)} (got {given[key]})")
+            raise UsageError(f"invalid {key} {given[key]}: expected one of {', '.join(choices)}")
     if teeth < 2:
-        raise UsageError(f"a wheel has two teeth or more (got {teeth})")
+        raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
     table = read_numbers(source, ("tooth number", "deviation"))
     is_table = not table.findings
     stated = _Statements(table, given)
@@ -110,7 +110,7 @@ def read_pitch(
     table.require_sound()
     if not first <= tooth < first + teeth:
         hint = f"{table.file} has the teeth {first} to {first + teeth - 1}"
-        raise UsageError(f"mark {tooth} is no tooth of the wheel", hint)
+        raise UsageError(f"invalid mark {tooth}: expected a tooth of the wheel", hint)
     values = np.roll(values, first - tooth)
     if sense_is == "cw":
         values = np.roll(values[::-1], 1)
@@ -125,7 +125,7 @@ def read_pitch(
 
 
 class _Statement(NamedTuple):
-    """A statement of a file on a key: the value, empty if it cannot be meant; its text, line and column."""
+    """A statement of a file on a key: its value (empty if invalid), text, line and column."""
 
     value: str
     text: str
@@ -134,7 +134,7 @@ class _Statement(NamedTuple):
 
 
 class _Statements:
-    """Statements on a file of pitch deviations: asked for, in its remarks, and by the name of its column."""
+    """Statements on the form of a file of pitch deviations: by arguments, its remarks and the names of its columns."""
 
     def __init__(self, table: NumberTable, asked: dict[str, str]) -> None:
         self.table = table
@@ -146,7 +146,7 @@ class _Statements:
             word, text, column = remark.entry
             self._require_readable(remark.number, remark.remark, word)
             if key := PITCH_KEYS.get(word):
-                self.stated[key].append(_Statement(_meant(key, text), text, remark.number, column))
+                self.stated[key].append(_Statement(_value_of(key, text), text, remark.number, column))
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {remark.number}: "{word}" is passed over; {hint}')
 
@@ -155,7 +155,7 @@ class _Statements:
             self.table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
 
     def value(self, key: str, default: str = "", if_none: str = "") -> str:
-        """Value of a key: as asked for, else as the file states it, else the default with its note."""
+        """Value of a key: that of the argument, else that of the file, else the default with a note."""
         stated, asked = self.stated[key], self.asked.get(key)
         if asked is not None:
             other = next((s.text for s in stated if s.value != asked), None)
@@ -164,7 +164,7 @@ class _Statements:
             return asked
         for statement in stated:
             if not statement.value:
-                self._refuse(key, statement, f"must be {MEANT[key]}")
+                self._refuse(key, statement, f"must be {EXPECTED[key]}")
                 return default
             if statement.value != stated[0].value:
                 hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
@@ -240,8 +240,8 @@ class _Statements:
         self.table.add(at.line, at.column, key, message, at.text or "nothing", hint)
 
 
-def _meant(key: str, text: str) -> str:
-    """Value of a remark; empty for one that cannot be meant."""
+def _value_of(key: str, text: str) -> str:
+    """Value of a remark; empty if it is invalid."""
     if key == "unit":
         return plain_unit(text)
     if key == "mark":
@@ -257,10 +257,10 @@ def _plain(value: str) -> str:
 def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, list[int]]:
     """The first tooth number, 0 or 1, and the row (from 0) of each tooth of the wheel, from the first on.
 
-    What is wrong with the tooth numbers in a column of the table is added to its findings.
+    Faults of the tooth numbers are added to the findings of the table.
     """
     numbers = table.values[:, column].tolist()
-    found: dict[int, int] = {}
+    row_of: dict[int, int] = {}
     broken = [row for row, number in enumerate(numbers) if not number.is_integer()]
     few_broken = 2 * len(broken) <= len(numbers)
     for row in broken if few_broken else broken[:1]:
@@ -268,27 +268,27 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
         hint = "the first column has the tooth numbers, unless a line of names says otherwise"
         table.add_at(row, column, message, f"{numbers[row]:g}", hint)
     for row, number in enumerate(numbers):
-        if number.is_integer() and found.setdefault(int(number), row) != row:
-            hint = f"first in line {table.lines[found[int(number)]]}; keep one row"
+        if number.is_integer() and row_of.setdefault(int(number), row) != row:
+            hint = f"first in line {table.lines[row_of[int(number)]]}; keep one row"
             table.add_at(row, column, "a tooth for the second time", f"{number:g}", hint)
-    wanted = range(teeth) if 0 in found else range(1, teeth + 1)
+    wanted = range(teeth) if 0 in row_of else range(1, teeth + 1)
     if few_broken:
-        _require_all(table, column, found, wanted)
-    return wanted[0], [found.get(number, 0) for number in wanted]
+        _require_all(table, column, row_of, wanted)
+    return wanted[0], [row_of.get(number, 0) for number in wanted]
 
 
-def _require_all(table: NumberTable, column: int, found: dict[int, int], wanted: range) -> None:
-    """Note which teeth of the wheel have no row, and which rows are of none of its teeth."""
-    beyond, missing = sorted(found.keys() - set(wanted)), sorted(set(wanted) - found.keys())
-    if (beyond or missing) and sorted(found) == list(range(wanted[0], wanted[0] + len(found))):
-        hint = "leave out the first tooth, measured again" if len(beyond) == 1 else "is it the file of the other wheel?"
+def _require_all(table: NumberTable, column: int, row_of: dict[int, int], wanted: range) -> None:
+    """Add findings for teeth of the wheel without a row, and for rows beyond its teeth."""
+    beyond, missing = sorted(row_of.keys() - set(wanted)), sorted(set(wanted) - row_of.keys())
+    if (beyond or missing) and sorted(row_of) == list(range(wanted[0], wanted[0] + len(row_of))):
+        hint = "leave out the first tooth, measured again" if len(beyond) == 1 else "check the wheel of the file"
         got = f"tooth {shortened(beyond)} too" if beyond else f"no row for tooth {shortened(missing)}"
-        message = f"the wheel has {len(wanted)} teeth, the file {len(found)}"
-        table.add_at(found[beyond[0]] if beyond else 0, column, message, got, hint)
+        message = f"the wheel has {len(wanted)} teeth, the file {len(row_of)}"
+        table.add_at(row_of[beyond[0]] if beyond else 0, column, message, got, hint)
         return
     if beyond:
         message, hint = f"tooth numbers beyond {wanted[0]} to {wanted[-1]}", "count the teeth from 0 or from 1 on"
-        table.add_at(found[beyond[0]], column, message, shortened(beyond), hint)
+        table.add_at(row_of[beyond[0]], column, message, shortened(beyond), hint)
     if missing:
         message, got = f"no row for tooth {shortened(missing)}", f"{len(table.lines)} rows"
         table.add_at(0, column, message, got, f"{len(wanted)} are needed")
@@ -309,9 +309,9 @@ def _cumulative(table: NumberTable, column: int, order: list[int], unit: tuple[s
         values = np.cumsum(values - gap / len(values))
         closes = abs(gap) <= NOISE * whole
         if not closes and abs(gap) > CLOSING * np.ptp(values):
-            found = f"their sum is {gap:.3g} um, their curve spans {np.ptp(values):.3g} um"
-            hint = "is it form cumulative? or rounded too far, or teeth measured in several passes?"
-            table.add_at(0, column, f"single pitch deviations do not close: {found}", "", hint)
+            sizes = f"their sum is {gap:.3g} um, their curve spans {np.ptp(values):.3g} um"
+            hint = "cumulative deviations, values rounded too far, or teeth measured in several passes?"
+            table.add_at(0, column, f"single pitch deviations do not close: {sizes}", "", hint)
         else:
             shared = "" if closes else f", closing error of {gap:.3g} um shared out"
             table.notes.append(f"single pitch deviations summed up{shared}")

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 WHOLE_TURN_DEG = 360.0
-LEAP = 0.4  # of the wrap: a longer step could be one to either side
+LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
 JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # median steps, at most so many deg: the same, where readings are coarse
-FEW_ROWS = 5  # rows: what is no move
-SPIKE = 10.0  # median steps: how far the first step after a new start may go
+TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
+FEW_ROWS = 5  # fewer rows are no move
+SPIKE = 10.0  # median steps: longest first step after a restart
 
 Angles = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class AngleSweep:
 
 
 class AngleError(ValueError):
-    """The angle of a row cannot be: the row, what is wrong, and a hint."""
+    """An impossible angle: its row, a message and a hint."""
 
     def __init__(self, row: int, message: str, hint: str) -> None:
         super().__init__(message)
@@ -64,7 +64,7 @@ def sweeps(angle: Angles) -> list[AngleSweep]:
     steps = np.abs(np.diff(angle))
     steps = steps[steps > 0]
     if not len(steps):
-        raise AngleError(0, "the angle does not change", "is it the column of the angle?")
+        raise AngleError(0, "the angle does not change", "check the column of the angle")
     step = float(np.median(steps, overwrite_input=True))
     found = [AngleSweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, min(TURNING_STEPS * step, WIDEST_TURNING)))]
     for index, sweep in enumerate(found[:-1]):

@@ -22,21 +22,21 @@ from hdassist.readers.words import ANGLES, angle_fault, plain_unit, role_in, uni
 from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
-ARCSEC_PER_DEG = 3600.0  # per degree
-LARGEST_ERROR = 7200.0  # arcsec: range of an error that can be meant
-SLIP = 0.02  # of the ratio: how far the two encoders may disagree with it
+ARCSEC_PER_DEG = 3600.0
+LARGEST_ERROR = 7200.0  # arcsec, range of an error
+SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
 FEWEST_ROWS = 20  # rows
-ROUNDED_STEP = 0.01  # of a step: what printed digits make of it
+ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
 
 Shaft = Literal["cam", "output"]
 
 
 @dataclass(frozen=True)
 class TraceForm:
-    """What is asked of a file: columns by name or number (from 1), their units, and what the angle is that of.
+    """Columns of a trace file by name or number (from 1), their units, and the shaft of the angle; None: by the file.
 
-    Of error and second one at most; second is the column of the output's own encoder. wrap is the angle [deg] after
-    which the encoders begin again. None: found out.
+    At most one of error and second, the column of the output's own encoder; wrap: angle [deg] after which the encoders
+    begin again.
     """
 
     angle: str | None = None
@@ -48,14 +48,14 @@ class TraceForm:
     wrap: float | None = None
 
     def require_sound(self) -> None:
-        """Raise UsageError for what no file could meet: units that are none, a wrap of none, both error and second."""
+        """Raise UsageError for an unknown unit, a wrap that is not above 0, or both error and second."""
         if self.error is not None and self.second is not None:
-            raise UsageError("the error, or the angle of a second encoder, not both")
+            raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         for option, unit in (("--angle-unit", self.angle_unit), ("--error-unit", self.error_unit)):
             if unit is not None and (fault := angle_fault(unit)):
-                raise UsageError(f"{option}: no unit of angle: {unit}", fault)
+                raise UsageError(f"invalid {option} {unit}: expected a unit of angle", fault)
         if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap > 0):
-            raise UsageError(f"--wrap must be an angle above 0 deg, not {self.wrap:g}")
+            raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle above 0 deg")
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,10 @@ class MeasuredTrace:
     """A measured trace in the order of its rows.
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
-    resolution of the readings, 0 where no step is seen; in_time: whether what it rounds comes round with the turns of
-    the cam, as readings at even angles do. sweeps: moves in one direction each. sha256: of the
-    file as it lies there. angle_of: what the angles were counted at; those of the output were multiplied by the ratio.
-    sense: of two encoders, 1 where both count up, -1 where one counts down, 0 for a column of errors.
-    notes: what was converted, assumed or left out.
+    resolution of the readings, 0 where no step is found; in_time: whether its rounding repeats with the turns of the
+    cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
+    the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
+    up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
     """
 
     file: str
@@ -109,8 +108,8 @@ def read_trace(
 ) -> MeasuredTrace:
     """Read a measured trace.
 
-    Arguments: source, a path ("-" is standard input), stream or bytes; form, what is asked of the columns; ratio, cam
-    turns per output turn, needed for angles of the output and for two encoders; fewest rows that are enough.
+    Arguments: source, a path ("-" is standard input), stream or bytes; form of the columns; ratio, cam turns per output
+    turn, needed for angles of the output and for two encoders; fewest, rows that are enough.
     Raises DataError: a file that cannot be read; PresetError: every fault of its rows, or the first one of its angles;
     UsageError: a wrong argument.
     """
@@ -131,7 +130,7 @@ def read_trace(
     if ratio and column.angle_of == "output":
         cam *= abs(ratio)
     if not np.ptp(readings):
-        raise _fault(table, 0, column.other, "a constant column", "is it the column of the error?")
+        raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
     step, in_time = _step(readings) * column.other_size, False
     if column.other_is == "second":
         output = _angle(table, column.other, readings * (column.other_size / ARCSEC_PER_DEG), form.wrap, notes)
@@ -148,7 +147,7 @@ def read_trace(
     if reach > LARGEST_ERROR:
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
-        raise _fault(table, row, column.other, message, "is it the error, and are its unit and the ratio right?")
+        raise _fault(table, row, column.other, message, "check the column of the error, its unit and the ratio")
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
@@ -161,7 +160,7 @@ def read_trace(
 def _angle(table: NumberTable, column: int, angle: Array, wrap: float | None, notes: list[str]) -> Array:
     """Angles [deg] of a column without wraps."""
     if not np.ptp(angle):
-        raise _fault(table, 0, column, "a constant column", "is it the column of the angle?")
+        raise _fault(table, 0, column, "a constant column", "check the column of the angle")
     if wrap is None and looks_wrapped(angle):
         wrap = 360.0
         notes.append(f'"{table.name(column)}" begins again after 360 deg: joined')
@@ -178,9 +177,8 @@ def _second(
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > SLIP:
-        found = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
-        hint = "are the units, the ratio and the columns right?"
-        raise _fault(table, 0, column, f"{found}, the ratio is {ratio:g}", hint)
+        turns = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
+        raise _fault(table, 0, column, f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns")
     sense = 1 if slope > 0 else -1
     notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC_PER_DEG
@@ -188,7 +186,7 @@ def _second(
 
 
 def _step(readings: Array) -> float:
-    """Resolution of readings that repeat themselves and lie on even steps; 0 where no such step is seen."""
+    """Resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
     levels = np.unique(readings)
     apart = np.diff(levels)
     apart = apart[apart > 1e-9 * (np.abs(readings).max() + np.ptp(readings))]
@@ -199,20 +197,21 @@ def _step(readings: Array) -> float:
 
 
 def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]:
-    """Resolution [arcsec] of output angles [deg] read at even angles of the cam, and whether there is such a one.
+    """Resolution [arcsec] of output angles [deg] read at even angles of the cam, and whether there is one.
 
-    Angles that go on seldom repeat themselves, the ways between them do; a way over a missing row is none of them.
+    Angles of a turning shaft seldom repeat themselves, but the steps between them do; steps over missing rows are left
+    out.
     """
     turned = np.abs(np.diff(cam))
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
-    ways = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC_PER_DEG
-    apart = np.diff(ways)
+    steps = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC_PER_DEG
+    apart = np.diff(steps)
     apart = apart[apart > ROUNDED_STEP * apart.max(initial=0.0)]  # printed digits differ by less
-    if 2 * len(apart) > len(ways) or not len(apart):
+    if 2 * len(apart) > len(steps) or not len(apart):
         return 0.0, False
     step = float(apart.min())
-    # where the angles are uneven by more than a step, what it rounds is as good as noise, and seen as such; but for the
-    # few at the ends of a sweep
+    # where the angles are uneven by more than a step, its rounding is noise, and counted as such; the ends of a sweep
+    # are left out
     uneven = float(np.ptp(np.quantile(turned, (0.05, 0.95)))) / ratio * ARCSEC_PER_DEG
     in_time = np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED_STEP and uneven < step
     return (step, True) if in_time else (0.0, False)
@@ -223,10 +222,10 @@ def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -
 
 
 def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
-    """Find out what the columns hold: as asked for, by their names, or by their order.
+    """Roles of the columns: as the form has them, by their names, or by their order.
 
-    Arguments: table; form, what is asked; notes, to which is added what was found out.
-    Raises UsageError: one column for both; PresetError: columns that cannot be told.
+    Arguments: table; form; notes, to which the roles are added. Raises UsageError: one column for both; PresetError:
+    columns without a clear role.
     """
     kinds = [role_in(name) for name in table.names] or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
@@ -236,8 +235,8 @@ def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
     of: Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
-    asked, found = (form.second, "output") if by_second else (form.error, "error")
-    other = _column(table, asked, _first_of(kinds, found), "second" if by_second else "error")
+    asked, kind = (form.second, "output") if by_second else (form.error, "error")
+    other = _column(table, asked, _first_of(kinds, kind), "second" if by_second else "error")
     if other == angle:
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {_listed(table)}")
     if by_second and of == "output":
@@ -252,10 +251,12 @@ def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
 
 def _first_of(kinds: Sequence[str], *wanted: str) -> list[int]:
     """Columns of the first kind that there is."""
-    return next((found for kind in wanted if (found := [i for i, k in enumerate(kinds) if k == kind])), [])
+    columns = ([i for i, own in enumerate(kinds) if own == kind] for kind in wanted)
+    return next(filter(None, columns), [])
 
 
-def _column(table: NumberTable, asked: str | None, found: list[int], option: str) -> int:
+def _column(table: NumberTable, asked: str | None, candidates: list[int], option: str) -> int:
+    """Column (from 0) by its name or number as asked for, else the only candidate."""
     if asked is not None:
         for plain in (str, str.lower):
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
@@ -264,12 +265,12 @@ def _column(table: NumberTable, asked: str | None, found: list[int], option: str
         if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
         raise _unclear(table, f"no column {asked}", "give its name or number")
-    if len(found) == 1:
-        return found[0]
+    if len(candidates) == 1:
+        return candidates[0]
     kinds = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
-    if found:
-        several = ", ".join(f'"{table.name(i)}"' for i in found)
-        raise _unclear(table, f"{len(found)} columns of {kinds}: {several}", f"choose one: --{option} NAME")
+    if candidates:
+        several = ", ".join(f'"{table.name(i)}"' for i in candidates)
+        raise _unclear(table, f"{len(candidates)} columns of {kinds}: {several}", f"choose one: --{option} NAME")
     raise _unclear(table, f"no column of {kinds} by its name", f"name it: --{option} NAME, or its number")
 
 

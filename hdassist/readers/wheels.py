@@ -1,4 +1,4 @@
-"""Measured teeth of a drive's wheels: their pitch files, where their marks stand, and what was assumed."""
+"""Measured teeth of a drive's wheels from their pitch files, the directions of their marks, and notes on both."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WHEEL_NAMES = ("b", "g")
 
 @dataclass(frozen=True)
 class WheelFiles:
-    """Pitch files of the rigid wheel (b) and the flexspline (g), directions [deg] of their marks, how to read them."""
+    """Pitch files of the rigid wheel (b) and the flexspline (g), directions [deg] of their marks, and their form."""
 
     pitch_b: str | None = None
     pitch_g: str | None = None
@@ -30,7 +30,7 @@ class WheelFiles:
 
     @property
     def files(self) -> dict[str, str]:
-        """The files by wheel, those that there are."""
+        """The given files by wheel."""
         named = {"b": self.pitch_b, "g": self.pitch_g}
         return {name: file for name, file in named.items() if file is not None}
 
@@ -40,11 +40,11 @@ class WheelFiles:
         return any(self.mark(name) is not None for name in WHEEL_NAMES)
 
     def mark(self, name: str) -> float | None:
-        """Direction [deg] of the mark of a wheel, as asked for."""
+        """Direction [deg] of the mark of a wheel; None where it is not given."""
         return self.mark_b if name == "b" else self.mark_g
 
     def require_sound(self) -> None:
-        """Raise UsageError for what cannot be meant, before any file is read."""
+        """Raise UsageError for a mark or a form without a file, and for a mark that is not finite."""
         for name in WHEEL_NAMES:
             mark = self.mark(name)
             if mark is not None and name not in self.files:
@@ -52,33 +52,33 @@ class WheelFiles:
                     f"--mark-{name} is the mark of a measured wheel", f"--pitch-{name} FILE names its file"
                 )
             if mark is not None and not isfinite(mark):
-                raise UsageError(f"--mark-{name} must be an angle in degrees, not {mark}")
+                raise UsageError(f"invalid --mark-{name} {mark}: expected an angle in deg")
         if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
             raise UsageError("--pitch-form, --pitch-sense and --pitch-flank say how to read --pitch-b and --pitch-g")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
-        """The measured wheels of a drive, with what was assumed in their notes; None without a file.
+        """The measured wheels of a drive, with the assumptions made in their notes; None without a file.
 
-        Raises PresetError with the faults of both files, DataError for a file that cannot be read, UsageError where it
-        is not known how a mark stands.
+        Raises PresetError with the faults of both files, DataError for a file that cannot be read, UsageError where the
+        direction of a mark is unknown.
         """
-        found: dict[str, MeasuredWheel] = {}
+        wheels: dict[str, MeasuredWheel] = {}
         errors: list[DataError] = []
         for name, file in self.files.items():
             try:
-                found[name] = self._wheel(name, file, drive)
+                wheels[name] = self._wheel(name, file, drive)
             except DataError as error:
                 errors.append(error)
         if errors:
             raise errors[0] if len(errors) == 1 else _both(errors)
-        return MeasuredTeeth(**found) if found else None
+        return MeasuredTeeth(**wheels) if wheels else None
 
     def _wheel(self, name: str, file: str, drive: Drive) -> MeasuredWheel:
         teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
         pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
         mark, notes = self.mark(name), list(pitch.notes)
         if mark is None and (given := drive.value(f"phases.xi_{name}")) is None:
-            raise UsageError(f"where the mark of {file} stands is not known", f"--mark-{name} 30, in deg")
+            raise UsageError(f"unknown direction of the mark of {file}", f"like --mark-{name} 30, in deg")
         if mark is None:
             mark = float(given)
             notes.append(

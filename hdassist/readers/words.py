@@ -1,4 +1,4 @@
-"""Words, in English, German and Russian, with which rigs and gear checkers name columns: what they hold, and units."""
+"""Names of columns, in English, German and Russian, in files of rigs and gear checkers: contents and units."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ROLES = {
     "output": r"output|out|load|abtrieb|ausgang|link|phig|phi_g|phib|phi_b|выход",
     "angle": r"angle|ang|phi|theta|position|pos|winkel|угол|encoder|enc",
 }
-PITCH_KEYS = {  # what a remark in a file of pitch deviations may state
+PITCH_KEYS = {  # of remarks in a file of pitch deviations
     "form": "form", "форма": "form", "unit": "unit", "units": "unit", "einheit": "unit", "единица": "unit",
     "единицы": "unit", "sense": "sense", "drehsinn": "sense", "направление": "sense", "sign": "sign",
     "vorzeichen": "sign", "знак": "sign", "mark": "mark", "markierung": "mark", "метка": "mark", "flank": "flank",
@@ -54,18 +54,18 @@ _TOOTH = re.compile(
 
 
 def role_in(name: str) -> str:
-    """What a column of a trace holds by its name: error, cam, output, angle, or empty for anything else."""
+    """Content of a column of a trace by its name: error, cam, output, angle, or empty for any other name."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
 
 
 def form_in(text: str) -> str:
-    """Form of pitch deviations that a name says: cumulative, single, ambiguous, or empty for none."""
+    """Form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
     return next((form for form, words in _FORMS if words.search(text)), "")
 
 
 def flank_in(text: str) -> str:
-    """Flank that a name says: left, right, or empty for none or both."""
+    """Flank by a name: left, right, or empty for none or both."""
     low = text.lower()
     left, right = bool(_LEFT.search(low)), bool(_RIGHT.search(low))
     return "" if left == right else "left" if left else "right"
@@ -86,7 +86,7 @@ def unit_in(name: str, units: Container[str] = ANGLES) -> str:
 
 
 def length_in(name: str) -> str:
-    """Unit of a column of deviations by its name: a length, or else what `micrometres` refuses; empty for none."""
+    """Unit of a column of deviations by its name: a length, or another unit (see micrometres); empty without one."""
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
@@ -100,12 +100,12 @@ def plain_unit(unit: str) -> str:
 
 
 def angle_fault(unit: str) -> str:
-    """What is wrong with a unit that is to be one of an angle, as a hint; empty if nothing is."""
+    """A hint for a unit that is not one of an angle; empty for one that is."""
     return "" if plain_unit(unit) in ANGLES else near_miss(unit, ANGLES) or f"one of {', '.join(ANGLES)}"
 
 
 def micrometres(unit: str) -> float:
-    """How many micrometres one of a unit is. Raises UnitError: no unit of length, or one that is not metric."""
+    """Size of a unit in micrometres. Raises UnitError: no unit of length, or one that is not metric."""
     plain = plain_unit(unit)
     if plain in INCHES:
         raise UnitError("not a metric unit", "convert to um or mm; 1 µin is 0.0254 um")

@@ -105,7 +105,7 @@ def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
         ({"coupling": "overhung"}, "--coupling overhung and --shaft belong together"),
         ({"shaft": "14x30"}, "--coupling overhung and --shaft belong together"),
         ({"coupling": "overhung", "shaft": "14"}, "invalid --shaft 14: expected DIAMETERxOVERHANG in mm"),
-        ({"coupling": "overhung", "shaft": "0x30"}, "--shaft must be above 0 mm"),
+        ({"coupling": "overhung", "shaft": "0x30"}, "invalid --shaft 0: expected a number above 0 mm"),
     ],
 )
 def test_couplings_that_cannot_be_read_are_refused(asked, message):

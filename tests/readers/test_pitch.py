@@ -173,11 +173,11 @@ def test_a_flank_is_chosen_among_columns() -> None:
         # tooth numbers
         (FOUR.replace("3; -2\n", ""), "1:1: column 1: no row for tooth 3 (got 3 rows; 4 are needed)"),
         (FOUR.replace("4; 1\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
-         "(got no row for tooth 4; is it the file of the other wheel?)"),
+         "(got no row for tooth 4; check the wheel of the file)"),
         (FOUR + "5; 0\n", "5:1: column 1: the wheel has 4 teeth, the file 5 "
          "(got tooth 5 too; leave out the first tooth, measured again)"),
         (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file 6 "
-         "(got tooth 5, 6 too; is it the file of the other wheel?)"),
+         "(got tooth 5, 6 too; check the wheel of the file)"),
         (FOUR + "1; 0\n", "5:1: column 1: a tooth for the second time (got 1; first in line 1; keep one row)"),
         ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be the whole number of a tooth "
          "(got 3.5; the first column has the tooth numbers, unless a line of names says otherwise)"),
@@ -216,7 +216,8 @@ def test_a_flank_is_chosen_among_columns() -> None:
         # forms and flanks
         ("# form: single\n1;0\n2;5\n3;4\n4;3\n",
          "2:1: column 2: single pitch deviations do not close: their sum is 12 um, "
-         "their curve spans 3 um (is it form cumulative? or rounded too far, or teeth measured in several passes?)"),
+         "their curve spans 3 um "
+         "(cumulative deviations, values rounded too far, or teeth measured in several passes?)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
          "ask for one flank: flank left or right)"),
         ("tooth;fp;Fp\n1;2;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "fp" and "Fp"; '
@@ -244,14 +245,14 @@ def test_long_lists_of_teeth_are_shortened() -> None:
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"mark": 5}, "mark 5 is no tooth of the wheel"),
-        ({"mark": 0}, "mark 0 is no tooth of the wheel"),
-        ({"mark": -1}, "mark -1 is no tooth of the wheel"),
-        ({"sense": "up"}, "sense must be one of ccw, cw"),
-        ({"form": "odd"}, "form must be one of cumulative, single, index"),
-        ({"sign": "up"}, "sign must be one of along, ccw, cw"),
-        ({"flank": "top"}, "flank must be one of left, right"),
-        ({"teeth": 1}, "a wheel has two teeth or more"),
+        ({"mark": 5}, "invalid mark 5: expected a tooth of the wheel"),
+        ({"mark": 0}, "invalid mark 0: expected a tooth of the wheel"),
+        ({"mark": -1}, "invalid mark -1: expected a tooth of the wheel"),
+        ({"sense": "up"}, "invalid sense up: expected one of ccw, cw"),
+        ({"form": "odd"}, "invalid form odd: expected one of cumulative, single, index"),
+        ({"sign": "up"}, "invalid sign up: expected one of along, ccw, cw"),
+        ({"flank": "top"}, "invalid flank top: expected one of left, right"),
+        ({"teeth": 1}, "invalid number of teeth 1: expected two or more"),
     ],
 )
 def test_wrong_arguments(asked: dict[str, Any], message: str) -> None:

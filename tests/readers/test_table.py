@@ -149,8 +149,8 @@ def test_a_remark_may_hold_the_names() -> None:
          "(got nan; a gap in the measurement cannot be filled here)"),
         ("1;2\n2; -Inf\n", "w.csv:2:4: column 2: must be a finite number "
          "(got -Inf; a gap in the measurement cannot be filled here)"),
-        ("1;2\n2;-1e31\n", "w.csv:2:3: column 2: must be a number up to 1e+30 (got -1e31; is this cell right?)"),
-        ("1;2\n2;1e999\n", "w.csv:2:3: column 2: must be a finite number (got 1e999; is this cell right?)"),
+        ("1;2\n2;-1e31\n", "w.csv:2:3: column 2: must be a number up to 1e+30 (got -1e31; check this cell)"),
+        ("1;2\n2;1e999\n", "w.csv:2:3: column 2: must be a finite number (got 1e999; check this cell)"),
         ("1;2;3\n2;;3\n", "w.csv:2:3: column 2: a number is missing "
          "(got nothing; a gap in the measurement cannot be filled here)"),
         ("1;2\n2\n3;4\n", "w.csv:2:1: a row of 1, most rows have 2 columns (got 2; one cell for each column)"),

@@ -78,7 +78,7 @@ def test_columns_by_option():
         read(data, angle="a", error="a")
     with pytest.raises(UsageError, match="not both"):
         read(data, angle="a", error="b", second="c")
-    with pytest.raises(UsageError, match="no unit of angle: mm"):
+    with pytest.raises(UsageError, match="invalid --error-unit mm: expected a unit of angle"):
         read(data, angle="a", error="b", error_unit="mm")
 
 
