@@ -10,6 +10,8 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
+from hdassist.design.vary import TORQUE, Axis
 from hdassist.json_parts import Json, unknown_objects
 from hdassist.model.unknown import unknowns
 from hdassist.pages.tolerance import paragraphs
@@ -18,8 +20,6 @@ from hdassist.terminal.answers import envelope
 from hdassist.terminal.console import Style
 from hdassist.terminal.heat import heat
 from hdassist.terminal.plot import curve
-from hdassist.tolerance.sweep import Sweep, SweepRow, Swept, largest
-from hdassist.tolerance.vary import TORQUE, Axis
 from hdassist.verdict import worst_exit_code
 
 
