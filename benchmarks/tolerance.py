@@ -138,7 +138,7 @@ def processes(jobs: int) -> Iterator[tuple[Executor, int]]:
 
 
 def efficiency(case: str, count: int) -> dict:
-    from hdassist.tolerance.stream import stream
+    from hdassist.run.stream import stream
 
     made, took = production(case, count), []
     for jobs in (1, 2):

@@ -27,6 +27,7 @@ from hdassist.belief.samples import (
     probability_of,
     weighted_quantile,
 )
+from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
@@ -238,10 +239,7 @@ def predict(
     answer cannot be trusted, or the preset's catalogue contradicts its other values.
     """
     known = quantities(drive, limits, wheels=wheels, run=run)
-    without = wheels.without_harmonics(drive) if wheels else drive
-    prior = prior_of(without)
-    if wheels:  # of a wheel that was measured nothing is open
-        prior = replace(prior, fields=tuple(f for f in prior.fields if without.value(f.path) == drive.value(f.path)))
+    without, prior = beside_measured_teeth(drive, wheels)
     unknown = unknowns(without) if known.errors else ()
     found = Predictions(tuple(limits), known, unknown, prior)
     open_ = [limit for limit in limits if found.is_open(limit)]

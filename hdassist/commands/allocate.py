@@ -53,11 +53,11 @@ class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from hdassist.error.self_error import self_error
         from hdassist.errors import UsageError
         from hdassist.pages.allocate import Allocated, allocate_report
+        from hdassist.run.stream import collected
         from hdassist.terminal.runs import answer_of, give
         from hdassist.tolerance.allocation import Allocator
         from hdassist.tolerance.production import Production, RandomDrive
         from hdassist.tolerance.sensitivity import to_measure
-        from hdassist.tolerance.stream import collected
         from hdassist.tolerance.yields import rooms
 
         out = self.open()

@@ -39,10 +39,10 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from dataclasses import replace
 
         from hdassist.pages.sensitivity import sensitivity_report
+        from hdassist.run.stream import collected
         from hdassist.terminal.runs import answer_of, give
         from hdassist.tolerance.production import Production, RandomDrive
         from hdassist.tolerance.sensitivity import sensitivities
-        from hdassist.tolerance.stream import collected
 
         out = self.open()
         drive = self.load(self.preset)

@@ -11,12 +11,12 @@ import typer
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
+    from hdassist.design.sweep import Sweep, SweepRow
     from hdassist.preset.fields import Drive
     from hdassist.run.cluster import Pool
     from hdassist.run.kept import Kept, KeptOwner
     from hdassist.terminal.output import Output
     from hdassist.terminal.runs import Answer
-    from hdassist.tolerance.sweep import Sweep, SweepRow
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
@@ -58,6 +58,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         """Compute the rows; returns the exit code."""
         from contextlib import ExitStack
 
+        from hdassist.design.sweep import collect
         from hdassist.pages import sweep as page
         from hdassist.run.kept import open_kept
         from hdassist.run.stops import at_stop
@@ -65,9 +66,8 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         from hdassist.terminal.answers import csv_text
         from hdassist.terminal.files import take_output, write_bytes
         from hdassist.terminal.output import note
+        from hdassist.terminal.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
         from hdassist.terminal.runs import answer_of, give, run_each
-        from hdassist.tolerance.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
-        from hdassist.tolerance.sweep import collect
 
         out = replace(self, output="-").open()
         file = None if self.output == "-" else self.output
@@ -117,12 +117,12 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
 
     def _sweep(self) -> tuple[Sweep, Drive, KeptOwner]:
         """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
+        from hdassist.design.sweep import Sweep
+        from hdassist.design.vary import read_axes, require_few
         from hdassist.errors import UsageError
         from hdassist.loading.load import load_text
         from hdassist.preset.library import read_preset
         from hdassist.run.kept import KeptOwner
-        from hdassist.tolerance.sweep import Sweep
-        from hdassist.tolerance.vary import read_axes, require_few
 
         text, file = read_preset(self.preset)
         drive = load_text(text, file, self.changes)
@@ -139,7 +139,7 @@ def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], pool: Pool, out: Out
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from contextlib import closing
 
-    from hdassist.tolerance.stream import stream
+    from hdassist.run.stream import stream
 
     yield from results.records()
     chunks = stream(sweep, sweep.rows, done=results.done, pool=pool)

@@ -59,11 +59,11 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from hdassist.pages.tolerance import tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.stops import at_stop, until_interrupted
+        from hdassist.run.stream import stream
         from hdassist.runfiles import claim_output
         from hdassist.terminal.output import note
         from hdassist.terminal.runs import answer_of, give
         from hdassist.tolerance.production import Production
-        from hdassist.tolerance.stream import stream
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
         out, count, results = self.open(), self.count, self.results

@@ -232,10 +232,7 @@ def check(
     checks, own = run.map(_called, [again, own_error])
     errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]
     run.finished(sum(part.certificate.states for part in own))
-    known = measured.without_harmonics(drive) if measured else drive
-    prior = prior_of(known)
-    if measured:  # of a wheel that was measured nothing is open
-        prior = replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
+    known, prior = beside_measured_teeth(drive, measured)
     slopes: Sequence[Sensitivity | None] = [None] * len(torques)
     floating: Sequence[Floating | None] = [None] * len(torques)
     rows = zip(torques, errors, own, [drive.limit(M_g) for M_g in torques], strict=True)
@@ -251,6 +248,15 @@ def check(
         for point, slope, floats in zip(points, slopes, floating, strict=True)
     ]
     return DesignCheck(drive, _with_samples(found, samples), measured, unknowns(known), prior, samples)
+
+
+def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
+    """The drive without the harmonics that measured teeth replace, and the prior of its inputs that are still open."""
+    if measured is None:
+        return drive, prior_of(drive)
+    known = measured.without_harmonics(drive)
+    prior = prior_of(known)
+    return known, replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
 
 
 def _with_samples(points: Sequence[OperatingPoint], samples: Samples | None) -> tuple[OperatingPoint, ...]:

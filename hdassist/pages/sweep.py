@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
+from hdassist.design.vary import TORQUE, Axis
 from hdassist.json_parts import unknown_objects
 from hdassist.model.unknown import unknowns
 from hdassist.preset.kinds import plain
 from hdassist.report.blocks import Curve, Facts, HeatMap
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, proof_words
-from hdassist.tolerance.sweep import Sweep, SweepRow, Swept, largest
-from hdassist.tolerance.vary import TORQUE, Axis
 from hdassist.verdict import worst_exit_code
 
 

@@ -1,1 +1,1 @@
-"""Random drives inside their tolerances: yield, sensitivity, allocation, sweeps, on one machine or many."""
+"""Random drives inside their tolerances: yield, sensitivity, allocation."""

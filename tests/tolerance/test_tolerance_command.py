@@ -94,7 +94,7 @@ def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -
     assert file.read_bytes() == kept.read_bytes()
 
 
-@pytest.mark.slow  # tests/tolerance/test_sweep.py has a cluster in every run; here are the tables of drives on one
+@pytest.mark.slow  # tests/design/test_sweep.py has a cluster in every run; here are the tables of drives on one
 def test_a_cluster_writes_the_same_bytes_as_one_process(kept: Path, tmp_path: Path, cluster: str) -> None:
     file = tmp_path / "cluster.jsonl"
     options = ("--torque", "1", "--scheduler", cluster, "--results", str(file))

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from hdassist.design.vary import TORQUE, Axis, grid_rows
 from hdassist.error.error_map import extremes_of
-from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
+from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
@@ -20,9 +21,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.certificate import Residual
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.tolerance.vary import TORQUE, Axis, grid_rows
 
-FAILED = (DataError.exit_code, UntrustedError.exit_code)  # exit codes of a row without an answer
 _PLACE = re.compile(r"^--set:\d+:\d+: ", re.MULTILINE)  # of an override, which here nobody has written
 
 
@@ -86,20 +85,7 @@ class Sweep:
     @property
     def kind(self) -> RecordKind[SweepRow]:
         """What the records are in a file."""
-        return RecordKind(TypeAdapter(SweepRow), self._fault)
-
-    def _fault(self, row: int, record: SweepRow) -> str:
-        """Why a record cannot be that of a row; empty where it can."""
-        if row >= self.rows:
-            return f"expected {self.rows} rows"
-        if (record.values, record.M_g_Nm) != (self.values(row), self.torque(row)):
-            return f"expected values and torque of row {row}"
-        answer = (record.F_ior_arcsec, record.window_deg, record.states, record.max_residual)
-        if answer.count(None) != (0 if record.reason is None else len(answer)) or record.states == 0:
-            return "expected F_ior_arcsec with its proof, or a reason"
-        if record.exit_code not in ((0,) if record.reason is None else FAILED):
-            return "exit_code: expected 0 with an answer, 4 or 5 without one"
-        return ""
+        return RecordKind(TypeAdapter(SweepRow))
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
         """Records of the rows first ... last - 1; a row depends on nothing but itself."""

@@ -16,7 +16,7 @@ import pytest
 
 from hdassist.errors import DataError, UntrustedError
 from hdassist.run.processes import workers
-from hdassist.tolerance.stream import AHEAD, MOST_ITEMS, stream
+from hdassist.run.stream import AHEAD, MOST_ITEMS, stream
 
 TOTAL = 40
 

@@ -13,8 +13,8 @@ from distributed import LocalCluster
 
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.run.cluster import _checked, pools, scheduler_address, versions
-from hdassist.tolerance.stream import stream
-from tests.tolerance.test_stream import TOTAL, dies_over, flat, refuses, squares, squares_but_dies_once
+from hdassist.run.stream import stream
+from tests.run.test_stream import TOTAL, dies_over, flat, refuses, squares, squares_but_dies_once
 
 
 @pytest.fixture

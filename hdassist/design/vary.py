@@ -1,0 +1,117 @@
+"""What is varied in a sweep: fields of a preset, each with the values that it takes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import prod
+
+from pydantic.fields import FieldInfo
+
+from hdassist.errors import UsageError
+from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import kind_of, unit_of
+from hdassist.preset.overrides import is_overridden, path_of
+from hdassist.preset.units import read_count, read_number
+from hdassist.preset.yamltext import near_miss, shown
+
+VARY = "--vary"
+TORQUE = "operation.M_g"
+MOST_VALUES = 10_000  # values of a field, at most
+MOST_ROWS = 1_000_000  # of a grid, at most
+FORM = f"like {VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {VARY} tolerances.e_hb=20,50,80"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A field that is varied: path, unit, and its values in that unit."""
+
+    path: str
+    unit: str
+    values: tuple[float, ...]
+
+
+def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...]:
+    """Fields that are varied, from texts such as "tolerances.e_hb=20:120:11" or "gears.j_n=0,5 um,10".
+
+    Arguments: texts; overrides of the preset, which must not set the same fields.
+    Raises UsageError for the first text that is wrong.
+    """
+    if not texts:
+        raise UsageError("nothing is varied", FORM)
+    axes: list[Axis] = []
+    for text in texts:
+        axis = _axis(text)
+        if axis.path in [before.path for before in axes]:
+            raise _invalid(text, "each field once", "one range, or one list with all values")
+        if is_overridden(axis.path, overrides):
+            raise _invalid(text, "a field that is not set to one value", f"leave out {VARY} or --set and --torque")
+        axes.append(axis)
+    return tuple(axes)
+
+
+def require_few(rows: int) -> None:
+    """Raise UsageError for more rows than a sweep may have."""
+    if rows > MOST_ROWS:
+        raise UsageError(f"{VARY} asks for {rows} rows, more than {MOST_ROWS}", "fewer steps, or fewer fields")
+
+
+def grid_rows(axes: Iterable[Axis]) -> int:
+    """Points of the grid of all values."""
+    return prod(len(axis.values) for axis in axes)
+
+
+def _axis(text: str) -> Axis:
+    """The field that a text varies. Raises UsageError: the text is not of the form, or has no such values."""
+    key, equals, values = text.partition("=")
+    if not equals:
+        raise _invalid(text, "KEY=START:STOP:STEPS or KEY=A,B,C", FORM)
+    path = ".".join(map(str, path_of(key)))
+    info = field_table().get(path)
+    if info is None or not _can_vary(path, info):
+        raise _invalid(text, "a field of a single number", _meant(path))
+    unit, is_count = unit_of(info), kind_of(info) == "count"
+
+    def number(part: str) -> float:
+        value = scalar_value(part)
+        found = read_count(value) if is_count else read_number(value, unit)
+        if isinstance(found, InvalidValue):
+            raise _invalid(text, f"numbers ({shown(part) or 'nothing'} {found.message})", found.hint)
+        return found if is_count else float(found)
+
+    parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
+    if ":" in values and len(parts) != 3:
+        raise _invalid(text, "KEY=START:STOP:STEPS", FORM)
+    found = [number(part) for part in (parts if ":" not in values else parts[:2])]
+    if len(set(found)) < len(found):
+        raise _invalid(text, "each value once")
+    if ":" in values:
+        found = _grid(text, Fraction(repr(found[0])), Fraction(repr(found[1])), parts[2], is_count)
+    return Axis(path, unit, tuple(found))
+
+
+def _grid(text: str, start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[float]:
+    """Values from start to stop, each as near to its place as a number can be. Raises UsageError: no such steps."""
+    count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
+    if not 2 <= count <= MOST_VALUES:
+        raise _invalid(text, f"steps from 2 to {MOST_VALUES}", FORM)
+    places = [start + (stop - start) * k / (count - 1) for k in range(count)]
+    if is_count and any(place.denominator > 1 for place in places):
+        raise _invalid(text, "steps on whole numbers")
+    return [int(place) if is_count else float(place) for place in places]
+
+
+def _invalid(text: str, expected: str, hint: str = "") -> UsageError:
+    return UsageError(f"invalid {VARY} {shown(text) or 'nothing'}: expected {expected}", hint)
+
+
+def _can_vary(path: str, info: FieldInfo) -> bool:
+    return path == TORQUE or kind_of(info) in ("number", "count")
+
+
+def _meant(path: str) -> str:
+    paths = [one for one, info in field_table().items() if _can_vary(one, info)]
+    same = [one for one in paths if one.split(".")[1] == path.split(".")[-1]]
+    return f"did you mean {same[0]}?" if same else near_miss(path, paths) or "write section.key, like gears.j_n"
