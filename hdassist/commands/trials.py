@@ -16,7 +16,7 @@ from hdassist.terminal import options as o
 def trials_command(
     preset: o.Preset,
     trials: Annotated[
-        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior: h4:17.3 (hole), 120:17.3 (deg), h4:run.csv.")
     ],
     *,
     drives: o.LoadedDriveOptions,
@@ -25,6 +25,7 @@ def trials_command(
         str | None, typer.Option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None,
     choosing: ChoiceOptions,
+    traces: o.TraceOptions,
     draws: Annotated[
         int, typer.Option(min=8, max=1024, help="Effective draws of stiffnesses and clearances, 32 of deviations each.")
     ] = 32,
@@ -42,6 +43,7 @@ def trials_command(
       hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 h4:17.9 --noise 0.5
       hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --card card.html
       hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --verify h5:16.2
+      hdassist trials own.yaml h0:run0.csv h4:run4.csv h8:run8.csv
 
     Mount the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline) in a few positions of its
     seat, the first three 120 deg apart, at a light torque, measure F'_ior in each and give them all: the offset of the
@@ -52,31 +54,37 @@ def trials_command(
     else the exit code is 6; values that the drive cannot show are refused at once (5). --verify compares the outcome
     with its prediction and with the other positions, and says keep, or go back (3), or that another may be better (6).
     -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
+    In place of a value a record of the error may stand: its F'_ior and the uncertainty of that are those of hdassist
+    measure, the full cycle needed. What the preset has as measured.F_ior at the torque is one more trial, given or not.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
     from hdassist.errors import UsageError
-    from hdassist.mounting.trial import read_trial
+    from hdassist.measuring.orders import parse_orders
+    from hdassist.measuring.uncertainty import parse_stated
     from hdassist.pages.trials import trials_answer, trials_card_facts
     from hdassist.run.processes import workers
     from hdassist.run.run import Run
     from hdassist.terminal.output import note
     from hdassist.trials.advice import advise_from_trials
     from hdassist.trials.prior import Rig, TrialEffort, trial_states
+    from hdassist.trials.record import RecordReading, read_trial_or_record
 
     out = options.open()
     card_file = CardFile.open(card, options, out)
     drive, weights = drives.load(preset), choosing.numbers()
+    stated, orders = parse_stated(traces.budget), parse_orders(traces.orders or None)
+    reading = RecordReading(traces.form(), orders, traces.drift, stated, seed)
     if verify is not None and card_file:
         raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
-    holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
+    torques, begun = drive.operation.M_g, time.monotonic()
     rig = Rig(measuring.torque_of(torques), measuring.noise, measuring.reseat)
     effort = TrialEffort.of(draws)
     analysis = partial(
         advise_from_trials,
         drive,
-        [read_trial(text, holes) for text in trials],
+        [read_trial_or_record(text, drive, reading) for text in trials],
         rig,
-        outcome=None if verify is None else read_trial(verify, holes, drive.mounting.allowed),
+        outcome=None if verify is None else read_trial_or_record(verify, drive, reading, drive.mounting.allowed),
         criterion=choosing.criterion,
         weights=weights,
         needed=measuring.sure,
