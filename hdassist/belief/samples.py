@@ -44,6 +44,7 @@ COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is 
 RESOLVED_ERROR = 1e-3  # arcsec
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
+CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 
 
@@ -439,7 +440,13 @@ def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, 
         count = sum(samples.refused.values())
         return UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
     pieces = {each: tuple(other for other in evidence if other is not each) for each in evidence}
-    doubted = max(pieces, key=lambda each: _mean_likelihood(draws, pieces[each]))
+    without = {each: _mean_likelihood(draws, others) for each, others in pieces.items()}
+    doubted = max(without, key=lambda each: without[each])
+    if without[doubted] < CONTRADICTION * _mean_likelihood(draws, evidence):
+        return UntrustedError(
+            f"{found}: too few draws agree with all evidence at once, though no figure contradicts the others",
+            "narrow the assumed ranges; F'_ior in many holes, with directions unknown, is for hdassist trials",
+        )
     return UntrustedError(
         f"{found}: {doubted.path} = {doubted.value:g} contradicts the other evidence or the assumed ranges",
         "check that value and its unit, then the ranges of what is assumed",

@@ -14,7 +14,9 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialsCommand(o.FigureOptions, o.CardOptions, o.ChoiceOptions, o.TrialOptions, o.LoadedDriveOptions):
+class TrialsCommand(
+    o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.TrialOptions, o.LoadedDriveOptions
+):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
     \b
@@ -33,12 +35,14 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.ChoiceOptions, o.TrialOpti
     else the exit code is 6; values that the drive cannot show are refused at once (5). --verify compares the outcome
     with its prediction and with the other positions, and says keep, or go back (3), or that another may be better (6).
     -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
+    In place of a value a record of the error may stand: its F'_ior and the uncertainty of that are those of hdassist
+    measure, the full cycle needed. What the preset has as measured.F_ior at the torque is one more trial, given or not.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
 
     preset: o.Preset
     trials: Annotated[
-        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior as measured: h4:17.3 (hole) or 120:17.3 (deg).")
+        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior: h4:17.3 (hole), 120:17.3 (deg), h4:run.csv.")
     ]
     verify: Annotated[
         str | None, o.trials_option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
@@ -54,28 +58,34 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.ChoiceOptions, o.TrialOpti
     def run(self) -> int:
         """Weigh the trials; returns the exit code."""
         from hdassist.errors import UsageError
-        from hdassist.mounting.trial import read_trial
+        from hdassist.measuring.orders import parse_orders
+        from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.trials import trials_answer, trials_card_facts
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
         from hdassist.terminal.output import note
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
+        from hdassist.trials.record import RecordReading, read_trial_or_record
 
         out = self.open()
         card = CardFile.asked(self, self, out)
         drive, weights = self.load(self.preset), self.numbers()
+        stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
+        reading = RecordReading(self.form(), orders, self.drift, stated, self.seed)
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
-        holes, torques, begun = drive.mounting.holes, drive.operation.M_g, time.monotonic()
+        torques, begun = drive.operation.M_g, time.monotonic()
         rig = Rig(self.torque_of(torques), self.noise, self.reseat)
         effort = TrialEffort.of(self.draws)
         analysis = partial(
             advise_from_trials,
             drive,
-            [read_trial(text, holes) for text in self.trials],
+            [read_trial_or_record(text, drive, reading) for text in self.trials],
             rig,
-            outcome=None if self.verify is None else read_trial(self.verify, holes, drive.mounting.allowed),
+            outcome=None
+            if self.verify is None
+            else read_trial_or_record(self.verify, drive, reading, drive.mounting.allowed),
             criterion=self.criterion,
             weights=weights,
             needed=self.sure,

@@ -15,7 +15,7 @@ from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import kind_of, unit_of
 from hdassist.preset.overrides import is_overridden, path_of
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import near_miss, shown
+from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
 
 VARY = "--vary"
 TORQUE = "operation.M_g"

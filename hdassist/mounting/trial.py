@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import hole_of
@@ -12,13 +12,19 @@ from hdassist.preset.measured import position_fault, turn_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import LARGEST_ERROR
 
+TRIAL_HINT = "like 120:17.3 (deg) or h4:17.3 (hole): F'_ior in arcsec, with a point; or h4:run.csv, a record"
+
 
 @dataclass(frozen=True)
 class Trial:
-    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0."""
+    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0.
+
+    noise_arcsec: standard deviation of this value; None: that of all values.
+    """
 
     rotation_deg: float
     F_ior_arcsec: float
+    noise_arcsec: float | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -32,16 +38,23 @@ class Tried:
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
     """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
     where, _, value = text.lower().partition(":")
-    hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec, with a point"
-    rotation, F_ior = turn_of(where, holes), number_of(value)
-    if not (0 < F_ior <= LARGEST_ERROR and rotation == rotation):
-        raise UsageError(f"{shown(text)!r} is no trial", hint)
+    F_ior = number_of(value)
+    if not 0 < F_ior <= LARGEST_ERROR:
+        raise UsageError(f"{shown(text)!r} is no trial", TRIAL_HINT)
+    return Trial(read_trial_position(where, text, holes, allowed), F_ior)
+
+
+def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int] | str = "all") -> float:
+    """Turn [deg] of the position in a trial's text: degrees, or a hole of the seat. Raises UsageError for else."""
+    rotation = turn_of(where, holes)
+    if rotation != rotation:
+        raise UsageError(f"{shown(text)!r} is no trial", TRIAL_HINT)
     if fault := position_fault(where, holes):
-        raise UsageError(f"{text!r}: {fault[0]}", fault[1] or hint)
+        raise UsageError(f"{text!r}: {fault[0]}", fault[1] or TRIAL_HINT)
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(
             f"{text!r}: hole {hole % holes} is not one of mounting.allowed",
             "an advice never chooses it: give it as one more trial",
         )
-    return Trial(360 * (hole % holes) / holes if hole is not None else rotation % 360, F_ior)
+    return 360 * (hole % holes) / holes if hole is not None else rotation % 360

@@ -79,7 +79,7 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
         first = f"the trials do not settle it: {_chance(advice)}; measure {advice.where(advice.next[0])}"
         yield f"{_chance(advice)}; {again}" if outcome else first
     for a, b in advice.repeats:
-        noise = np.linalg.norm(advice.prior.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec])))
+        noise = np.linalg.norm(advice.prior.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec]), (a, b)))
         if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
             values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more"
             taken = f"it is taken for {advice.noise_arcsec:.1f}"

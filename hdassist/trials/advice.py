@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import chi2, circmean, circstd
 
+from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UntrustedError
 from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
@@ -192,13 +193,14 @@ def advise_from_trials(
 ) -> TrialAdvice:
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
-    Arguments: trials, measured on the rig; outcome, a last one, that of an advice by the others; criterion and weights
-    as in learnt; needed, probability that settles; effort and run as in trial_prior. Raises
-    what those do, UsageError for weights that cannot be meant.
+    Arguments: trials, measured on the rig, beside those that the preset has at its torque; outcome, a last one, that of
+    an advice by the others; criterion and weights as in learnt; needed, probability that settles; effort and run as in
+    trial_prior. Raises what those do, UsageError for weights that cannot be meant.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
     Criterion.of(criterion)  # wrong before anything is computed
     require_weights(weights, len(torques))
+    trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
     every = (*trials, outcome) if outcome else tuple(trials)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
@@ -224,6 +226,13 @@ def advise_from_trials(
     without = () if outcome or len(every) < FITTING_TRIALS else _without_each(every, losses.best, teach)
     best = next_trial(draws, losses, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
+
+
+def _of_preset(drive: Drive, rig: Rig, given: Sequence[Trial | None]) -> list[Trial]:
+    """Trials that the preset has as measured at the torque of the rig, without those that are given once more."""
+    known = {(each.rotation_deg, each.F_ior_arcsec) for each in given if each}
+    found = [Trial(e.rotation_deg, e.value, noise_arcsec=e.spread) for e in measured_errors(drive) if e.M_g == rig.M_g]
+    return [each for each in found if (each.rotation_deg, each.F_ior_arcsec) not in known]
 
 
 def _without_each(

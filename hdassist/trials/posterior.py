@@ -81,7 +81,7 @@ def weeded(prior: Prior, trials: Sequence[Trial], count: int = WEEDED) -> Prior:
     log, chance = np.log(weight), weight / weight.sum()
     for trial in trials:
         f = prior.at([trial.rotation_deg], possible)[:, 0]
-        off = (trial.F_ior_arcsec - f) / np.hypot(2 * prior.noise(f), (SCALE + MISFITS[-1]) * f)
+        off = (trial.F_ior_arcsec - f) / np.hypot(2 * prior.noise(f, [trial]), (SCALE + MISFITS[-1]) * f)
         log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
         chance = chance + softmax(log)
     chance = np.minimum(count / (len(trials) + 1) * chance, 1)
@@ -155,13 +155,14 @@ def next_trial(draws: Draws, losses: PositionStatistics, seed: int = 0) -> tuple
 def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
     """What trials predict of another one, and how far that came out."""
     draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in (None, AS_TOLD))
-    noise = draws.noise_arcsec * np.random.default_rng([prior.seed, 2]).standard_normal((POSTERIOR_DRAWS, 1))
+    noise, as_told = (each.noise[:, None] * prior.noise(each.F_ior_arcsec, [trial]) for each in (draws, told))
+    noise *= np.random.default_rng([prior.seed, 2]).standard_normal((POSTERIOR_DRAWS, 1))
     expected, (low, high) = (
         float(draws.F_ior_arcsec.mean()),
         np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
     )
     # how far out in the tail where draws have run out cannot be told
-    below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, told.noise_arcsec).mean()
+    below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, as_told).mean()
     surprise = float(norm.ppf(np.clip(below, 1e-6, 1 - 1e-6)))
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
@@ -174,7 +175,7 @@ def drawn(prior: Prior, trials: Sequence[Trial], rotations_deg: Sequence[float],
     rng = np.random.default_rng(prior.seed)
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
     possible = prior.possible
-    told, f = prior.noise(y), prior.at(tried, possible) if trials else np.zeros((len(possible), 0))
+    told, f = prior.noise(y, trials), prior.at(tried, possible) if trials else np.zeros((len(possible), 0))
     rows, doubts = (MISFIT_KINDS if kinds is None else kinds).tolist(), np.log(1 - MISREAD)
     plain = [(s, factor, -1, -0.5 * (np.log(factor) / NOISE_SPREAD) ** 2) for s, factor in rows]
     each_kind = plain
@@ -232,13 +233,15 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     Values of one position count by their mean: that they differ is the noise's.
     """
     tried = sorted({trial.rotation_deg for trial in trials})
-    y = np.array([np.mean([t.F_ior_arcsec for t in trials if t.rotation_deg == rotation]) for rotation in tried])
+    alike = [[t for t in trials if t.rotation_deg == rotation] for rotation in tried]
+    y = np.array([np.mean([t.F_ior_arcsec for t in some]) for some in alike])
+    told = np.array([np.mean(prior.noise(y[k], some)) for k, some in enumerate(alike)])
     f, every = prior.at(tried, prior.possible), list(range(len(tried)))
 
     def off(some: list[int]) -> Array:
         variance = _variance(prior, MISFITS[-1], prior.possible)
         at = [tried[k] for k in some]
-        return likelihood_of_errors(f[:, some], y[some], prior.noise(y[some]), variance, kernel(at, at))[0]
+        return likelihood_of_errors(f[:, some], y[some], told[some], variance, kernel(at, at))[0]
 
     squares = off(every)
     nearest = int(np.argmin(squares))
@@ -254,7 +257,7 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
             f"{where}: measured {y[alone[0]]:g} arcsec contradicts the others, which drives of this preset explain",
             "measure it again, and look how holes were counted",
         )
-    told = ", ".join(
+    words = ", ".join(
         f"{hole_words(rotation, prior.drive.mounting.holes)}: measured {value:g}, at best {best:.1f}"
         for rotation, value, best in zip(tried, y, f[nearest], strict=True)
     )
@@ -263,6 +266,6 @@ def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:
     if not low <= most <= high:
         change = f"deviations or offsets had to be {most / (high if most > high else low):.2g} times as large"
     raise UntrustedError(
-        f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({told} arcsec)",
+        f"no cam offset up to {prior.offset(prior.possible)[0].max():.0f} um explains the trials ({words} arcsec)",
         f"this drive shows {low:.1f} to {high:.1f} arcsec at {prior.M_g:g} N*m: check values and torque; {change}",
     )

@@ -17,7 +17,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood
+from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood, measured_errors
+from hdassist.belief.misfit import kernel, log_likelihood_of_errors
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on, log_error
 from hdassist.belief.sobol import sobol_points
@@ -27,6 +28,7 @@ from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
+from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive, deviation_sizes, measures
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
@@ -154,9 +156,11 @@ class Prior:
         size, direction = (self.values[path].ravel()[places] for path in standing_offset(self.drive))
         return size, direction
 
-    def noise(self, F_ior: Array) -> Array:
-        """Standard deviation of values of so much F'_ior [arcsec] as stated: noise and the seat's error."""
-        return np.asarray(np.hypot(self.rig.noise_arcsec, self.rig.reseat_um * np.interp(F_ior, *self.seat)))
+    def noise(self, F_ior: Array, trials: Sequence[Trial] = ()) -> Array:
+        """Standard deviation of values of so much F'_ior [arcsec] as stated, by trials their own: noise and seat."""
+        own = [self.rig.noise_arcsec if each.noise_arcsec is None else each.noise_arcsec for each in trials]
+        seat = self.rig.reseat_um * np.interp(F_ior, *self.seat)
+        return np.asarray(np.hypot(own or self.rig.noise_arcsec, seat))
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +206,7 @@ def trial_prior(
     belief, evidence = open_prior(drive), evidence_of(drive)
     if all(each.path.startswith(TABLE_SECTIONS) for each in belief.fields):
         effort = effort.of_one_system
-    every = tuple(dict.fromkeys((rig.M_g, *torques)))
+    every = tuple(dict.fromkeys((rig.M_g, *torques, *(each.M_g for each in measured_errors(drive)))))
     solve = partial(_solved, belief, evidence, every, effort, rig.reseat_um > 0, run.seed)
     systems: list[_System] = []
     while True:
@@ -240,7 +244,20 @@ def _collected(drive: Drive, rig: Rig, torques: tuple[float, ...], systems: Sequ
         drive, rig, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
         dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), effective, seed, proof,
     )  # fmt: skip
+    prior = _weighed(prior)
     return replace(prior, seat=_seat(np.concatenate([each.moved for each in kept]))) if rig.reseat_um else prior
+
+
+def _weighed(prior: Prior) -> Prior:
+    """Samples weighed by F'_ior that the preset has as measured at other torques than that of the trials."""
+    weight, errors = prior.weight.ravel().copy(), measured_errors(prior.drive)
+    for M_g in sorted({each.M_g for each in errors} - {prior.M_g}):
+        there = [each for each in errors if each.M_g == M_g]
+        turns = [each.rotation_deg for each in there]
+        y, spreads = np.array([(each.value, each.spread) for each in there]).T
+        log = log_likelihood_of_errors(prior.at(turns, prior.possible, M_g), y, spreads, kernel(turns, turns))
+        weight[prior.possible] *= np.exp(log - log.max())
+    return replace(prior, weight=(weight / weight.sum()).reshape(prior.weight.shape))
 
 
 def _seat(F_ior: Array) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ def test_a_measured_figure_narrows_the_wave_to_that_of_the_drive(figure):
 @pytest.fixture(scope="module")
 def hidden():
     """F'_ior [arcsec] of a drive in three holes of its seat."""
-    drive = tiny("phases.phi_hb=20", "tolerances.e_hb=20", "mounting.holes=6")
+    drive = tiny("phases.phi_hb=20", "tolerances.e_hb=8", "mounting.holes=6")
     return {hole: ErrorMap(drive, 4.0).extremes(rotated(drive, 60.0 * hole)).first for hole in (0, 2, 4)}
 
 
@@ -98,9 +98,22 @@ def test_errors_at_one_torque_share_a_scale_and_a_smooth_misfit():
 
 def test_a_measured_figure_that_contradicts_is_named(hidden):
     readings = ", ".join(f"h{hole}@4: {value * (9 if hole == 2 else 1)} ± 0.5" for hole, value in hidden.items())
-    drive = tiny("phases.phi_hb=unknown", "mounting.holes=6", f"measured.F_ior={{{readings}}}", "measured.play=5 ± 5")
+    drive = tiny(
+        "phases.phi_hb=unknown",
+        "tolerances.e_hb=8",
+        "mounting.holes=6",
+        f"measured.F_ior={{{readings}}}",
+        "measured.play=5 ± 5",
+    )
     with pytest.raises(UntrustedError, match=r"measured\.F_ior\.h2@4 = .* contradicts the other evidence"):
-        believed(drive, (4.0,), SamplingEffort(24, 24, 32, 32))
+        believed(drive, (4.0,), SamplingEffort(48, 48, 48, 48))
+
+
+def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
+    readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
+    drive = tiny(*UNKNOWN, f"measured.F_ior={{{readings}}}", "catalogue.accuracy=1000")
+    with pytest.raises(UntrustedError, match=r"all evidence at once, though no figure contradicts the others"):
+        believed(drive, (4.0,), SamplingEffort(64, 64, 64, 64))
 
 
 def test_of_one_drive_the_others_of_its_type_share_the_stiffness_alone():

@@ -165,9 +165,12 @@ def test_what_can_be_no_file_is_refused_where_a_file_is_written(folder, place, f
     assert Path("circle.txt").is_symlink()
 
 
-@pytest.mark.parametrize("trial", [f"h0:{LONG}", "h0:circle", "h0:/dev/zero", "h0:pipe"])
-def test_a_trial_that_names_a_file_is_none(folder, trial):
-    require_refused(run("trials", TINY, trial), "is no trial")
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [(LONG, "name too long"), ("circle", "symbolic links"), ("/dev/zero", "a binary file"), ("pipe", "is empty")],
+)
+def test_a_trial_whose_record_can_be_no_file_is_refused(folder, file, words):
+    require_refused(run("trials", TINY, f"h0:{file}"), words)
 
 
 def preset_with(**lines: str) -> str:

@@ -156,7 +156,6 @@ def test_an_outcome_says_keep_or_go_back():
         ((*TRIALS, "--reseat", "-1"), "'--reseat': Input should be greater"),
         ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N*m"),
         *(((*TRIALS, option, "1"), f"No such option: {option}") for option in OF_MOUNT),
-        (("h4:run.csv",), "is no trial"),
         ((*TRIALS, "--sure", "1"), "'--sure': Input should be less"),
         (("4:17",), "was hole 4 meant? h4"),
         ((*TRIALS, "--verify", "h4:17", "--card", "card.txt"), "for the mounting that --verify comes after"),

@@ -1,0 +1,113 @@
+"""Trials from records of the error, and from what a preset has as measured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.errors import UntrustedError
+from hdassist.measuring.measure import measure
+from hdassist.mounting.trial import Trial
+from hdassist.readers.trace import read_trace
+from hdassist.trials.advice import advise_from_trials
+from hdassist.trials.posterior import drawn, prediction, require_reachable
+from hdassist.trials.prior import Rig, trial_prior
+from hdassist.trials.record import RecordReading, read_trial_or_record
+from tests.process import SMALL, run
+from tests.trials.test_trials import COARSE, M_G, told
+
+CYCLE = 30  # cam turns of the drive's full cycle
+RIG = Rig(M_G, noise_arcsec=2.0)
+
+
+@pytest.fixture
+def record(tmp_path):
+    """A file with a record of so many cam turns: 12 arcsec at twice a turn, from peak to peak, and some noise."""
+
+    def written(turns: float, noise: float = 0.2):
+        angle = np.arange(0, 360 * turns + 1, 5.0)
+        error = 6 * np.sin(2 * np.radians(angle)) + noise * np.random.default_rng(1).standard_normal(len(angle))
+        rows = "".join(f"{a:.1f},{e:.4f}\n" for a, e in zip(angle, error, strict=True))
+        path = tmp_path / f"Run {turns:g} {noise:g}.csv"
+        path.write_text(f"cam_deg,error_arcsec\n{rows}")
+        return str(path)
+
+    return written
+
+
+def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record):
+    drive, file = load_preset(SMALL), record(CYCLE)
+    found = read_trial_or_record(f"h4:{file}", drive)
+    assert found.rotation_deg == 120
+    greatest = measure(read_trace(file), drive=drive).directions[0]
+    assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
+    assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
+    stated = read_trial_or_record(f"120:{file}", drive, RecordReading(stated={"encoder": 3.0}))
+    assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
+    assert read_trial_or_record("h4:17.3", drive) == Trial(120, 17.3)
+
+
+def test_a_record_of_less_than_the_cycle_is_no_trial(record):
+    with pytest.raises(UntrustedError, match=r"3 of the 30 cam turns of the full cycle: F'_ior is a lower bound"):
+        read_trial_or_record(f"h4:{record(3)}", load_preset(SMALL))
+
+
+@pytest.mark.parametrize(
+    ("trial", "code", "words"),
+    [
+        ("h4:{missing}", 4, "no such file"),
+        ("h4:{empty}", 4, "the file is empty"),
+        ("h4:{short}", 4, "less than one cam turn in one direction"),
+        ("h4:17,3", 2, "is no trial"),
+        ("h12:{short}", 2, "the seat's holes are h0 to h11"),
+        ("x:{short}", 2, "is no trial"),
+    ],
+)
+def test_what_is_no_trial_is_told_before_any_work(record, tmp_path, trial, code, words):
+    (tmp_path / "empty.csv").touch()
+    files = {"missing": tmp_path / "no.csv", "empty": tmp_path / "empty.csv", "short": record(0.5)}
+    done = run("trials", SMALL, "--torque", "4", "h0:20", trial.format(**files))
+    assert (done.returncode, done.stdout) == (code, "")
+    assert words in " ".join(done.stderr.split())
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    return trial_prior(told(), (), RIG, effort=COARSE)
+
+
+def test_a_value_counts_by_its_own_noise(cloud):
+    rough, near = Trial(0.0, 30.0), Trial(0.0, 30.0, noise_arcsec=0.2)
+    spread = [drawn(cloud, [each], [0.0]).F_ior_arcsec.std() for each in (rough, near)]
+    assert spread[1] < 0.9 * spread[0]
+    assert np.array_equal(
+        drawn(cloud, [replace(rough, noise_arcsec=2.0)], [0.0]).F_ior_arcsec, drawn(cloud, [rough], [0.0]).F_ior_arcsec
+    )
+    wide, narrow = (prediction(cloud, [near], Trial(120.0, 20.0, noise_arcsec=noise)) for noise in (5.0, 0.1))
+    assert narrow.high_arcsec - narrow.low_arcsec < wide.high_arcsec - wide.low_arcsec
+    most = float(cloud.F_ior_arcsec.max()) * 1.8
+    with pytest.raises(UntrustedError, match="no cam offset"):
+        require_reachable(cloud, [Trial(0.0, most)])
+    require_reachable(cloud, [Trial(0.0, most, noise_arcsec=most)])
+
+
+def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
+    one = "measured.F_ior={h4@4: 20 ± 1}"
+    given, again = [Trial(0.0, 30.0)], Trial(120.0, 20.0)
+    effort = replace(COARSE, effective=2)
+    kept = advise_from_trials(told(one), given, RIG, effort=effort)
+    assert kept.trials == (Trial(120.0, 20.0, noise_arcsec=0.5), *given)
+    assert advise_from_trials(told(one), [*given, again], RIG, effort=effort).trials == (*given, again)
+    assert (
+        len(advise_from_trials(told(one), [*given, replace(again, F_ior_arcsec=21.0)], RIG, effort=effort).trials) == 3
+    )
+    assert np.array_equal(trial_prior(told(one), (), RIG, effort=COARSE).weight, cloud.weight)
+
+
+def test_an_error_of_the_preset_at_another_torque_weighs_the_samples():
+    free = trial_prior(told(), (1.0,), RIG, effort=COARSE)
+    low = float(np.quantile(free.F_ior_by_torque[1.0], 0.05))
+    found = trial_prior(told(f"measured.F_ior={{h0@1: {low} ± 0.2}}"), (), RIG, effort=COARSE)
+    means = [float((each.weight * each.F_ior_by_torque[1.0]).sum()) for each in (free, found)]
+    assert abs(means[1] / low - 1) < 0.5 * abs(means[0] / low - 1)
