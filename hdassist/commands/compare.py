@@ -91,13 +91,13 @@ def compare_command(
     from hdassist.measuring.uncertainty import parse_stated
     from hdassist.model.kinematics import Kinematics
     from hdassist.model.unknown import unknown_notes
-    from hdassist.pages.compare import comparison_answer
+    from hdassist.pages.compare import comparison_report
     from hdassist.readers.trace import read_trace
     from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
-    from hdassist.terminal.runs import give, run_each
+    from hdassist.terminal.runs import answer_of, give, run_each
 
     o.stdin_once(*files, preset)
     out = options.open()
@@ -116,7 +116,7 @@ def compare_command(
             analysis = partial(how, trace, M_g=M_g, convention=convention, run=Run(progress=progress, seed=seed))
             result = in_wide_enough_window(drive, analysis)
         warnings.update(dict.fromkeys(result.drive.origin.warnings))
-        return comparison_answer(result, plots=plot, details=details)
+        return answer_of(comparison_report(result), plots=plot, details=details)
 
     answers = run_each("compare", files, one, options, failed=lambda name, fault: failure("compare", fault, file=name))
     for text in warnings:
@@ -155,12 +155,12 @@ def _compare_presets(
     whether all tables are shown. Raises UsageError for a torque that is none.
     """
     from hdassist.comparing.drives import common_torques, compare_drives, estimate_comparison
-    from hdassist.pages.compare_presets import comparison_warnings, drives_answer
+    from hdassist.pages.compare_presets import comparison_warnings, drives_report
     from hdassist.run.processes import workers
     from hdassist.run.run import Run
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import warn
-    from hdassist.terminal.runs import give, run_each
+    from hdassist.terminal.runs import answer_of, give, run_each
 
     o.stdin_once(*names)
     out, (draws, seed, jobs) = options.open(), work
@@ -175,7 +175,7 @@ def _compare_presets(
             result = compare_drives(loaded, torques, draws=draws, run=Run(executor, progress, seed))
         for text in comparison_warnings(result):
             warn(text)
-        return drives_answer(result, seed=seed, details=details)
+        return answer_of(drives_report(result, seed), details=details)
 
     schema = "compare-presets"
     answers = run_each(schema, [""], one, options, failed=lambda _, e: failure(schema, e, preset=names[0]))

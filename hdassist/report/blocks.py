@@ -96,7 +96,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class TwoCurves:
-    """Two series over x, all shape (n,), with a name each; labels with units."""
+    """Two series over x, all shape (n,), with a name each; labels with units; rows: about how many, of characters."""
 
     x: Series
     first: Series
@@ -104,6 +104,7 @@ class TwoCurves:
     names: tuple[str, str]
     x_label: str
     y_label: str
+    rows: int = 8
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
-    if plots and blocks and isinstance(blocks[-1], Curve):
+    if plots and blocks and isinstance(blocks[-1], Curve | TwoCurves):
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
     return Group(head, *why, *lines, *block_on_page(last, style))
@@ -77,7 +77,7 @@ def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> st
         case Curve():
             return curve(style, block.x, block.y, **labels, height=block.rows, over=block.over)
         case TwoCurves():
-            return two_curves(style, block.x, block.first, block.second, names=block.names, **labels)
+            return two_curves(style, block.x, block.first, block.second, names=block.names, height=block.rows, **labels)
         case HeatMap():
             return heat(style, block.x, block.y, block.z, **labels)
         case Seat():

@@ -62,9 +62,13 @@ def two_curves(
     names: tuple[str, str],
     x_label: str,
     y_label: str,
+    height: int = HEIGHT,
 ) -> str:
-    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
-    frame = _Frame.around(style, [first, second], 2 * HEIGHT)
+    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words.
+
+    height: about how many rows.
+    """
+    frame = _Frame.around(style, [first, second], height)
     both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
     glyphs = " .o#" if style.ascii else " ·o●"
     rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
