@@ -35,12 +35,9 @@ def explain_command(
     Without a name: all that there is.
     """
     from hdassist.explaining.lookup import explained
-    from hdassist.pages import explain as page
-    from hdassist.terminal.answers import json_text
+    from hdassist.pages.explain import explain_report
+    from hdassist.terminal.runs import give_report
 
     out = options.open()
     found = list(dict.fromkeys(entry for name in names for entry in explained(name)))
-    if options.json:
-        out.text(json_text(page.explain_json(found)))
-    else:
-        out.human(page.explain_page(found, out.style))
+    give_report(explain_report(found), out, json=options.json)

@@ -22,7 +22,8 @@ class Report:
     """The answer of a command about one drive or file.
 
     command; drive, None where there is none; head, what the answer is about; verdict, a word; why, sentences below it.
-    blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it.
+    blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it, or
+    proof, words in their place.
     values: keys of JSON beside those that all answers have; csv; line: the answer alone.
     about: of what warnings are said, the drive or its file where it is empty; warnings; exit_code.
     """
@@ -36,6 +37,7 @@ class Report:
     details: tuple[Block, ...] = ()
     certificate: Certificate | None = None
     cross_checks: tuple[CrossCheck | None, ...] = ()
+    proof: str = ""
     values: Json = field(default_factory=dict)
     csv: CsvTable | None = None
     line: str = ""

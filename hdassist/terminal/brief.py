@@ -61,10 +61,15 @@ def _options(overrides: Iterable[str]) -> Iterator[str]:
 
 def proof(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
     """A certificate in one line: states, greatest residual as a share of its scale, what another solver solved."""
-    words = f"{thousands(certificate.states)} states, residual {certificate.max_residual:.0e}"
+    words = proof_words(certificate.states, certificate.max_residual)
     if crosses := [cross for cross in cross_checks if cross]:
         words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
     return words
+
+
+def proof_words(states: int, max_residual: float) -> str:
+    """Solved states and their greatest residual, a share of its scale, in words."""
+    return f"{thousands(states)} states, residual {max_residual:.0e}"
 
 
 def thousands(count: int) -> str:

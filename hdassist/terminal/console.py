@@ -33,6 +33,7 @@ PLAIN_CHARACTERS = str.maketrans(
         "’": "'",
         "≤": "<=",
         "≥": ">=",
+        "█": "#",
     }
 )
 

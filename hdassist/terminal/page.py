@@ -23,7 +23,6 @@ from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
 
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
-COLUMN_GAP = 3  # columns of characters between those of a table
 
 
 def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
@@ -35,7 +34,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     if details and report.certificate:
         blocks.append(certificate_table(report))
     more = "(more: --details)" if report.details and not details else ""
-    proven = proof(report.certificate, report.cross_checks) if report.certificate else ""
+    proven = proof(report.certificate, report.cross_checks) if report.certificate else report.proof
     last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
@@ -60,9 +59,9 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
         case Table() if block.rows:
             yield from tables(block, style)
         case ReportSection():
-            yield Text(style.text(block.title), style="bold")
-            for inner in block.blocks:
-                yield from block_on_page(inner, style, plots)
+            parts = [part for inner in block.blocks for part in block_on_page(inner, style, plots)]
+            yield Group(Text(style.text(block.title), style="bold"), *parts[:1])
+            yield from parts[1:]
         case Tiles():
             yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
         case Curve() | TwoCurves() | HeatMap() | Seat() if plots:
@@ -72,14 +71,20 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
 
 def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> str:
     """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
-    labels = {} if isinstance(block, Seat) else {"x_label": block.x_label, "y_label": block.y_label}
     match block:
         case Curve():
-            return curve(style, block.x, block.y, **labels, height=block.rows, over=block.over)
+            return curve(
+                style, block.x, block.y, x_label=block.x_label, y_label=block.y_label, height=block.rows,
+                over=block.over, limit=block.limit, whiskers=block.whiskers, marks=block.marks,
+                from_zero=block.from_zero,
+            )  # fmt: skip
         case TwoCurves():
-            return two_curves(style, block.x, block.first, block.second, names=block.names, height=block.rows, **labels)
+            return two_curves(
+                style, block.x, block.first, block.second, names=block.names, x_label=block.x_label,
+                y_label=block.y_label, height=block.rows, limit=block.limit,
+            )  # fmt: skip
         case HeatMap():
-            return heat(style, block.x, block.y, block.z, **labels)
+            return heat(style, block.x, block.y, block.z, x_label=block.x_label, y_label=block.y_label)
         case Seat():
             return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
 
@@ -100,7 +105,7 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
     first = True
     while columns or first:
         shown = len(columns)
-        while shown > 1 and _width(block, [0, *columns[:shown]]) > style.width - 2 * style.ascii:
+        while shown > 1 and _width(block, [0, *columns[:shown]], style) > style.width:
             shown -= 1
         table = _table(block, [0, *columns[:shown]], style)
         title = "\n".join((block.title, *block.notes)) if first else ""
@@ -108,11 +113,12 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
         columns, first = columns[shown:], False
 
 
-def _width(block: Table, columns: list[int]) -> int:
+def _width(block: Table, columns: list[int], style: Style) -> int:
     """Columns of characters of a table in which only words wrap."""
     whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
     parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, whole, strict=True)]
-    return sum(max(map(cell_len, cells), default=0) + COLUMN_GAP for cells in parts) - COLUMN_GAP
+    apart = 3 * (len(columns) - 1) + (4 if style.ascii else 0)
+    return apart + sum(max(map(cell_len, cells), default=0) for cells in parts)
 
 
 def _table(block: Table, columns: list[int], style: Style) -> RichTable:
@@ -125,7 +131,8 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     for k in columns:
         head = style.text(block.heads[k])
         if k in block.words:
-            found.add_column(head, overflow="fold")
+            spaced = any(" " in row[k] for row in block.rows)
+            found.add_column(head, overflow="fold", no_wrap=not spaced)
         else:
             found.add_column(head, justify="right", no_wrap=True)
     for row in block.rows:

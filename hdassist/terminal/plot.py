@@ -10,6 +10,7 @@ from typing import ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.report.blocks import CurveMark
 from hdassist.terminal.console import Style, made_or
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
@@ -35,21 +36,44 @@ def figure(draw: Callable[Drawn, str]) -> Callable[Drawn, str]:
 
 @figure
 def curve(
-    style: Style, x: PlotValues, y: PlotValues, *, x_label: str, y_label: str, height: int = HEIGHT, over: float = 0.0
+    style: Style,
+    x: PlotValues,
+    y: PlotValues,
+    *,
+    x_label: str,
+    y_label: str,
+    height: int = HEIGHT,
+    over: float = 0.0,
+    limit: float | None = None,
+    whiskers: Sequence[tuple[float, float, float]] = (),
+    marks: Sequence[CurveMark] = (),
+    from_zero: bool = False,
 ) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
-    x_label and y_label carry the units; height, about how many rows; over, a length of x: two lines are drawn then,
-    the least and the greatest of y over so much around each place. Returns lines without a final newline.
+    x_label and y_label carry the units; height, about how many rows; the others as those of report.blocks.Curve, marks
+    by the first letter of their words. Returns lines without a final newline.
     """
     wide, tall = (1, 1) if style.ascii else (2, 4)
-    frame = _Frame.around(style, [y], height)
-    columns, tall = frame.columns * wide, frame.rows * tall
-    lines = _envelope(x, y, columns, over) if over else [(x, y)]
-    drawn = [_fill(*line, columns, tall, frame.ticks[0], frame.ticks[-1]) for line in lines]
-    dots = np.logical_or.reduce(drawn)
-    rows = ["".join(row) for row in (dots_to_ascii(dots) if style.ascii else dots_to_braille(dots))]
-    return frame.drawn(style, rows, x, x_label, y_label)
+    ends = [end for _, *both in whiskers for end in both] + [0.0] * from_zero
+    frame = _Frame.around(style, [y, np.array([*ends, *y[:1]])], height, limit)
+    columns, rows = frame.columns * wide, frame.rows * tall
+    bottom, top = frame.ticks[0], frame.ticks[-1]
+    lines = least_and_greatest(x, y, columns, over) if over else [(x, y)]
+    dots = np.logical_or.reduce([_fill(*line, columns, rows, bottom, top) for line in lines])
+
+    def place(at_x: float, at_y: float, across: int, down: int) -> tuple[int, int]:
+        share = (at_x - x[0]) / max(float(x[-1] - x[0]), np.finfo(float).tiny)
+        return min(int(share * across), across - 1), round((top - at_y) / (top - bottom) * (down - 1))
+
+    for at_x, low, high in whiskers:
+        (column, first), (_, last) = place(at_x, high, columns, rows), place(at_x, low, columns, rows)
+        dots[first : last + 1, column] = True
+    cells = dots_to_ascii(dots) if style.ascii else dots_to_braille(dots)
+    for mark in marks:
+        column, row = place(mark.x, mark.y, frame.columns, frame.rows)
+        cells[row][column] = mark.words[0].upper()
+    return frame.drawn(style, ["".join(row) for row in cells], x, x_label, y_label)
 
 
 @figure
@@ -62,13 +86,11 @@ def two_curves(
     names: tuple[str, str],
     x_label: str,
     y_label: str,
-    height: int = HEIGHT,
+    height: int = 2 * HEIGHT,
+    limit: float | None = None,
 ) -> str:
-    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words.
-
-    height: about how many rows.
-    """
-    frame = _Frame.around(style, [first, second], height)
+    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
+    frame = _Frame.around(style, [first, second], height, limit)
     both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
     glyphs = " .o#" if style.ascii else " ·o●"
     rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
@@ -79,30 +101,40 @@ def two_curves(
 
 @dataclass(frozen=True)
 class _Frame:
-    """Numbered axes around a picture of so many columns and rows; apart, rows from tick to tick."""
+    """Numbered axes around a picture of so many columns and rows; apart, rows from tick to tick; limit, a line."""
 
     ticks: list[float]
     apart: int
     columns: int
     margin: int
+    limit: float | None
 
     @classmethod
-    def around(cls, style: Style, series: Sequence[PlotValues], height: int) -> _Frame:
-        low, high = (float(end(end(y) for y in series)) for end in (min, max))
+    def around(cls, style: Style, series: Sequence[PlotValues], height: int, limit: float | None) -> _Frame:
+        limits = [] if limit is None else [limit]
+        low, high = (float(end([*(end(y) for y in series), *limits])) for end in (min, max))
         marks = ticks(low, high, max(2, height // 2))
         margin = max(7, *(len(f"{tick:g}") for tick in marks))
         apart = max(1, round((height - 1) / (len(marks) - 1)))
-        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin)
+        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin, limit)
 
     @property
     def rows(self) -> int:
         return self.apart * (len(self.ticks) - 1) + 1
+
+    @property
+    def limit_row(self) -> int | None:
+        """The row of the limit, from the top; None without one."""
+        top, bottom = self.ticks[-1], self.ticks[0]
+        return None if self.limit is None else round((top - self.limit) / (top - bottom) * (self.rows - 1))
 
     def drawn(self, style: Style, rows: Sequence[str], x: PlotValues, x_label: str, y_label: str) -> str:
         numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         lines = [style.text(y_label)]
         for k, row in enumerate(rows):
+            if k == self.limit_row:
+                row = row.replace(" ", floor)
             lines.append(f"{numbers.get(k, ''):>{self.margin}} {mark if k in numbers else side}{row}".rstrip())
         lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
         lines.append(" " * (self.margin + 2) + _x_numbers(float(x[0]), float(x[-1]), self.columns))
@@ -122,7 +154,7 @@ def dots_to_ascii(dots: Dots) -> list[list[str]]:
     return [["*" if dot else " " for dot in row] for row in dots]
 
 
-def _envelope(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
+def least_and_greatest(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
     NaN where nothing lies: a gap.

@@ -52,8 +52,8 @@ def answer_of(report: Report, *, plots: bool = True, details: bool = False) -> A
     csv = report.csv
     return Answer(
         lambda: report_object(report), page, lambda: report.line, (lambda: csv) if csv else None,
-        report.about or (report.drive.name if report.drive else ""), report.warnings, report.certificate or "",
-        report.exit_code,
+        report.about or (report.drive.name if report.drive else ""), report.warnings,
+        report.certificate or report.proof, report.exit_code,
     )  # fmt: skip
 
 
@@ -124,3 +124,13 @@ def give(
     if out.csv is not None and (tables := [answer.figures() for answer in answers if answer.figures]):
         out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))
     return worst_exit_code(answer.exit_code for answer in answers)
+
+
+def give_report(report: Report, out: Output, *, json: bool) -> None:
+    """Write a report that needs no drive or file, as JSON or as its page."""
+    if json:
+        out.text(json_text(report_object(report)))
+    else:
+        from hdassist.terminal.page import report_page
+
+        out.human(report_page(report, out.style))
