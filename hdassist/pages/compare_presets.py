@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from itertools import zip_longest
 from string import ascii_uppercase
 
-from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs, field_rows
+from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.design.check import OperatingPoint
 from hdassist.json_parts import Json
@@ -27,19 +27,23 @@ from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words
 
 NAMED_PATHS = 6  # in a line
+DRIVE_HEADS = ("", "torque", "as built", "mounted best", "hole", "against A", "most by")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
     """Drives beside each other, the first as what the others are held against; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
-    verdicts = [f"{pair.letter} {pair.change_words()}" for pair in _pairs(result)]
+    rows = tuple(_drive_rows(result))
     differing = ((_named(row), *map(_cell, row)) for row in result.fields if differs(row))
     return Report(
         command="compare-presets",
         drive=result.sheets[0].drive,
         head=names,
-        verdict="; ".join(verdicts),
-        blocks=(_table(result), Facts.of(_facts(result))),
+        verdict=_verdict(rows, len(result.torques) > 1),
+        blocks=(
+            Table("F'_ior, arcsec; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 6)),
+            Facts.of(_facts(result)),
+        ),
         details=(
             Table("side by side", ("", *_lettered(result)), tuple(_rows(result))),
             *_changes(result),
@@ -49,7 +53,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
         values=_values(result, seed),
         csv=_csv(result),
-        line="\n".join(pair.line() for pair in _pairs(result)),
+        line="\n".join(map(_line, rows)),
         about=", ".join(sheet.drive.name for sheet in result.sheets),
     )
 
@@ -88,89 +92,46 @@ def _mounted_best(sheet: DriveSheet, torque: int) -> str:
     return "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}"
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """A drive, by its letter, beside the first one, and how its F'_ior changes at each torque [N*m]."""
-
-    letter: str
-    first: DriveSheet
-    other: DriveSheet
-    changes: DriveChanges
-    torques: Sequence[float]
-
-    def at_torque(self, k: int) -> str:
-        """The change of F'_ior at a torque by its place, in words."""
-        sense = self.changes.F_ior_is[k]
-        if sense == NOT_KNOWN:
-            return "open, unknown inputs could reverse it"
-        return sense if sense == "the same" else f"{100 * self.changes.together.share[k]:.0f} % {sense}"
-
-    def change_words(self) -> str:
-        """The change of F'_ior at all torques."""
-        several = len(self.torques) > 1
-        return ", ".join(self.at_torque(k) + f" at {M_g:g} N·m" * several for k, M_g in enumerate(self.torques))
-
-    def largest(self, k: int) -> str:
-        """The field that changes F'_ior most at a torque by its place, where there are several."""
-        single = max(self.changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
-        return single.field if single else ""
-
-    def line(self) -> str:
-        """As built and mounted best at each torque, the best hole, and how many fields differ."""
-        both = self.first, self.other
-        count = sum(map(differs, field_rows([each.drive for each in both])))
-        parts = []
-        for k, M_g in enumerate(self.torques):
-            built, best = (
-                " -> ".join(words)
-                for words in zip(*((F_ior_words(s.check.points[k]), _mounted_best(s, k)) for s in both), strict=True)
-            )
-            drawn = f" in {self.changes.pairs} drawn pairs" if self.changes.pairs > 1 else ""
-            sure = "%" in self.at_torque(k)
-            most = f", most by {self.largest(k)} alone" if sure and len(self.changes.single) > 1 else ""
-            parts.append(
-                f"{M_g:g} N·m: F'_ior {built} arcsec, mounted best {best}, {self.at_torque(k)}{drawn * sure}{most}"
-            )
-        parts.append(f"best hole {' -> '.join(dict.fromkeys(map(_hole, both)))}")
-        parts.append(f"{count or 'no'} field{'s differ' if count > 1 else ' differs'}")
-        return f"{self.letter} against A: {'; '.join(parts)}"
+def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
+    """A cell for each of DRIVE_HEADS of each drive at each torque."""
+    for k, M_g in enumerate(result.torques):
+        for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
+            change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
+            built, best = F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k)
+            yield letter, f"{M_g:g} N·m", built, best, _hole(sheet), *change
 
 
-def _pairs(result: DrivesComparison) -> list[_Pair]:
-    (_, first), *others = _lettered(result).items()
-    return [
-        _Pair(letter, first, sheet, changes, result.torques)
-        for (letter, sheet), changes in zip(others, result.changes, strict=True)
-    ]
+def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
+    """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
+    most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
+    sense = changes.F_ior_is[k]
+    words = "open" if sense == NOT_KNOWN else f"{100 * changes.together.share[k]:.0f} % {sense}"
+    return sense if sense == "the same" else words, most.field if most else NO_VALUE
 
 
-def _table(result: DrivesComparison) -> Table:
-    """F'_ior of each drive as built and mounted best, and the field that changes it most."""
-    by_letter = {pair.letter: pair for pair in _pairs(result)}
-    rows = [
-        (
-            letter, f"{M_g:g} N·m", F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k), _hole(sheet),
-            by_letter[letter].at_torque(k).partition(",")[0] if letter in by_letter else NO_VALUE,
-            (by_letter[letter].largest(k) if letter in by_letter else "") or NO_VALUE,
-        )
-        for k, M_g in enumerate(result.torques)
-        for letter, sheet in _lettered(result).items()
-    ]  # fmt: skip
-    heads = ("", "torque", "as built", "mounted best", "hole", "against A", "most by")
-    return Table("kinematic error F'_ior, arcsec: 5 to 95 % where inputs are unknown", heads, tuple(rows), words=(0, 6))
+def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:
+    """The change of each drive but A; several, whether there are torques to be named."""
+    found: dict[str, list[str]] = {}
+    for letter, torque, *_, change, _ in rows:
+        found.setdefault(letter, []).append(f"{change} at {torque}" if several else change)
+    return "; ".join(f"{letter} {', '.join(changes)}" for letter, changes in found.items() if letter != "A")
+
+
+def _line(row: tuple[str, ...]) -> str:
+    """A drive at a torque in words."""
+    letter, torque, built, best, hole, change, field = row
+    words = f"{letter}, {torque}: F'_ior {built} arcsec, mounted best {best} in hole {hole}"
+    return words if letter == "A" else f"{words}, {change}, most by {field}"
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
-    """What each field that differs does alone, by drive."""
+    """The change that each field that differs makes alone, by drive."""
     torques = [f"{M_g:g} N·m" for M_g in result.torques]
-    for pair in _pairs(result):
-        changes = pair.changes
-        title = f"each field alone from A to {pair.letter}, change of F'_ior, arcsec"
-        drawn = (f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs",) * (
-            changes.pairs > 1
-        )
+    for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
+        title = f"each field alone from A to {letter}, change of F'_ior, arcsec"
+        drawn = f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
-        yield Table(title, ("", *torques), tuple(rows), notes=drawn)
+        yield Table(title, ("", *torques), tuple(rows), notes=(drawn,) * (changes.pairs > 1))
 
 
 def _rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
@@ -219,6 +180,8 @@ def _facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
     yield "same value", f"{origins}: from another kind of origin" if origins else ""
     paths = _some([path for changes in result.changes for path in changes.not_alone])
     yield "not alone", f"{paths}: no drive that can be computed, or one that leaves more unknown" if paths else ""
+    if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
+        yield "open", "unknown inputs could reverse this change"
     yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
 
 
