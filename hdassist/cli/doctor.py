@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import HdassistError, UntrustedError
+from hdassist.report.quantities import Quantity, as_object
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal import options as o
 from hdassist.version import __version__
 
-Status = Literal["ok", "note", "broken"]
+if TYPE_CHECKING:
+    from hdassist.report.report import Report
+
 PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.576120225699, 1e-6  # arcsec: what every state gave, and how near
 CROSS = "HIGHS"
 
@@ -24,8 +27,15 @@ class DoctorFinding:
     """What was looked at, how it is, and in words what was found; broken: answers cannot be had, or not be trusted."""
 
     what: str
-    status: Status
+    status: Literal["ok", "note", "broken"]
     found: str
+
+
+FINDING_COLUMNS: tuple[Quantity[DoctorFinding], ...] = (
+    Quantity("what", "part", "", "", lambda each: each.what),
+    Quantity("status", "status", "", "", lambda each: each.status),
+    Quantity("found", "found", "", "", lambda each: each.found),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,22 +53,13 @@ class DoctorCommand(o.PageOptions):
 
     def run(self) -> int:
         """Examine the installation; returns the exit code."""
-        from hdassist.terminal.answers import json_text
+        from hdassist.terminal.runs import give_report
 
         out = self.open()
         found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library_finding()]
         broken = any(finding.status == "broken" for finding in found)
         code = UntrustedError.exit_code if broken else 0
-        if self.json:
-            answer = {
-                "schema": "hdassist.doctor/1", "version": __version__, "exit_code": code, "warnings": [],
-                "findings": [{"what": f.what, "status": f.status, "found": f.found} for f in found],
-            }  # fmt: skip
-            out.text(json_text(answer))
-        else:
-            width = max(len(finding.what) for finding in found)
-            lines = [f"{finding.what:{width}}  {finding.status:6}  {finding.found}" for finding in found]
-            out.human(out.style.text("\n".join([*lines, *([] if broken else ["", "this installation is fine"])])))
+        give_report(doctor_report(found, code), out, json=self.json)
         if broken:
             wrong = ", ".join(finding.what for finding in found if finding.status == "broken")
             raise UntrustedError(
@@ -66,6 +67,24 @@ class DoctorCommand(o.PageOptions):
                 "install hdassist anew into a fresh environment",
             )
         return code
+
+
+def doctor_report(found: Sequence[DoctorFinding], exit_code: int) -> Report:
+    """Whether an installation can be relied on: what is broken first, then what is to be noted."""
+    from hdassist.report.blocks import Table
+    from hdassist.report.report import Report
+
+    broken = ", ".join(each.what for each in found if each.status == "broken")
+    worst = sorted(found, key=lambda each: ("broken", "note", "ok").index(each.status))
+    return Report(
+        command="doctor",
+        drive=None,
+        head="this installation",
+        verdict=f"broken: {broken}" if broken else "fine",
+        blocks=(Table.by_row("", FINDING_COLUMNS, worst, words=(0, 1, 2)),),
+        values={"findings": [as_object(FINDING_COLUMNS, each) for each in found]},
+        exit_code=exit_code,
+    )
 
 
 def packages() -> Iterator[DoctorFinding]:

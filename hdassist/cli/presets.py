@@ -16,10 +16,7 @@ from hdassist.errors import HdassistError, PresetError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from hdassist.preset.schema import ResolvedField
-    from hdassist.terminal.console import Style
 
 presets_app = typer.Typer(
     name="presets",
@@ -30,8 +27,6 @@ presets_app = typer.Typer(
     rich_markup_mode=None,
 )
 
-LAST_COLUMN = 12  # least width of a column of text
-PRESETS_GAP = 3  # columns between those of a table
 PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 PIPE = (80, 24)  # but not more than COLUMNS for what people page through
 
@@ -308,51 +303,18 @@ def _print_json(answer: dict[str, Any]) -> None:
 def _print_table(
     head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions, piped: int = PIPED_COLUMNS
 ) -> None:
-    """Print a table whose last column may wrap; nothing else is ever cut.
+    """Print a table; piped: columns that it has in a pipe, those of PIPE at least."""
+    from rich.console import Group
 
-    Where there is too little room for its last column it does without. piped: columns that it has in a pipe.
-    """
-    from hdassist.terminal.output import Output, note
+    from hdassist.report.blocks import Table
+    from hdassist.terminal.output import Output
+    from hdassist.terminal.page import tables
 
     out = Output.open(ascii=options.ascii, no_color=options.no_color)
-    terminal = sys.stdout.isatty()
-    room = out.style.width if terminal else piped
-    least = _least(head, rows)
-    if _needed(least, out.style) > room:
-        note(f"the column {head[-1]!r} needs more columns; --json has it")
-        head, rows, least = head[:-1], [row[:-1] for row in rows], least[:-1]
-    width = room if terminal else max(room, _needed(least, out.style))
-    out = replace(out, style=replace(out.style, width=width))
-    out.human(_table(out.style, head, rows, least))
-
-
-def _needed(least: Sequence[int], style: Style) -> int:
-    """Columns that a table with columns of these widths needs, its edges where it has some."""
-    return sum(least) + PRESETS_GAP * (len(least) - 1) + 2 * style.ascii
-
-
-def _least(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
-    """Least widths of columns: the last one and values may wrap, a list of numbers between its numbers."""
-    found = []
-    for column, title in enumerate(head[:-1]):
-        cells = [row[column] for row in rows]
-        parts = [word for cell in cells for word in cell.split()] if title == "value" else cells
-        found.append(max(map(len, [*title.splitlines(), *parts])))
-    return [*found, LAST_COLUMN]
-
-
-def _table(style: Style, head: Sequence[str], rows: Sequence[Sequence[str]], least: Sequence[int]) -> Table:
-    from rich.text import Text
-
-    from hdassist.terminal.console import table
-
-    grid = table(style)
-    for title, width in zip(head, least, strict=True):
-        wraps = title in ("description", "reference", "value")
-        grid.add_column(title, no_wrap=not wraps, overflow="fold", min_width=width)
-    for row in rows:
-        grid.add_row(*(Text(style.text(cell)) for cell in row))
-    return grid
+    if not sys.stdout.isatty():
+        out = replace(out, style=replace(out.style, width=max(piped, PIPE[0])))
+    table = Table("", tuple(head), tuple(map(tuple, rows)), words=range(len(head)))
+    out.human(Group(*tables(table, out.style)))
 
 
 def _reference(row: ResolvedField) -> str:

@@ -78,13 +78,13 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.model.kinematics import Kinematics
         from hdassist.model.unknown import unknown_notes
-        from hdassist.pages.compare import comparison_answer
+        from hdassist.pages.compare import comparison_report
         from hdassist.readers.trace import read_trace
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
         from hdassist.terminal.output import warn
-        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.runs import answer_of, give, run_each
 
         o.stdin_once(*self.files, self.preset)
         out = self.open()
@@ -104,7 +104,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
                 analysis = partial(how, trace, M_g=M_g, convention=convention, run=run)
                 result = in_wide_enough_window(drive, analysis)
             warnings.update(dict.fromkeys(result.drive.origin.warnings))
-            return comparison_answer(result, plots=self.plot, details=self.details)
+            return answer_of(comparison_report(result), plots=self.plot, details=self.details)
 
         answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))
         for text in warnings:
@@ -118,12 +118,12 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         is none.
         """
         from hdassist.comparing.drives import common_torques, compare_drives, estimate_comparison
-        from hdassist.pages.compare_presets import comparison_warnings, drives_answer
+        from hdassist.pages.compare_presets import comparison_warnings, drives_report
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
         from hdassist.terminal.answers import failure
         from hdassist.terminal.output import warn
-        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.runs import answer_of, give, run_each
 
         if traces := [name for name in self.files if not is_preset(name)]:
             words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
@@ -147,7 +147,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
                 result = compare_drives(loaded, torques, draws=self.draws, run=run)
             for text in comparison_warnings(result):
                 warn(text)
-            return drives_answer(result, seed=self.seed, details=self.details)
+            return answer_of(drives_report(result, self.seed), details=self.details)
 
         schema = "compare-presets"
         answers = run_each(schema, [""], one, self, failed=lambda _, e: failure(schema, e, preset=names[0]))

@@ -37,13 +37,10 @@ class ExplainCommand(o.PageOptions):
     def run(self) -> int:
         """Explain the names; returns the exit code."""
         from hdassist.explaining.lookup import explained
-        from hdassist.pages import explain as page
-        from hdassist.terminal.answers import json_text
+        from hdassist.pages.explain import explain_report
+        from hdassist.terminal.runs import give_report
 
         out = self.open()
         found = list(dict.fromkeys(entry for name in self.names for entry in explained(name)))
-        if self.json:
-            out.text(json_text(page.explain_json(found)))
-        else:
-            out.human(page.explain_page(found, out.style))
+        give_report(explain_report(found), out, json=self.json)
         return 0

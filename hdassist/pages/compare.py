@@ -1,34 +1,37 @@
-"""A comparison of a measured trace with a drive as a page, as JSON, and as CSV."""
+"""A comparison of a measured trace with a drive as a report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import asdict, replace
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
 from hdassist.comparing.explanations import Explanation, VectorChange, equally_good
 from hdassist.comparing.record import Alignment, OrderAmplitude, OrderPair
-from hdassist.json_parts import Json, certificate_object
+from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
-from hdassist.report.quantities import Quantity, as_object
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.brief import again, facts, not_known, on_what, proof
-from hdassist.terminal.console import Style, TextTable
+from hdassist.report.blocks import Facts, Table, TwoCurves
+from hdassist.report.quantities import NO_VALUE, Quantity, as_object
+from hdassist.report.report import CsvTable, Report
+from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.influence_words import named
-from hdassist.terminal.plot import two_curves
-from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.textfile import STDIN
 
+PLOTTED_ROWS = 6
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
 TABLED_ORDERS = 12  # the greatest
 SHORT_PAGE = 5  # numbers on a short page
-WORDS = ("", "deviation", "cause")  # heads of columns that are no numbers
+MOST_OPTIONS = 6  # words of options in a short page's command
+VERDICT_WORDS = {
+    "agrees": "agrees, no change of the preset is needed",
+    "mirrored": "mirrored, the file fits clearly better read the other way round",
+    "one": "explained by one deviation",
+    "several": "explained by several deviations together",
+    "unexplained": "unexplained",
+}
 
 COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
     Quantity("measured.range_arcsec", "measured range", "arcsec", ".2f", lambda r: r.sweep.range.value),
@@ -47,18 +50,28 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
     Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
     Quantity("degrees_of_freedom", "  degrees of freedom", "", "", lambda r: r.unchanged.degrees_of_freedom),
 )  # fmt: skip
+FILE: Quantity[Comparison] = Quantity("file", "", "", "", lambda r: r.measurement.trace.file)
 
 
-def comparison_answer(result: Comparison, *, plots: bool, details: bool = False) -> Answer:
-    """A comparison in each form; plots, whether curves are drawn; details, whether all tables are shown."""
-    return Answer(
-        to_json=partial(_json, result),
-        page=lambda style: comparison_page(result, style, plots=plots, details=details),
-        summary_line=lambda: " ".join([result.conclusion.kind, *_options(result)]),
-        figures=partial(_figures, result),
-        about=result.measurement.trace.file,
+def comparison_report(result: Comparison) -> Report:
+    """A measured trace over the predicted one."""
+    trace = result.measurement.trace
+    numbers = COMPARED_NUMBERS[:SHORT_PAGE]
+    shown = Table.by_row("", [replace(q, unit="") for q in numbers], [result], words=())
+    return Report(
+        command="compare",
+        drive=result.drive,
+        head=f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m",
+        verdict=VERDICT_WORDS[result.conclusion.kind],
+        why=(_why(result),),
+        blocks=(shown, Facts.of(_facts(result)), _curves(result)),
+        details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_more(result))),
+        certificate=result.certificate,
+        values=_values(result),
+        csv=_csv(result),
+        line=" ".join([result.conclusion.kind, *_options(result)]),
+        about=trace.file,
         warnings=result.warnings,
-        proof=result.certificate,
     )
 
 
@@ -80,52 +93,31 @@ def _angles(result: Comparison, alignment: Alignment) -> dict[str, float]:
     return {name: (angle + 180) % 360 - 180 for name, angle in angles.items()}
 
 
-def _verdict(result: Comparison) -> str:
-    """The conclusion in a sentence."""
-    best = result.conclusion.best
-    name = named(best.deviations[0]) if best else ""
-    share = f"{100 * best.explained_share:.1f} % of the difference" if best else ""
-    mirrored = f"{result.mirror.rms_arcsec:.2f} arcsec rms: {' '.join(_options(result))}" if result.mirror else ""
-    one = f"the best single deviation, {name}, explains {share}; the rest is clear of noise"
-    return {
-        "agrees": "agrees: noise and stiffnesses that are a little off explain it; no change of the preset is needed",
-        "mirrored": f"mirrored: read the other way round the file fits clearly better, {mirrored}",
-        "one": f"explained by one deviation, {name}: {share}, and no more is left than noise",
-        "several": f"explained by several deviations together, not by one: {share}, and no more is left than noise",
-        "unexplained": f"unexplained: {one if best else 'no deviation explains the difference'}",
-    }[result.conclusion.kind]
-
-
-def comparison_page(result: Comparison, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
-    """Conclusion, both curves in one plot, what would explain the difference; with details all orders and fits."""
-    trace = result.measurement.trace
-    head = f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m, {result.sweep.bins.span:.2f} cam turns"
-    parts: list[RenderableType] = [Text(style.text(words), style="bold") for words in (head, _verdict(result))]
-    if plots:
-        parts.append(Text(_plot(result, style)))
-    if details:
-        parts += _tables(result, style)
-    parts.append(facts(style, _lines(result, details)))
-    return Group(*(line for part in parts for line in (part, Text(""))))
-
-
-def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
-    """What is to be known beside the curves, a label and a text each."""
-    best, joint, alignment = result.conclusion.best, result.joint, result.unchanged.alignment
-    for quantity in COMPARED_NUMBERS if details else COMPARED_NUMBERS[:SHORT_PAGE]:
-        yield quantity.label, f"{quantity.text(result)} {quantity.unit}"
-    for (name, angle), u in zip(_angles(result, alignment).items(), result.uncertainties_deg, strict=True):
-        sure = "given" if u is None else f"fitted, u = {u:.1f}"
-        yield (
-            name,
-            f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it",
-        )
-    same = "cam/ratio - output, as F_kpp" if alignment.sign > 0 else "output - cam/ratio, against F_kpp"
-    sense = "counter-clockwise" if alignment.sense > 0 else "clockwise"
-    yield "read as", f"error: {same}; cam angle: {sense}, seen from the cam side; phases are the file's"
-    if best and best.changes:
+def _why(result: Comparison) -> str:
+    """What the conclusion stands on, in a sentence."""
+    best, kind = result.conclusion.best, result.conclusion.kind
+    if kind == "agrees":
+        return "noise and stiffnesses that are a little off explain the difference"
+    if kind == "mirrored" and result.mirror:
+        return f"{result.mirror.rms_arcsec:.2f} arcsec rms with {' '.join(_options(result))}"
+    if best is None:
+        return "no deviation explains the difference"
+    share = f"{100 * best.explained_share:.1f} % of the difference"
+    if kind == "several":
+        return f"{len(best.deviations)} deviations explain {share}, no single one does; no more than noise is left"
+    fitted = named(best.deviations[0])
+    if best.changes:
         size, direction = _size_and_direction(best.changes[0])
-        yield "fitted", f"{named(best.deviations[0])}: {size} um" + f" at {direction} deg" * (direction != "-")
+        fitted += f", {size} um" + f" at {direction} deg" * (direction != NO_VALUE)
+    if kind == "unexplained":
+        return f"{fitted}, the best single one, explains {share}; the rest is clear of noise"
+    return f"{fitted}: {share}; no more than noise is left"
+
+
+def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
+    """Where the record begins, other explanations, what is left and the next command, a label and a text each."""
+    best, joint, options = result.conclusion.best, result.joint, _options(result)
+    yield from (each for each in _starts(result) if not each[1].endswith("given"))
     if best and result.conclusion.kind == "one":
         others = [other.deviations[0] for other in equally_good(best, result.singles)]
         yield "or", f"{', '.join(others)} alone: the record does not decide between them" if others else ""
@@ -134,36 +126,55 @@ def _lines(result: Comparison, details: bool) -> Iterator[tuple[str, str]]:
     if rest := joint if joint and joint.orders_left else best:
         left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f} arcsec" for p in rest.orders_left]
         yield "left", "; ".join(left)
-    yield from (("note", note) for note in result.measurement.notes if details)
-    yield "rests on", on_what(result.drive)
+    yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)
+    many = len(options) > MOST_OPTIONS
+    yield "next", "hdassist mount with the new values: --details has the command" if many else _next(result)
+
+
+def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
+    """Angles where the record begins, a name and a text each."""
+    angles = _angles(result, result.unchanged.alignment)
+    for (name, angle), u in zip(angles.items(), result.uncertainties_deg, strict=True):
+        sure = "given" if u is None else f"fitted, u = {u:.1f}"
+        shown = f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it"
+        yield name, shown
+
+
+def _next(result: Comparison) -> str:
+    """The command with what follows from the conclusion."""
     file = result.measurement.trace.file
     other = ["compare", "-" if file == STDIN else file] if result.conclusion.kind == "mirrored" else ["mount"]
-    yield "next", again(other[0], result.drive, *other[1:], *_options(result))
-    yield "proof", proof(result.certificate)
-    yield "more", "" if details else "--details"
+    return again(other[0], result.drive, *other[1:], *_options(result))
 
 
-def _plot(result: Comparison, style: Style) -> str:
+def _more(result: Comparison) -> Iterator[tuple[str, str]]:
+    """How the file was read and the whole command, a label and a text each."""
+    alignment = result.unchanged.alignment
+    same = "cam/ratio - output, as F_kpp" if alignment.sign > 0 else "output - cam/ratio, against F_kpp"
+    sense = "counter-clockwise" if alignment.sense > 0 else "clockwise"
+    yield from _starts(result)
+    yield "read as", f"error: {same}; cam angle: {sense}, seen from the cam side; phases are the file's"
+    yield "notes", "; ".join(result.measurement.notes)
+    yield "command", _next(result)
+
+
+def _curves(result: Comparison) -> TwoCurves:
+    """Both curves around the largest difference."""
     bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
     first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
     low = min(max(worst - PLOTTED_TURNS, first), max(last - 2 * PLOTTED_TURNS, first))
     shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
-    return two_curves(
-        style, bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, names=("measured", "predicted"),
+    return TwoCurves(
+        bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, ("measured", "predicted"),
         x_label="cam angle, turns: around the largest difference", y_label="error, arcsec",
+        rows=PLOTTED_ROWS,
     )  # fmt: skip
 
 
-def table_of(style: Style, title: str, heads: Iterable[str], rows: Iterable[Iterable[str]]) -> TextTable:
-    """A table of words and numbers, which is never cut."""
-    names, cells = tuple(heads), [tuple(map(style.text, row)) for row in rows]
-    return TextTable(style, title, names, tuple(head not in WORDS for head in names), overflow="fold", rows=cells)
-
-
-def _tables(result: Comparison, style: Style) -> Iterator[TextTable]:
+def _tables(result: Comparison) -> Iterator[Table]:
     """The greatest orders, and all fits."""
 
     def greatest(pair: OrderPair) -> float:
@@ -174,15 +185,14 @@ def _tables(result: Comparison, style: Style) -> Iterator[TextTable]:
     shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     cells = [[c for a in (p.measured, p.predicted, p.difference) for c in _amplitude(a)][:5] for p in shown]
     orders = ((f"{p.per_cam_rev:.2f}", *row, p.cause) for p, row in zip(shown, cells, strict=True))
-    yield table_of(style, title, heads, orders)
+    yield Table(title, heads, tuple(orders), words=(0, 6))
     if result.singles:
         title = (
             "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
         )
         columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
         fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
-        rows = (row for found in (*fits, result.joint) if found for row in _rows(found))
-        yield table_of(style, title, columns, rows)
+        yield Table(title, columns, tuple(row for found in (*fits, result.joint) if found for row in _rows(found)))
 
 
 def _amplitude(found: OrderAmplitude) -> Iterator[str]:
@@ -218,8 +228,7 @@ def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
         yield path.split(".")[1], *_size_and_direction(changes.get(path)), *numbers
 
 
-def _json(result: Comparison) -> Json:
-    """The comparison as a JSON object."""
+def _values(result: Comparison) -> Json:
     trace, conclusion, alignment = result.measurement.trace, result.conclusion, result.unchanged.alignment
     best = conclusion.best
     place: Json = {}
@@ -230,9 +239,7 @@ def _json(result: Comparison) -> Json:
     place["cam_sense"] = "ccw" if alignment.sense > 0 else "cw"
     mirror = result.mirror
     return {
-        **envelope(
-            "compare", result.drive, 0, [*result.drive.origin.warnings, *unknown_notes(result.drive), *result.warnings]
-        ),
+        "warnings": [*result.drive.origin.warnings, *unknown_notes(result.drive), *result.warnings],
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
         "notes": list(result.measurement.notes),
         "M_g_Nm": result.M_g,
@@ -246,7 +253,6 @@ def _json(result: Comparison) -> Json:
         "mirrored": mirror and {"option": " ".join(_options(result)), "difference_rms_arcsec": mirror.rms_arcsec},
         "singles": [_fit_object(result, single) for single in result.singles],
         "joint": result.joint and _fit_object(result, result.joint),
-        "certificate": certificate_object(result.certificate),
         "seed": result.measurement.seed,
     }
 
@@ -266,7 +272,7 @@ def _fit_object(result: Comparison, found: Explanation) -> Json:
     return {**fields, "orders_left": left, **angles}
 
 
-def _figures(result: Comparison) -> CsvTable:
+def _csv(result: Comparison) -> CsvTable:
     """One row per step of the angle: error less level and drift, prediction, residual."""
     bins, predicted, residual = result.sweep.bins, result.predicted_arcsec, result.residual_arcsec
     columns = (bins.sweep, 360 * bins.turns, predicted + residual, predicted, residual)

@@ -1,48 +1,60 @@
-"""A comparison of drives as a verdict and tables, as JSON, and as CSV."""
+"""A comparison of drives as a report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from functools import partial
 from itertools import zip_longest
 from string import ascii_uppercase
 
-from rich.console import Group, RenderableType
-from rich.text import Text
-
-from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs, field_rows
+from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.design.check import OperatingPoint
-from hdassist.json_parts import Json, certificate_object
+from hdassist.json_parts import Json
 from hdassist.model.unknown import unknown_names
 from hdassist.pages import check as check_page
 from hdassist.pages.check import BELIEF, POINT_QUANTITIES
-from hdassist.pages.compare import table_of
-from hdassist.pages.mount import mount_warnings, what_to_do
+from hdassist.pages.mount import mount_warnings
 from hdassist.pages.seat import hole_place
 from hdassist.pages.stiffness import WHOLE_QUANTITIES, segment_objects, stiffness_warnings
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
-from hdassist.report.quantities import as_object
-from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.answers import cross_check_words, envelope, report_object
-from hdassist.terminal.brief import again, facts, proof
-from hdassist.terminal.console import Style
-from hdassist.terminal.runs import Answer, CsvTable
+from hdassist.report.blocks import Facts, Table
+from hdassist.report.quantities import NO_VALUE, as_object
+from hdassist.report.report import CsvTable, Report
+from hdassist.terminal.answers import report_object
+from hdassist.terminal.brief import again
+from hdassist.terminal.influence_words import measure_words
 
 NAMED_PATHS = 6  # in a line
+DRIVE_HEADS = ("", "torque", "as built", "mounted best", "hole", "against A", "most by")
 
 
-def drives_answer(result: DrivesComparison, *, seed: int, details: bool = False) -> Answer:
-    """A comparison of drives in each form; seed, of draws and samples; details, whether all tables are shown."""
-    return Answer(
-        to_json=partial(_json, result, seed),
-        page=partial(_page, result, details),
-        summary_line=partial(_verdict, result),
-        figures=partial(_figures, result),
+def drives_report(result: DrivesComparison, seed: int) -> Report:
+    """Drives beside each other, the first as what the others are held against; seed, of draws and samples."""
+    names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
+    rows = tuple(_drive_rows(result))
+    differing = ((_named(row), *map(_cell, row)) for row in result.fields if differs(row))
+    return Report(
+        command="compare-presets",
+        drive=result.sheets[0].drive,
+        head=names,
+        verdict=_verdict(rows, len(result.torques) > 1),
+        blocks=(
+            Table("F'_ior, arcsec; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 6)),
+            Facts.of(_facts(result)),
+        ),
+        details=(
+            Table("side by side", ("", *_lettered(result)), tuple(_rows(result))),
+            *_changes(result),
+            Table("fields that differ", ("", *_lettered(result)), tuple(differing)),
+        ),
+        certificate=result.certificate,
+        cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
+        values=_values(result, seed),
+        csv=_csv(result),
+        line="\n".join(map(_line, rows)),
         about=", ".join(sheet.drive.name for sheet in result.sheets),
-        proof=result.certificate,
     )
 
 
@@ -70,67 +82,59 @@ def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
 
 
 def _hole(sheet: DriveSheet) -> str:
-    """The position that is ordered, unknown where none can be."""
-    return NOT_KNOWN if sheet.advice.order == "none" else hole_place(sheet.advice.choice.target).removeprefix("hole ")
+    """The position that is ordered, open where none can be."""
+    return "open" if sheet.advice.order == "none" else hole_place(sheet.advice.choice.target).removeprefix("hole ")
 
 
 def _mounted_best(sheet: DriveSheet, torque: int) -> str:
-    """F'_ior [arcsec] in the position that is ordered, at a torque by its place."""
+    """F'_ior [arcsec] in the position that is ordered, at a torque by its place; open where none can be."""
     best = sheet.advice.choice.target
-    return NOT_KNOWN if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}"
+    return "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}"
 
 
-def _verdict(result: DrivesComparison) -> str:
-    """A sentence for each drive but the first: its error as built and mounted best, and how many fields differ."""
-    (first, sheet), *others = _lettered(result).items()
-    lines = []
-    for (letter, other), changes in zip(others, result.changes, strict=True):
-        both = sheet, other
-        count = sum(map(differs, field_rows([each.drive for each in both])))
-        parts = [_at_torque(both, changes, k, M_g) for k, M_g in enumerate(result.torques)]
-        parts.append(f"best hole {' -> '.join(dict.fromkeys(map(_hole, both)))}")
-        parts.append(f"{count or 'no'} field{'s differ' if count > 1 else ' differs'}")
-        lines.append(f"{letter} against {first}: {'; '.join(parts)}")
-    return "\n".join(lines)
+def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
+    """A cell for each of DRIVE_HEADS of each drive at each torque."""
+    for k, M_g in enumerate(result.torques):
+        for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
+            change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
+            built, best = F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k)
+            yield letter, f"{M_g:g} N·m", built, best, _hole(sheet), *change
 
 
-def _at_torque(both: Sequence[DriveSheet], changes: DriveChanges, k: int, M_g: float) -> str:
-    built = " -> ".join(F_ior_words(sheet.check.points[k]) for sheet in both)
-    mounted = " -> ".join(_mounted_best(sheet, k) for sheet in both)
-    words, sense = f"{M_g:g} N·m: F'_ior {built} arcsec, mounted best {mounted}", changes.F_ior_is[k]
-    if sense == NOT_KNOWN:
-        return f"{words}, open: what is not known could reverse it"
-    if sense == "the same":
-        return f"{words}, the same"
-    drawn = f" in {changes.pairs} drawn pairs" if changes.pairs > 1 else ""
-    single = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
-    most = f", most by {single.field} alone" if single and len(changes.single) > 1 else ""
-    return f"{words}, {100 * changes.together.share[k]:.0f} % {sense}{drawn}{most}"
+def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
+    """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
+    most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
+    sense = changes.F_ior_is[k]
+    words = "open" if sense == NOT_KNOWN else f"{100 * changes.together.share[k]:.0f} % {sense}"
+    return sense if sense == "the same" else words, most.field if most else NO_VALUE
 
 
-def _page(result: DrivesComparison, details: bool, style: Style) -> RenderableType:
-    """The verdict; all drives side by side; which field does most; with details all that differs."""
-    sheets, torques = _lettered(result), [f"{M_g:g} N·m" for M_g in result.torques]
-    subject = ", ".join(f"{a} {sheet.drive.name} ({sheet.drive.origin.file})" for a, sheet in sheets.items())
-    parts: list[RenderableType] = [Text(style.text(_verdict(result)), style="bold"), Text(style.text(subject))]
-    parts.append(table_of(style, "side by side", ("", *sheets), _rows(result)))
-    for letter, changes in zip([*sheets][1:], result.changes, strict=True):
-        title = f"which field does most: each alone from A to {letter}, change of F'_ior, arcsec"
-        if changes.pairs > 1:
-            title += f"\nmedian (least to greatest) of {changes.pairs} pairs drawn from what is not known"
+def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:
+    """The change of each drive but A; several, whether there are torques to be named."""
+    found: dict[str, list[str]] = {}
+    for letter, torque, *_, change, _ in rows:
+        found.setdefault(letter, []).append(f"{change} at {torque}" if several else change)
+    return "; ".join(f"{letter} {', '.join(changes)}" for letter, changes in found.items() if letter != "A")
+
+
+def _line(row: tuple[str, ...]) -> str:
+    """A drive at a torque in words."""
+    letter, torque, built, best, hole, change, field = row
+    words = f"{letter}, {torque}: F'_ior {built} arcsec, mounted best {best} in hole {hole}"
+    return words if letter == "A" else f"{words}, {change}, most by {field}"
+
+
+def _changes(result: DrivesComparison) -> Iterator[Table]:
+    """The change that each field that differs makes alone, by drive."""
+    torques = [f"{M_g:g} N·m" for M_g in result.torques]
+    for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
+        title = f"each field alone from A to {letter}, change of F'_ior, arcsec"
+        drawn = f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
-        if changes.single:
-            parts.append(table_of(style, title, ("", *torques), rows))
-    if details:
-        differing = ((_named(row), *map(_cell, row)) for row in result.fields if differs(row))
-        parts.append(table_of(style, "fields that differ", ("", *sheets), differing))
-    parts.append(facts(style, _lines(result, details)))
-    if details:
-        parts.append(Text(style.text(f"certificate: {result.certificate}{cross_check_words(_cross_checks(result))}")))
-    return Group(*(line for part in parts for line in (part, Text(""))))
+        yield Table(title, ("", *torques), tuple(rows), notes=(drawn,) * (changes.pairs > 1))
 
 
-def _rows(result: DrivesComparison) -> Iterator[Sequence[str]]:
+def _rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """Rows of errors, holes and stiffness: words, and a cell for each drive."""
     sheets = result.sheets
     for k, M_g in enumerate(result.torques):
@@ -165,29 +169,25 @@ def _change_cells(change: ErrorChange) -> Iterator[str]:
         yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
-def _lines(result: DrivesComparison, details: bool) -> Iterator[tuple[str, str]]:
-    """Labelled lines below the tables."""
-    if paths := [path for changes in result.changes for path in changes.not_alone]:
-        yield "not alone", f"{_some(paths)}: no drive that can be computed, or one that leaves more unknown"
+def _facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
+    """Unknown inputs, influences, differences and the next command, a label and a text each."""
     for letter, sheet in _lettered(result).items():
-        yield f"{letter} not known", unknown_names(sheet.check.unknown)
-        yield f"{letter} mounting", what_to_do(sheet.advice) if sheet.advice.order == "none" else ""
+        yield f"{letter} unknown", unknown_names(sheet.check.unknown)
+        yield f"{letter} measure", measure_words(sheet.check.to_measure[:1], held=False)
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
-    yield "differs", "" if details else _some([row[0].path for row in result.fields if differs(row)])
+    yield "differs", _some([row[0].path for row in result.fields if differs(row)])
     origins = _some(_other_origins(result))
     yield "same value", f"{origins}: from another kind of origin" if origins else ""
+    paths = _some([path for changes in result.changes for path in changes.not_alone])
+    yield "not alone", f"{paths}: no drive that can be computed, or one that leaves more unknown" if paths else ""
+    if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
+        yield "open", "unknown inputs could reverse this change"
     yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
-    yield "more", "" if details else "--details"
-    yield "proof", proof(result.certificate, _cross_checks(result))
 
 
 def _other_origins(result: DrivesComparison) -> list[str]:
     """Paths of the fields that drives have with the same value, but not by the same kind of origin."""
     return [row[0].path for row in result.fields if not differs(row) and len({cell.kind for cell in row}) > 1]
-
-
-def _cross_checks(result: DrivesComparison) -> list[CrossCheck | None]:
-    return [cross for sheet in result.sheets for cross in sheet.cross_checks]
 
 
 def _some(paths: Sequence[str]) -> str:
@@ -196,10 +196,9 @@ def _some(paths: Sequence[str]) -> str:
     return ", ".join(dict.fromkeys(paths[:NAMED_PATHS])) + more
 
 
-def _json(result: DrivesComparison, seed: int) -> Json:
-    """The comparison as a JSON object."""
+def _values(result: DrivesComparison, seed: int) -> Json:
     return {
-        **envelope("compare-presets", result.sheets[0].drive, warnings=comparison_warnings(result)),
+        "warnings": list(comparison_warnings(result)),
         "presets": [_drive_object(sheet, seed) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
         "differences": [
@@ -213,7 +212,6 @@ def _json(result: DrivesComparison, seed: int) -> Json:
         ],
         "same_value_other_origin": _other_origins(result),
         "changes": [{"from": 0, "to": k, **asdict(changes)} for k, changes in enumerate(result.changes, 1)],
-        "certificate": certificate_object(result.certificate, _cross_checks(result)),
         "seed": seed,
     }
 
@@ -233,7 +231,7 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
     }
 
 
-def _figures(result: DrivesComparison) -> CsvTable:
+def _csv(result: DrivesComparison) -> CsvTable:
     """One row per drive and torque."""
     tables = {letter: check_page.check_csv(sheet.check) for letter, sheet in _lettered(result).items()}
     heads, _ = tables["A"]

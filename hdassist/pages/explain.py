@@ -1,64 +1,66 @@
-"""What names stand for, in words and as JSON."""
+"""Names that can be explained, as a report."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
-from rich.console import Group, RenderableType
-from rich.text import Text
+from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.checks import CODES, Check
 from hdassist.explaining.lookup import Entry, entries
-from hdassist.terminal.brief import facts
-from hdassist.terminal.console import Style
-from hdassist.version import __version__
+from hdassist.report.blocks import Facts, Paragraph, ReportSection
+from hdassist.report.report import Report
+
+KIND_TITLES = {
+    "error": "errors",
+    "quantity or word": "quantities and words",
+    "symbol": "symbols",
+    "section": "fields of a preset, by section or name",
+}
 
 
-def explain_page(found: Sequence[Entry], style: Style) -> RenderableType:
-    """What each is; the names of all there is, by kind, where none is asked for."""
-    if not found:
-        codes = [(item.code, item.words) for item in CODES.values()]
-        parts: list[RenderableType] = [Text("checks and remarks", style="bold"), facts(style, codes), Text("")]
-        for title, kind in (("errors", "error"), ("quantities and words", "quantity or word"), ("symbols", "symbol")):
-            named = ", ".join(entry.names[0] for entry in entries() if entry.kind == kind)
-            parts += [Text(title, style="bold"), Text(style.text(named)), Text("")]
-        named = ", ".join(entry.names[0] for entry in entries() if entry.kind == "section")
-        parts += [Text("fields of a preset, by section or name", style="bold"), Text(style.text(named)), Text("")]
-        return Group(*parts, Text(style.text("hdassist explain NAME: any of these, English or Russian")))
-    return Group(*(part for item in found for part in _one(item, style)))
-
-
-def _one(item: Entry, style: Style) -> list[RenderableType]:
-    head = f"{item.names[0]}: {item.words}"
-    return [Text(style.text(head), style="bold"), facts(style, (("is a", item.kind), *item.facts)), Text("")]
-
-
-def explain_json(found: Sequence[Entry]) -> dict[str, Any]:
-    """Checks and remarks, and all other names, as a JSON object; all of them where none is asked for."""
+def explain_report(found: Sequence[Entry]) -> Report:
+    """What each name stands for; all names, by kind, where none is asked for."""
+    first, *others = found or [Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")]
+    listed = [ReportSection(f"{each.names[0]}: {each.words}", (_facts(each),)) for each in others]
     shown = found or entries()
-    named = [CODES[entry.names[0]] for entry in shown if entry.kind in ("check", "remark")]
+    return Report(
+        command="explain",
+        drive=None,
+        head=f"{first.names[0]}: {first.words}",
+        blocks=(_facts(first), *listed) if found else tuple(_all_names()),
+        values={
+            "codes": [_code(each.names[0]) for each in shown if each.kind in ("check", "remark")],
+            "names": [
+                {"name": each.names[0], "kind": each.kind, "words": each.words, "facts": dict(each.facts)}
+                for each in shown
+                if each.kind not in ("check", "remark")
+            ],
+        },
+    )
+
+
+def _facts(entry: Entry) -> Facts:
+    return Facts.of((("is a", entry.kind), *entry.facts))
+
+
+def _all_names() -> Iterator[ReportSection]:
+    """The names of all there is, by kind."""
+    yield ReportSection("checks and remarks", (Facts.of((item.code, item.words) for item in CODES.values()),))
+    for kind, title in KIND_TITLES.items():
+        names = ", ".join(entry.names[0] for entry in entries() if entry.kind == kind)
+        yield ReportSection(title, (Paragraph(names),))
+
+
+def _code(code: str) -> dict[str, str | None]:
+    """A check or remark as a JSON object."""
+    item = CODES[code]
+    of_check = (f"acceptance.{item.field}", item.unit) if isinstance(item, Check) else (None, None)
     return {
-        "schema": "hdassist.explain/1",
-        "version": __version__,
-        "exit_code": 0,
-        "warnings": [],
-        "codes": [
-            {
-                "code": item.code,
-                "kind": "check" if isinstance(item, Check) else "remark",
-                "words": item.words,
-                "limit": f"acceptance.{item.field}" if isinstance(item, Check) else None,
-                "unit": item.unit if isinstance(item, Check) else None,
-                "tests": item.tests,
-                "goes_wrong": item.wrong,
-                "change": item.change,
-            }
-            for item in named
-        ],
-        "names": [
-            {"name": entry.names[0], "kind": entry.kind, "words": entry.words, "facts": dict(entry.facts)}
-            for entry in shown
-            if entry.kind not in ("check", "remark")
-        ],
+        "code": item.code,
+        "kind": "check" if isinstance(item, Check) else "remark",
+        "words": item.words,
+        "limit": of_check[0],
+        "unit": of_check[1],
+        "tests": item.tests,
+        "goes_wrong": item.wrong,
+        "change": item.change,
     }

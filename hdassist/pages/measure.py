@@ -163,11 +163,11 @@ def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSect
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
     orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev), words=(4,))
     stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
-    combined = ("combined", f"{found.uncertainty_arcsec:.3f}", "" if stated else f"without those with {NO_VALUE}")
-    heads = tuple(quantity.words for quantity in BUDGET)
-    rows = [tuple(quantity.text(source) for quantity in BUDGET) for source in found.sources]
+    together = UncertaintySource(
+        "combined", found.uncertainty_arcsec, "" if stated else f"without those with {NO_VALUE}"
+    )
     title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
-    budget = Table(title, heads, (*rows, combined), words=(0, 2))
+    budget = Table.by_row(title, BUDGET, [*found.sources, together], words=(0, 2))
     cycle: list[Table] = []
     if found.coverage and gearing:
         output = f"{gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"

@@ -59,9 +59,9 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
         case Table() if block.rows:
             yield from tables(block, style)
         case ReportSection():
-            yield Text(style.text(block.title), style="bold")
-            for inner in block.blocks:
-                yield from block_on_page(inner, style, plots)
+            parts = [part for inner in block.blocks for part in block_on_page(inner, style, plots)]
+            yield Group(Text(style.text(block.title), style="bold"), *parts[:1])
+            yield from parts[1:]
         case Tiles():
             yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
         case Curve() | TwoCurves() | HeatMap() | Seat() if plots:
@@ -131,7 +131,8 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     for k in columns:
         head = style.text(block.heads[k])
         if k in block.words:
-            found.add_column(head, overflow="fold")
+            spaced = any(" " in row[k] for row in block.rows)
+            found.add_column(head, overflow="fold", no_wrap=not spaced)
         else:
             found.add_column(head, justify="right", no_wrap=True)
     for row in block.rows:

@@ -124,3 +124,13 @@ def give(
     if out.csv is not None and (tables := [answer.figures() for answer in answers if answer.figures]):
         out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))
     return worst_exit_code(answer.exit_code for answer in answers)
+
+
+def give_report(report: Report, out: Output, *, json: bool) -> None:
+    """Write a report that needs no drive or file, as JSON or as its page."""
+    if json:
+        out.text(json_text(report_object(report)))
+    else:
+        from hdassist.terminal.page import report_page
+
+        out.human(report_page(report, out.style))

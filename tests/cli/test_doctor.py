@@ -1,6 +1,7 @@
 """hdassist doctor: what it finds of an installation, and what it says where one is broken."""
 
 import json
+import re
 
 import pytest
 
@@ -13,7 +14,7 @@ from tests.process import run
 def test_a_sound_installation_is_fine() -> None:
     done = run("doctor", "--ascii")
     assert done.returncode == 0, done.stdout
-    assert done.stdout.splitlines()[-1] == "this installation is fine"
+    assert done.stdout.splitlines()[0] == "this installation: fine"
     for words in ("cvxpy", "daqp", "self-test", "cores", "memory", "presets"):
         assert words in done.stdout
 
@@ -33,5 +34,6 @@ def test_other_digits_are_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "STORED_F_IOR", 8.5719)
     done = run("doctor")
     assert done.returncode == 5
-    assert "self-test" in done.stdout
+    assert done.stdout.startswith("this installation: broken: self-test\n")
+    assert re.search(r"^part +status +found\n\S+\nself-test +broken ", done.stdout, re.MULTILINE)
     assert "cannot be trusted: self-test" in done.stderr

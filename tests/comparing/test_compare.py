@@ -14,13 +14,12 @@ from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
-from hdassist.pages.compare import comparison_page
+from hdassist.pages.compare import comparison_report
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.console import Style
 from hdassist.terminal.options import degrees_or_fit
-from hdassist.terminal.output import Output
+from tests.paper import on_paper
 from tests.process import SMALL
 from tests.rigs import recorded
 
@@ -44,8 +43,7 @@ def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float
 
 def told_on(result: Comparison, **asked: bool) -> str:
     """The page of a comparison as words one space apart."""
-    style = Style(ascii=False, codes=False, width=80)
-    return " ".join(Output(style).page(comparison_page(result, style, plots=False, **asked)).split())
+    return " ".join(on_paper(comparison_report(result), **asked).split())
 
 
 def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):

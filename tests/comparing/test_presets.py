@@ -22,10 +22,10 @@ from hdassist.comparing.drives import (
     sense_of_change,
 )
 from hdassist.model.unknown import unknowns
-from hdassist.pages.compare_presets import drives_answer
+from hdassist.pages.compare_presets import drives_report
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.console import Style
-from hdassist.terminal.output import Output
+from hdassist.terminal.answers import report_object
+from tests.paper import on_paper
 from tests.process import SMALL, run
 
 M_G = 4.0
@@ -84,19 +84,20 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
     alone = stiffness(small(*BETTER), run=UNCHECKED)
     assert better.sheets[1].stiffness.positive == alone.positive
     holes = mounting_curve(small(), [M_G], [0.0, 90.0, 180.0, 270.0], run=UNCHECKED)
-    assert drives_answer(better, seed=0).to_json()["presets"][0]["best"]["hole"] == holes.recommended.hole
+    assert report_object(drives_report(better, 0))["presets"][0]["best"]["hole"] == holes.recommended.hole
 
 
-def test_the_verdict_comes_first(better):
-    line = drives_answer(better, seed=0).summary_line()
+def test_the_answer_alone_has_each_drive_as_built_and_mounted_best(better):
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
+    best = [sheet.advice.chosen for sheet in better.sheets]
     share = 100 * (1 - values[1] / values[0])
-    [hole] = {sheet.advice.chosen.hole for sheet in better.sheets}
-    mounted = [sheet.advice.chosen.F_ior_arcsec[0] for sheet in better.sheets]
-    assert line == (
-        f"B against A: 4 N·m: F'_ior {values[0]:.2f} -> {values[1]:.2f} arcsec, mounted best {mounted[0]:.2f} -> "
-        f"{mounted[1]:.2f}, {share:.0f} % less, most by tolerances.F_i2 alone; best hole {hole}; 2 fields differ"
-    )
+    report = drives_report(better, 0)
+    assert report.verdict == f"B {share:.0f} % less"
+    assert report.line.splitlines() == [
+        f"A, 4 N·m: F'_ior {values[0]:.2f} arcsec, mounted best {best[0].F_ior_arcsec[0]:.2f} in hole {best[0].hole}",
+        f"B, 4 N·m: F'_ior {values[1]:.2f} arcsec, mounted best {best[1].F_ior_arcsec[0]:.2f} in hole {best[1].hole}, "
+        f"{share:.0f} % less, most by tolerances.F_i2",
+    ]
 
 
 def test_a_direction_is_a_verdict_only_where_it_is_sure():
@@ -108,6 +109,15 @@ def test_a_direction_is_a_verdict_only_where_it_is_sure():
     ]
     found, _ = drive_changes(*rolling, [M_G])
     assert found.F_ior_is == ("unknown",)  # there is no range over what is not known
+
+
+def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
+    (changes,) = better.changes
+    page = " ".join(
+        on_paper(drives_report(replace(better, changes=(replace(changes, F_ior_is=("unknown",)),)), 0)).split()
+    )
+    assert ": B open F'_ior" in page
+    assert "open unknown inputs could reverse this change" in page
 
 
 def test_what_is_not_known_lies_alike_in_both():
@@ -181,24 +191,35 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
 
 def test_three_presets_are_held_against_the_first(better):
     three = replace(better, sheets=(*better.sheets, better.sheets[0]), changes=better.changes * 2)
-    answer = drives_answer(three, seed=0)
-    first, second = answer.summary_line().splitlines()
-    assert (first[:11], second[:11]) == ("B against A", "C against A")
-    assert (first.rpartition("; ")[2], second.rpartition("; ")[2]) == ("2 fields differ", "no field differs")
-    assert len(answer.to_json()["changes"]) == 2
-    assert len(answer.figures()[1]) == 3
+    report = drives_report(three, 0)
+    assert [line[:2] for line in report.line.splitlines()] == ["A,", "B,", "C,"]
+    assert len(report_object(report)["changes"]) == 2
+    assert report.csv is not None
+    assert len(report.csv[1]) == 3
 
 
-def test_the_page_is_short_and_has_the_rest_on_request(better):
-    out = Output(Style(ascii=True, codes=False, width=80))
-    short, long = (
-        out.page(drives_answer(better, seed=0, details=details).page(out.style)) for details in (False, True)
-    )
-    assert short.startswith("B against A: ")
-    assert max(map(len, short.splitlines())) <= 80
+def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_screen(better):
+    three = replace(better, sheets=(*better.sheets, better.sheets[1]), changes=better.changes * 2)
+    page = on_paper(drives_report(three, 0))
+    lines = page.splitlines()
+    share = 100 * better.changes[0].together.share[0]
+    files = ", ".join(f"{letter} {SMALL}" for letter in "ABC")
+    assert " ".join(page.split()).startswith(f"{files}: B {share:.0f} % less; C {share:.0f} % less ")
+    for letter, sheet in zip("ABC", three.sheets, strict=True):
+        built = sheet.check.points[0].error.F_ior_arcsec
+        best = sheet.advice.chosen
+        change = r"- +-$" if letter == "A" else rf"{share:.0f} % less +tolerances.F_i2$"
+        row = rf"^{letter} +4 N·m +{built:.2f} +{best.F_ior_arcsec[0]:.2f} +{best.hole} +{change}"
+        assert re.search(row, page, re.MULTILINE), row
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+
+
+def test_the_rest_stands_in_the_details(better):
+    report = drives_report(better, 0)
+    short, long = (on_paper(report, ascii=True, details=details) for details in (False, True))
     plain = re.sub(r"\s+", " ", short)
     assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in plain
-    assert "-o report.html more --details proof" in plain
-    for words in ("fields that differ", "25 (override)", "certificate: "):
+    for words in ("side by side", "fields that differ", "25 (override)", "equilibrium", "each field alone from A to B"):
         assert words in long
         assert words not in short
