@@ -80,12 +80,13 @@ def mount_command(
     from hdassist.errors import UsageError
     from hdassist.model.unknown import with_zeros
     from hdassist.mounting.advice import advice_states, advise
-    from hdassist.pages.mount import mount_answer, mount_card_facts
+    from hdassist.pages.mount import mount_card_facts, mount_report
     from hdassist.run.processes import workers
     from hdassist.run.run import Run
     from hdassist.solve.answers import EMPTY
     from hdassist.solve.window import in_wide_enough_window
     from hdassist.terminal.output import note
+    from hdassist.terminal.runs import answer_of
     from hdassist.terminal.wheels import PitchFiles
 
     if moved:
@@ -117,7 +118,7 @@ def mount_command(
         proof = advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {proof}")
     facts = None if advice.curve.interrupted or advice.order == "none" else lambda say: mount_card_facts(advice, say)
-    told = mount_answer(advice, seed=seed, plots=plot, details=details, carded=card_file is not None)
+    told = answer_of(mount_report(advice, seed, carded=card_file is not None), plots=plot, details=details)
     raise typer.Exit(give_with_card("mount", told, card_file, facts, options, out))
 
 

@@ -42,12 +42,11 @@ def report_command(
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """
     from hdassist.comparing.sheet import sheet_of, sheet_states
-    from hdassist.pages.check import check_report
-    from hdassist.pages.report import report_exit_code, report_json, report_of
+    from hdassist.pages.report import drive_report
     from hdassist.pages.report_render import report_html, report_markdown
     from hdassist.run.processes import workers
     from hdassist.run.run import Run
-    from hdassist.terminal.answers import json_text
+    from hdassist.terminal.answers import json_text, report_object
     from hdassist.terminal.output import note, warn
 
     kind = _kind(options)
@@ -55,21 +54,21 @@ def report_command(
     drive = drives.load(preset)
     with out.progress(drive.name, sheet_states(drive, draws)) as progress, workers(jobs) as executor:
         sheet: DriveSheet = sheet_of(drive, draws=draws, run=Run(executor, progress, seed))
-    made = report_of(sheet, draws=draws, seed=seed, ascii=out.style.ascii)
-    for text in made.warnings:
+    report = drive_report(sheet, draws=draws, seed=seed)
+    for text in report.warnings:
         warn(f"{drive.name}: {text}")
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {sheet.certificate}")
     if options.json:
-        out.text(json_text(report_json(sheet, seed)))
+        out.text(json_text(report_object(report)))
     elif options.quiet:
-        out.text(f"{check_report(sheet.check, seed).line}\n")
+        out.text(f"{report.line}\n")
     elif kind == ".html":
-        page = report_html(made)
+        page = report_html(report)
         out.text(page.encode("ascii", "xmlcharrefreplace").decode() if options.ascii else page)
     else:
-        out.text(report_markdown(made, out.style.text))
-    raise typer.Exit(report_exit_code(sheet))
+        out.text(report_markdown(report, out.style))
+    raise typer.Exit(report.exit_code)
 
 
 def _kind(options: o.AnswerOptions) -> str:

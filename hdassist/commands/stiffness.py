@@ -45,10 +45,10 @@ def stiffness_command(
     --at it is told at the torques of the preset that the curve reaches.
     """
     from hdassist.error.stiffness import curve_end, stiffness, stiffness_states
-    from hdassist.pages.stiffness import stiffness_answer
+    from hdassist.pages.stiffness import stiffness_report
     from hdassist.run.run import Run
     from hdassist.solve.window import in_wide_enough_window
-    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.terminal.runs import Answer, answer_of, give, run_each
 
     out = options.open()
 
@@ -61,6 +61,6 @@ def stiffness_command(
         with out.progress(drive.name, stiffness_states()) as progress:
             run = Run(progress=progress, cross_check=cross_check)
             result = stiffness(drive, T_1=t1, T_2=t2, T_max=to, tangents_at=torques, run=run)
-        return stiffness_answer(drive, result, plots=plot, details=details)
+        return answer_of(stiffness_report(drive, result), plots=plot, details=details)
 
     give("stiffness", run_each("stiffness", [preset], one, options, keep_failures=False), options, out)

@@ -19,9 +19,9 @@ from hdassist.loading.write import with_changes
 from hdassist.mounting.advice import Advice
 from hdassist.pages import card_render
 from hdassist.pages.card import card_of
-from hdassist.pages.mount import mount_card_facts, mount_json
+from hdassist.pages.mount import mount_card_facts, mount_report
 from hdassist.pages.trials import trials_card_facts, trials_json
-from hdassist.terminal.answers import json_text
+from hdassist.terminal.answers import json_text, report_object
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
 from hdassist.trials.advice import TrialAdvice
@@ -62,7 +62,7 @@ class Exporting(Asking):
         of_mount = isinstance(advice, Advice)
 
         def text() -> str:
-            found = mount_json(advice, SEED) if isinstance(advice, Advice) else trials_json(advice)
+            found = report_object(mount_report(advice, SEED)) if isinstance(advice, Advice) else trials_json(advice)
             return json_text(found)
 
         fields = [("file", self.named("-mount.json" if of_mount else "-trials.json"))]

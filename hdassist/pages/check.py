@@ -23,7 +23,6 @@ from hdassist.verdict import Verdict
 
 LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
-PLOTTED_ROWS = 8
 
 
 def turns_text(degrees: float) -> str:
@@ -126,7 +125,6 @@ ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("limit", "limit", "", "g", lambda p: p.limit_arcsec),
     Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
 )
-TORQUE = POINT_QUANTITIES[0]
 
 
 def check_report(check: DesignCheck, seed: int) -> Report:
@@ -250,7 +248,7 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
         y_label=f"error at {point.M_g:g} N·m{taken}, arcsec: least and greatest around each cam turn",
         caption=f"Error over the full cycle at {point.M_g:g} N·m{taken}",
         over=1.0,
-        rows=PLOTTED_ROWS,
+        rows=8,
     )
 
 
@@ -264,10 +262,10 @@ def error_tables(check: DesignCheck) -> Iterator[Block]:
         if check.unknown:
             yield Paragraph(f"not known, and 0 above: {unknown_names(check.unknown)}")
         held = any(point.probability for point in check.points)
-        shown = [q for q in (TORQUE, *BELIEF, *MONTE_CARLO) if held or "probability" not in q.key]
+        shown = [q for q in (POINT_QUANTITIES[0], *BELIEF, *MONTE_CARLO) if held or "probability" not in q.key]
         yield Table.by_column("F'_ior over all that is not known exactly", shown, check.points)
     if any(point.sensitivity for point in check.points):
-        yield Table.by_column("change of F'_ior by a micrometre more", (TORQUE, *SLOPES), check.points)
+        yield Table.by_column("change of F'_ior by a micrometre more", (POINT_QUANTITIES[0], *SLOPES), check.points)
 
 
 def geometry_table(check: DesignCheck) -> Table:

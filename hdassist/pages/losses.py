@@ -11,23 +11,23 @@ from hdassist.json_parts import Json
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
-from hdassist.terminal.console import Style, TextTable, grid
+from hdassist.report.blocks import Table
 
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 
 
 def losses_table(
-    found: PositionStatistics, holes: int, torques: Sequence[float], style: Style, title: str, most: int
-) -> TextTable:
-    """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, what it loses."""
+    found: PositionStatistics, holes: int, torques: Sequence[float], title: str, most: int, *notes: str
+) -> Table:
+    """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, its loss."""
     heads = ("position", "good, %", "median", "5 %", "95 %", "loss, %")
-    rows = grid(style, f"{title}\nF'_ior in arcsec at {beside(torques, 'g')} N·m", *heads)
+    rows = []
     for place in found.ranked[:most]:
         spread = [beside(found.quantile(level, place), ".1f") for level in LEVELS.values()]
         good, loss = f"{100 * found.probability_good[place]:.0f}", f"{100 * found.expected_loss[place]:.1f}"
-        rows.add_row(hole_words(found.rotations_deg[place], holes), good, *spread, loss)
-    return rows
+        rows.append((hole_words(found.rotations_deg[place], holes), good, *spread, loss))
+    return Table(title, heads, tuple(rows), notes=(*notes, f"F'_ior in arcsec at {beside(torques, 'g')} N·m"))
 
 
 def kept_line(found: PositionStatistics, drive: Drive, torques: Sequence[float]) -> str:

@@ -1,4 +1,4 @@
-"""The mounting advice as an instruction, plots and tables, as JSON, and as CSV."""
+"""The mounting advice as a report."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from hdassist.belief.samples import Probability
 from hdassist.json_parts import (
     Json,
-    certificate_object,
     influence_objects,
     measure_objects,
     pitch_object,
@@ -22,17 +19,16 @@ from hdassist.json_parts import (
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.positions import MountingCurve, Position, bare
+from hdassist.mounting.positions import bare
 from hdassist.pages.card import CardFacts, warnings_of
 from hdassist.pages.losses import beside, kept_line, losses_object, losses_table
-from hdassist.pages.seat import TRADE, hole_place, instruction, seat_text, wheel
-from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.terminal.answers import cross_check_words, envelope
-from hdassist.terminal.brief import again, facts, proof
-from hdassist.terminal.console import Style, TextTable, grid
+from hdassist.pages.seat import TRADE, hole_place, instruction, seat_of, wheel
+from hdassist.report.blocks import Block, Curve, CurveMark, Facts, Table
+from hdassist.report.quantities import NO_VALUE
+from hdassist.report.report import CsvTable, Report
+from hdassist.solve.answers import EMPTY
+from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
-from hdassist.terminal.plot import curve
-from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.terminal.texts import Texts, texts
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
@@ -42,7 +38,6 @@ OPEN_NAMED = 4  # fields that are not known exactly, which are named
 RANGED = 2  # torques whose ranges stand beside their medians
 ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
 NEXT_DRAWS = 4  # times as many samples, where chance alone leaves an order open
-TURN_WORDS = "Turns are counter-clockwise seen from the side of the cam (wave generator), from where the wheel stands."
 
 
 def _phase_words(advice: Advice) -> str:
@@ -66,19 +61,29 @@ def mount_warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def mount_answer(advice: Advice, *, seed: int, plots: bool, details: bool = False, carded: bool = False) -> Answer:
-    """What there is to say of an advice.
-
-    Arguments: seed, of its samples; plots, whether seat and curves are drawn; details, whether all tables are shown;
-    carded, whether a card is written.
-    """
-    return Answer(
-        to_json=lambda: mount_json(advice, seed),
-        page=lambda style: mount_page(advice, style, plots=plots, details=details, carded=carded),
-        summary_line=lambda: mount_summary(advice),
-        figures=lambda: mount_figures(advice),
+def mount_report(advice: Advice, seed: int, *, carded: bool = False) -> Report:
+    """The advice on a drive; seed, of its samples; carded, whether a card is written."""
+    drive, curves = advice.drive, tuple(position_curves(advice))
+    first = curves[_decisive(advice)] if curves else None
+    seat = seat_of(advice.choice, texts(), advice.choice.chosen)
+    table = () if advice.any_hole else (positions_table(advice),)
+    plot = (first,) if first else () if advice.any_hole else (seat,)
+    figures: tuple[Block, ...] = curves if advice.any_hole else (*curves, seat)
+    others = (each for each in figures if each not in plot)
+    return Report(
+        command="mount",
+        drive=drive,
+        head=f"{drive.name}, {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}",
+        verdict=ORDER_WORDS[advice.order],
+        why=(what_to_do(advice),),
+        blocks=(*table, Facts.of((*gain_lines(advice), *_facts(advice, carded=carded))), *plot),
+        details=(*others, *advice_tables(advice), Facts.of(_more_facts(advice))),
+        certificate=advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY),
+        cross_checks=tuple(advice.curve.cross_checks),
+        values=_values(advice, seed),
+        csv=_csv(advice),
+        line=_line(advice),
         warnings=mount_warnings(advice),
-        proof=_certificate(advice),
         exit_code=mount_exit_code(advice),
     )
 
@@ -120,43 +125,22 @@ def _interval(found: Probability, say: Texts) -> str:
     return f"{say.percent(found.value)} ({100 * found.low:.0f}-{100 * found.high:.0f})"
 
 
-def mount_page(
-    advice: Advice, style: Style, *, plots: bool = True, details: bool = False, carded: bool = False
-) -> RenderableType:
-    """Verdict and instruction, gain and how sure it is, positions, seat; with details a plot per torque and tables."""
-    drive, result = advice.drive, advice.curve
-    words = f"{drive.name}: {ORDER_WORDS[advice.order]}, the fixed {TRADE[drive.mounting.fixed]} on its seat"
-    head = Text(style.text(words + heading(advice.measured)), style="bold")
-    parts: list[RenderableType] = [head, Text(style.text(what_to_do(advice))), facts(style, gain_lines(advice))]
-    parts += [] if advice.any_hole else [positions_table(advice, style)]
-    if plots and not advice.any_hole:
-        parts.append(Text(seat_text(advice.choice, style)))
-    if plots and details and advice.has_curve:
-        parts += [Text(drawn) for drawn in _curves(advice, style)]
-    if details:
-        parts += advice_tables(advice, style)
-    parts += [Text(style.text(TURN_WORDS)), facts(style, fact_lines(advice, details=details, carded=carded))]
-    if details:
-        parts.append(Text(curve_proof(result)))
-    return Group(*(line for part in parts for line in (part, Text(""))))
-
-
-def advice_tables(advice: Advice, style: Style) -> Iterator[TextTable]:
+def advice_tables(advice: Advice) -> Iterator[Table]:
     """Each torque alone, and the positions over the samples."""
     if advice.has_curve:
-        yield _torques(advice, style)
+        yield _torques_table(advice)
     if found := advice.positions:
-        title = f"all positions over the samples, best first ({found.criterion.name})"
+        notes = []
         for M_g, ratios in zip(advice.curve.torques, found.ratios, strict=True):
             low, _, high = found.range_of(ratios)
-            title += (
-                f"\n{M_g:g} N·m: the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
-            )
-        yield losses_table(found, advice.curve.holes, advice.curve.torques, style, title, LISTED_POSITIONS)
+            words = f"the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
+            notes.append(f"{M_g:g} N·m: {words}")
+        title = f"all positions over the samples, best first ({found.criterion.name})"
+        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, LISTED_POSITIONS, *notes)
 
 
 def gain_lines(advice: Advice) -> Iterator[tuple[str, str]]:
-    """Gain of turning with its range, and how sure it is."""
+    """Gain of turning with its range, and how sure it is, a label and a text each."""
     say, found = texts(), advice.positions
     if found and not advice.no_hole_better:
         low, middle, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
@@ -164,84 +148,102 @@ def gain_lines(advice: Advice) -> Iterator[tuple[str, str]]:
         if advice.any_hole or advice.chosen.rotation_deg:
             served = " at the torque served worst" if len(advice.curve.torques) > 1 else ""
             yield "gain", f"{middle:.0f} % less error in {where} than now{served} (5 to 95 %: {low:.0f} to {high:.0f})"
-    if (gain := advice.gain_probability) and found and not advice.any_hole and not advice.no_hole_better:
+    if (gain := advice.gain_probability) and found and advice.order != "none" and not advice.no_hole_better:
         at = hole_place(found.position(advice.drive, 0.0, found.challenger), say)
-        yield (
-            "sure",
-            f"{at} is better than now by more than 1 % with {_interval(gain, say)}, {100 * advice.needed:g} % needed",
-        )
+        needed = f"{100 * advice.needed:g} % needed"
+        yield "sure", f"{at} is better than now by more than 1 % with {_interval(gain, say)}, {needed}"
     if not advice.curve.usable[0]:
         yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
 
 
-def fact_lines(advice: Advice, *, details: bool, carded: bool) -> Iterator[tuple[str, str]]:
-    """What is to be known beside the positions, a label and a text each."""
-    samples, drive = advice.samples, advice.drive
+def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
+    """Limits, largest influences, the next measurement and the next command, a label and a text each."""
     if advice.positions and advice.worth_turning:
-        yield "limit", kept_line(advice.positions, drive, advice.curve.torques)
+        yield "limit", kept_line(advice.positions, advice.drive, advice.curve.torques)
     yield "influence", influence_words(advice.influences, "the gain") if advice.influences else ""
     yield "measure", _measure(advice)
-    yield "unknown", ("" if samples else "taken as 0: ") + unknown_names(advice.unknown) if advice.unknown else ""
+    if advice.unknown and not advice.samples:
+        yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
+    if advice.order != "none" and not carded:  # else the sentence above names it
+        card = again("mount", advice.drive, "--card", "card.html")
+        yield "next", card + (" with the same pitch files" if advice.measured else "")
+
+
+def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
+    """More to be known beside the positions, a label and a text each."""
+    samples = advice.samples
+    yield "unknown", unknown_names(advice.unknown) if advice.unknown and samples else ""
     more = f"; the order from {advice.all_draws} drawn" if samples and advice.all_draws > samples.draws else ""
     yield "samples", samples_words(samples) + more if samples else ""
-    if advice.order != "none" and not carded:  # else the sentence above names it
-        card = again("mount", drive, "--card", "card.html")
-        yield "next", card + (" with the same pitch files" if advice.measured else "")
-    yield "proof", proof(_certificate(advice), advice.curve.cross_checks)
-    yield "more", "" if details else "--details"
-
-
-def _certificate(advice: Advice) -> Certificate:
-    """Worst residuals of curve and samples."""
-    return advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
+    solved, places = int(advice.curve.every_state.sum()), advice.curve.every_state.size
+    if solved < places:
+        yield "curves", f"every state solved at {solved} of {places} points of the curves, the others searched"
 
 
 def _measure(advice: Advice) -> str:
-    """What to measure where nothing is ordered; more samples where chance alone leaves it open."""
+    """Measurements where nothing is ordered; more samples where chance alone leaves it open."""
     found = advice.gain_probability
     if advice.order != "none" or advice.any_hole or not found or not advice.samples:
         return ""
-    words = measure_words(advice.to_measure, True, advice.curve.holes).replace("right verdict", "right order")
+    words = [measure_words(advice.to_measure, True, advice.curve.holes)]
     if found.low < advice.needed < found.high:
-        words += f"; more samples may settle it: --draws {NEXT_DRAWS * round(advice.samples.effective)}" * bool(words)
-        words = words or f"more samples may settle it: --draws {NEXT_DRAWS * round(advice.samples.effective)}"
-    return words
+        words.append(f"more samples may settle it: --draws {NEXT_DRAWS * round(advice.samples.effective)}")
+    return "; ".join(filter(None, words))
 
 
-def _curves(advice: Advice, style: Style) -> list[str]:
+def _decisive(advice: Advice) -> int:
+    """Place of the torque at which the chosen position gains least."""
+    now, then = advice.choice.current.F_ior_arcsec, advice.choice.chosen.F_ior_arcsec
+    return int(np.argmax(np.divide(then, np.maximum(now, 1e-9))))
+
+
+def position_curves(advice: Advice) -> Iterator[Curve]:
+    """F'_ior over the positions of the wheel at each torque; over the phase where nobody knows how it stands."""
     result = advice.curve
-    order = np.argsort(result.phase_deg)
-    if len(order) < 2:
-        return []
-    label = f"phase {_phase_words(advice)}, deg"
-    return [
-        curve(style, result.phase_deg[order], values[order], x_label=label, y_label=f"F'_ior at {M_g:g} N·m, arcsec")
-        for M_g, values in zip(result.torques, result.F_ior_arcsec, strict=True)
-    ]
+    if not advice.has_curve or len(result.rotation_deg) < 2:
+        return
+    per = 360 / result.holes if result.holes else 1.0
+    turned, over = result.rotation_deg / per, "positions"
+    x_label = "turned by, holes" if result.holes else "turned by, deg"
+    if advice.any_hole:
+        turned, over = result.phase_deg, "phases"
+        x_label = f"phase {_phase_words(advice)}, deg"
+    order = np.argsort(turned)
+    now, target = advice.choice.current, advice.choice.chosen
+    for k, M_g in enumerate(result.torques):
+        label = f"F'_ior at {M_g:g} N·m, arcsec"
+        notes = ["bars 5 to 95 % over all that is uncertain"] * bool(advice.positions)
+        notes += ["line: unknown as 0"] * bool(advice.unknown and not advice.any_hole)
+        marks = [] if advice.any_hole else [CurveMark(now.rotation_deg / per, now.F_ior_arcsec[k], "now", "now")]
+        if target.rotation_deg and not advice.any_hole:
+            marks.append(CurveMark(target.rotation_deg / per, target.F_ior_arcsec[k], "best", "target"))
+        yield Curve(
+            turned[order], result.F_ior_arcsec[k, order], x_label, "; ".join([label, *notes]),
+            caption="; ".join([f"F'_ior over the {over} of the wheel at {M_g:g} N·m", *notes]),
+            whiskers=tuple(_whiskers(advice, k, per)), marks=tuple(marks),
+            points=bool(result.holes) and not advice.any_hole, from_zero=True, rows=6,
+        )  # fmt: skip
 
 
-def curve_proof(result: MountingCurve) -> str:
-    """The certificate of the curves, and at how many of their points every state was solved."""
-    solved, places = int(result.every_state.sum()), result.every_state.size
-    proven = result.certificate
-    words = f"certificate: {proven.states} states, greatest residual {proven.max_residual:.1e} of its scale"
-    words += cross_check_words(result.cross_checks)
-    if solved < places:
-        words = f"every state solved at {solved} of {places} points of the curves, the others searched; {words}"
-    return words
+def _whiskers(advice: Advice, torque: int, per: float) -> Iterator[tuple[float, float, float]]:
+    """For each position that was sampled, its place and F'_ior [arcsec] of 5 and 95 % of the samples."""
+    if found := advice.positions:
+        for k, rotation in enumerate(found.rotations_deg):
+            low, high = (found.quantile(share, k)[torque] for share in (0.05, 0.95))
+            yield rotation / per, low, high
 
 
-def positions_table(advice: Advice, style: Style) -> TextTable:
-    """The present, chosen, second and worst position: F'_ior, over samples its median and range."""
+def positions_table(advice: Advice) -> Table:
+    """The present, chosen and worst position: F'_ior, over samples its median and range."""
     choice, found, torques = advice.choice, advice.positions, advice.curve.torques
-    title = "positions (best for the torque served worst)"
+    title = "F'_ior in arcsec by position; turns counter-clockwise seen from the cam side"
     ranged = found is not None and len(torques) <= RANGED
-    heads = [f"F'_ior, arcsec, at {beside(torques, 'g')} N·m"]
+    heads = [f"at {beside(torques, 'g')} N·m"]
     if ranged:
-        title += "\nF'_ior in arcsec over all that is not known exactly: median (5 to 95 %)"
+        title = "F'_ior in arcsec, median (5 to 95 %); turns ccw seen from the cam side"
         heads = [f"at {M_g:g} N·m" for M_g in torques]
-    rows = grid(style, title, "position", "hole", "turn, deg", *heads, "against now")
-    named = {"now": choice.current, "best": choice.chosen, "second": choice.second, "worst": choice.ranked[-1]}
+    rows = []
+    named = {"now": choice.current, "best": choice.chosen, "worst": choice.ranked[-1]}
     for words, position in named.items():
         if position is not None:
             cells = [beside(position.F_ior_arcsec)]
@@ -249,34 +251,28 @@ def positions_table(advice: Advice, style: Style) -> TextTable:
                 at = found.place(position.rotation_deg)
                 ends = zip(position.F_ior_arcsec, found.quantile(0.05, at), found.quantile(0.95, at), strict=True)
                 cells = [f"{F_ior:.2f} ({low:.1f}-{high:.1f})" for F_ior, low, high in ends]
+            hole = NO_VALUE if position.hole is None else f"{position.hole}"
             change = f"{100 * position.change_from(choice.current):+.0f} %"
-            rows.add_row(words, *_where(position), *cells, change)
-    return rows
+            rows.append((words, hole, f"{position.rotation_deg:g}", *cells, change))
+    return Table(title, ("position", "hole", "turn, deg", *heads, "against now"), tuple(rows))
 
 
-def _where(position: Position) -> tuple[str, str]:
-    """Cells of hole and turn."""
-    return "-" if position.hole is None else f"{position.hole}", f"{position.rotation_deg:g}"
-
-
-def _torques(advice: Advice, style: Style) -> TextTable:
-    result, now = advice.curve, () if advice.any_hole else ("now, arcsec",)
-    heads = ("torque, N·m", *now, "best, arcsec", "at phase, deg", "worst, arcsec", "at phase, deg")
-    title = "each torque alone" + ", by values as given, the unknown as 0" * bool(advice.positions)
-    rows = grid(style, title, *heads, words=0)
-    rows.unwrapped = 1
+def _torques_table(advice: Advice) -> Table:
+    result, now = advice.curve, () if advice.any_hole else ("now",)
+    heads = ("torque, N·m", *now, "best", "phase, deg", "worst", "phase, deg")
+    title = "F'_ior at each torque alone, arcsec" + ", by values as given, the unknown as 0" * bool(advice.positions)
+    rows = []
     for k, M_g in enumerate(result.torques):
-        found = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
-        rows.add_row(f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *found)
-    return rows
+        ends = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
+        rows.append((f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *ends))
+    return Table(title, heads, tuple(rows), words=())
 
 
-def mount_json(advice: Advice, seed: int) -> Json:
-    """The curves and positions as a JSON object."""
+def _values(advice: Advice, seed: int) -> Json:
+    """Curves and positions."""
     result, choice = advice.curve, advice.choice
     second, gain = choice.second, advice.gain_probability
     return {
-        **envelope("mount", advice.drive, mount_exit_code(advice), mount_warnings(advice)),
         "complete": not result.interrupted,
         "pitch": pitch_object(advice.measured),
         "instruction": what_to_do(advice),
@@ -309,7 +305,6 @@ def mount_json(advice: Advice, seed: int) -> Json:
         "best_gain_range": _percentiles(advice.best_gain_range),
         "probability_gain": None if gain is None or advice.any_hole else asdict(gain),
         "probability_needed": advice.needed,
-        "certificate": certificate_object(_certificate(advice), result.cross_checks),
         "seed": seed,
     }
 
@@ -330,7 +325,7 @@ def _belief(advice: Advice) -> Json | None:
     }
 
 
-def mount_figures(advice: Advice) -> CsvTable:
+def _csv(advice: Advice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
     result = advice.curve
     rows = [
@@ -341,8 +336,8 @@ def mount_figures(advice: Advice) -> CsvTable:
     return ["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows
 
 
-def mount_summary(advice: Advice) -> str:
-    """The answer alone: the hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
+def _line(advice: Advice) -> str:
+    """The hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
     if advice.order == "none":
         return "unknown"
     return bare(advice.choice.target.rotation_deg, advice.curve.holes)

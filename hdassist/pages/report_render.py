@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from jinja2 import Environment
@@ -10,37 +11,46 @@ from markupsafe import Markup
 
 from hdassist.pages.card_render import environment, html_safe, markdown_safe
 from hdassist.pages.card_svg import seat_geometry
-from hdassist.pages.report_blocks import Block, Chart, Figure, Paragraph, Report
+from hdassist.pages.report_charts import chart
+from hdassist.report.blocks import Block, Curve, Facts, HeatMap, Paragraph, Seat, Table, Tiles, TwoCurves
+from hdassist.report.report import Report
+from hdassist.terminal.brief import proof
+from hdassist.terminal.console import Style
+from hdassist.terminal.page import in_characters
 from hdassist.visible import visible
 
-BLOCKS = {"chart": Chart, "figure": Figure, "paragraph": Paragraph}
+FIGURE_COLUMNS = 80  # of figures in characters
+KINDS = {"curve": Curve, "seat": Seat, "paragraph": Paragraph, "facts": Facts, "table": Table, "tiles": Tiles}
+DRAWN = (Curve, TwoCurves, HeatMap, Seat)
 
 
 def report_html(report: Report) -> str:
-    """The report as one HTML file: everything inside it, no scripts."""
-    page = _environment(autoescape=True, finalize=html_safe, batches=_batches)
+    """A report as one HTML file: everything inside it, no scripts."""
+    page = _environment(autoescape=True, finalize=html_safe, batches=_batches, chart_of=chart)
     seat = page.get_template("seat.svg")
     page.globals["seat_svg"] = lambda drawn: Markup(seat.render(seat=drawn, **seat_geometry(drawn)))
-    return page.get_template("report.html").render(report=report)
+    return page.get_template("report.html").render(report=report, proof=_proof(report))
 
 
-def report_markdown(report: Report, shown: Callable[[str], str] = str) -> str:
-    """The report as Markdown, with the tables of GitHub's dialect and figures in characters.
-
-    shown: what can be shown of a text, before what Markdown takes for signs is escaped.
-    """
+def report_markdown(report: Report, style: Style) -> str:
+    """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
 
     def safe(value: Any) -> Any:
-        return markdown_safe(value if isinstance(value, Markup) else shown(str(value)))
+        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
 
-    page = _environment(finalize=safe, as_drawn=_as_drawn)
-    return page.get_template("report.md").render(report=report)
+    plain = replace(style, codes=False, width=FIGURE_COLUMNS)
+    page = _environment(finalize=safe, as_drawn=lambda figure: _as_drawn(in_characters(figure, plain)))
+    return page.get_template("report.md").render(report=report, proof=_proof(report))
+
+
+def _proof(report: Report) -> str:
+    return proof(report.certificate, report.cross_checks) if report.certificate else ""
 
 
 def _environment(**options: Any) -> Environment:
-    """Where templates are found, which can ask what kind a block is."""
+    """Templates, which can ask the kind of a block."""
     found = environment(**options)
-    for name, kind in BLOCKS.items():
+    for name, kind in KINDS.items():
         found.tests[name] = lambda block, kind=kind: isinstance(block, kind)
     return found
 
@@ -49,7 +59,7 @@ def _batches(blocks: Iterable[Block]) -> list[list[Block]]:
     """Blocks one by one, but figures that follow each other together."""
     found: list[list[Block]] = []
     for block in blocks:
-        if found and isinstance(block, Figure) and isinstance(found[-1][0], Figure):
+        if found and isinstance(block, DRAWN) and isinstance(found[-1][0], DRAWN):
             found[-1].append(block)
         else:
             found.append([block])

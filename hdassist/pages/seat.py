@@ -8,8 +8,6 @@ from math import inf
 from hdassist.mounting.positions import Choice, Position, hole_of
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Hole, Seat, SeatMark
-from hdassist.terminal.console import Style
-from hdassist.terminal.seat import seat_in_characters
 from hdassist.terminal.texts import Texts, texts
 
 TRADE = {"rigid": "rigid wheel (circular spline)", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
@@ -85,12 +83,3 @@ def seat_of(choice: Choice, say: Texts, goal: Position | None, pointers: Sequenc
     drawn = sorted(places, key=lambda p: ("worst", "now", "best").index(p.kind))  # the best one on top
     turned = goal.short_way_deg if goal else 0.0
     return Seat(say("seat.title"), holes, first, turned, tuple(drawn), tuple(pointers), barred, legend)
-
-
-def seat_text(choice: Choice, style: Style) -> str:
-    """The seat in characters: its holes by number, the present (N), chosen (B) and worst (W) one marked.
-
-    Hole 0 is where the wheel stands; it lies at mounting.first_hole, counted counter-clockwise from the right.
-    """
-    seat = seat_of(choice, texts(), choice.chosen)
-    return style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}")

@@ -21,6 +21,7 @@ from hdassist.report.quantities import Quantity, as_object
 from hdassist.terminal.answers import envelope
 from hdassist.terminal.brief import facts, proof
 from hdassist.terminal.console import Style
+from hdassist.terminal.page import block_on_page
 from hdassist.terminal.runs import Answer, CsvTable
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice
@@ -144,8 +145,9 @@ def trials_page(advice: TrialAdvice, style: Style, *, details: bool = False, car
     parts: list[RenderableType] = [
         Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
         Text(style.text(trials_instruction(advice))),
-        losses_table(
-            advice.losses, holes, torques, style, f"positions, least loss first, {turns}", LISTED_HOLES[details]
+        *block_on_page(
+            losses_table(advice.losses, holes, torques, f"positions, least loss first, {turns}", LISTED_HOLES[details]),
+            style,
         ),
         facts(style, _lines(advice, details=details, carded=carded)),
     ]

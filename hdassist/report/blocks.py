@@ -71,7 +71,7 @@ class CurveMark:
     kind: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Curve:
     """y over x, both shape (n,), x growing; labels with units.
 
@@ -94,7 +94,7 @@ class Curve:
     rows: int = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TwoCurves:
     """Two series over x, all shape (n,), with a name each; labels with units; limit and rows as of a curve."""
 
@@ -108,7 +108,7 @@ class TwoCurves:
     rows: int = 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeatMap:
     """z of shape (x, y), NaN where there is none; x and y growing; labels with units, y_label with what is drawn."""
 
@@ -175,7 +175,7 @@ class ReportSection:
     """Blocks under a title."""
 
     title: str
-    blocks: tuple[Paragraph | Facts | Table | Figure | Tiles, ...]
+    blocks: tuple[Block, ...]
 
 
 Block = Paragraph | Facts | Table | Figure | Tiles | ReportSection

@@ -71,17 +71,20 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
 
 def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> str:
     """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
-    labels = {} if isinstance(block, Seat) else {"x_label": block.x_label, "y_label": block.y_label}
     match block:
         case Curve():
-            return curve(style, block.x, block.y, **labels, height=block.rows, over=block.over, limit=block.limit)
+            return curve(
+                style, block.x, block.y, x_label=block.x_label, y_label=block.y_label, height=block.rows,
+                over=block.over, limit=block.limit, whiskers=block.whiskers, marks=block.marks,
+                from_zero=block.from_zero,
+            )  # fmt: skip
         case TwoCurves():
             return two_curves(
                 style, block.x, block.first, block.second, names=block.names, x_label=block.x_label,
                 y_label=block.y_label, height=block.rows, limit=block.limit,
             )  # fmt: skip
         case HeatMap():
-            return heat(style, block.x, block.y, block.z, **labels)
+            return heat(style, block.x, block.y, block.z, x_label=block.x_label, y_label=block.y_label)
         case Seat():
             return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
 
@@ -102,7 +105,7 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
     first = True
     while columns or first:
         shown = len(columns)
-        while shown > 1 and _width(block, [0, *columns[:shown]]) > style.width:
+        while shown > 1 and _width(block, [0, *columns[:shown]], style) > style.width:
             shown -= 1
         table = _table(block, [0, *columns[:shown]], style)
         title = "\n".join((block.title, *block.notes)) if first else ""
@@ -110,11 +113,12 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
         columns, first = columns[shown:], False
 
 
-def _width(block: Table, columns: list[int]) -> int:
+def _width(block: Table, columns: list[int], style: Style) -> int:
     """Columns of characters of a table in which only words wrap."""
     whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
     parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, whole, strict=True)]
-    return sum(max(map(cell_len, cells), default=0) + 3 for cells in parts) + 1
+    apart = 3 * (len(columns) - 1) + (4 if style.ascii else 0)
+    return apart + sum(max(map(cell_len, cells), default=0) for cells in parts)
 
 
 def _table(block: Table, columns: list[int], style: Style) -> RichTable:

@@ -10,6 +10,7 @@ from typing import ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.report.blocks import CurveMark
 from hdassist.terminal.console import Style, made_or
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
@@ -44,21 +45,35 @@ def curve(
     height: int = HEIGHT,
     over: float = 0.0,
     limit: float | None = None,
+    whiskers: Sequence[tuple[float, float, float]] = (),
+    marks: Sequence[CurveMark] = (),
+    from_zero: bool = False,
 ) -> str:
     """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
 
-    x_label and y_label carry the units; height, about how many rows; over, a length of x: two lines are drawn then,
-    the least and the greatest of y over so much around each place; limit, a line across. Returns lines without a final
-    newline.
+    x_label and y_label carry the units; height, about how many rows; the others as those of report.blocks.Curve, marks
+    by the first letter of their words. Returns lines without a final newline.
     """
     wide, tall = (1, 1) if style.ascii else (2, 4)
-    frame = _Frame.around(style, [y], height, limit)
-    columns, tall = frame.columns * wide, frame.rows * tall
-    lines = _envelope(x, y, columns, over) if over else [(x, y)]
-    drawn = [_fill(*line, columns, tall, frame.ticks[0], frame.ticks[-1]) for line in lines]
-    dots = np.logical_or.reduce(drawn)
-    rows = ["".join(row) for row in (dots_to_ascii(dots) if style.ascii else dots_to_braille(dots))]
-    return frame.drawn(style, rows, x, x_label, y_label)
+    ends = [end for _, *both in whiskers for end in both] + [0.0] * from_zero
+    frame = _Frame.around(style, [y, np.array([*ends, *y[:1]])], height, limit)
+    columns, rows = frame.columns * wide, frame.rows * tall
+    bottom, top = frame.ticks[0], frame.ticks[-1]
+    lines = least_and_greatest(x, y, columns, over) if over else [(x, y)]
+    dots = np.logical_or.reduce([_fill(*line, columns, rows, bottom, top) for line in lines])
+
+    def place(at_x: float, at_y: float, across: int, down: int) -> tuple[int, int]:
+        share = (at_x - x[0]) / max(float(x[-1] - x[0]), np.finfo(float).tiny)
+        return min(int(share * across), across - 1), round((top - at_y) / (top - bottom) * (down - 1))
+
+    for at_x, low, high in whiskers:
+        (column, first), (_, last) = place(at_x, high, columns, rows), place(at_x, low, columns, rows)
+        dots[first : last + 1, column] = True
+    cells = dots_to_ascii(dots) if style.ascii else dots_to_braille(dots)
+    for mark in marks:
+        column, row = place(mark.x, mark.y, frame.columns, frame.rows)
+        cells[row][column] = mark.words[0].upper()
+    return frame.drawn(style, ["".join(row) for row in cells], x, x_label, y_label)
 
 
 @figure
@@ -139,7 +154,7 @@ def dots_to_ascii(dots: Dots) -> list[list[str]]:
     return [["*" if dot else " " for dot in row] for row in dots]
 
 
-def _envelope(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
+def least_and_greatest(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
     NaN where nothing lies: a gap.

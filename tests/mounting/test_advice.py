@@ -12,14 +12,13 @@ from hdassist.mounting.advice import Advice
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.losses import Criterion, PositionStatistics
 from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
-from hdassist.pages.mount import mount_summary
-from hdassist.pages.seat import instruction, seat_text, turn
+from hdassist.pages.mount import mount_report
+from hdassist.pages.seat import instruction, seat_of, turn
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
-from hdassist.terminal.console import Style
+from hdassist.terminal.seat import seat_in_characters
+from hdassist.terminal.texts import texts
 from tests.process import SMALL
-
-LOOK = Style(ascii=True, codes=False, width=80)
 
 
 def curve_of(*values: list[float], holes: int = 12, **options) -> MountingCurve:
@@ -42,7 +41,7 @@ def test_only_allowed_holes_are_recommended():
     # the present hole is not among them: it has to be left, even for a worse one
     forced = curve_of([5.0, 9.0, 8.0, 7.0, 30.0, 6.0], holes=6, allowed=(1, 2))
     assert advice_of(forced).worth_turning
-    assert mount_summary(advice_of(forced)) == "2"
+    assert mount_report(advice_of(forced), 0).line == "2"
     drive = load_preset(SMALL, ["mounting.allowed=[2,5]"])
     assert seat_positions(drive) == [0, 60, 150]
 
@@ -85,7 +84,7 @@ def test_no_gain_means_stay():
     # less than a hundredth is nothing
     assert not advice_of(curve_of([10.0, 9.95, 12.0], holes=3)).worth_turning
     assert advice_of(curve_of([10.0, 9.8, 12.0], holes=3)).worth_turning
-    assert mount_summary(advice_of(curve_of([10.0, 9.95, 12.0], holes=3))) == "0"
+    assert mount_report(advice_of(curve_of([10.0, 9.95, 12.0], holes=3)), 0).line == "0"
     assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).choice) == "Leave the rigid wheel as it is."
 
 
@@ -110,7 +109,8 @@ def test_the_seat_shows_where_holes_lie():
         there = drive.model_copy(
             update={"mounting": drive.mounting.model_copy(update={"first_hole": first_hole, "holes": 4})}
         )
-        rows = seat_text(Advice(there, curve).choice, LOOK).split("\n\nseat")[0].split("\n")
+        choice = Advice(there, curve).choice
+        rows = seat_in_characters(seat_of(choice, texts(), choice.chosen)).split("\n")
         ((row, column),) = [(r, line.index(letter)) for r, line in enumerate(rows) if letter in line]
         return column - 20, 7 - row
 

@@ -17,8 +17,7 @@ from hdassist.pages import card_render
 from hdassist.pages.card import Card, warnings_of
 from hdassist.pages.card_svg import CENTRE, HOLE_CIRCLE
 from hdassist.pages.mount import mount_warnings, what_to_do
-from hdassist.pages.seat import instruction, seat_text
-from hdassist.terminal.console import Style
+from hdassist.pages.seat import instruction, seat_of
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
@@ -280,7 +279,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     monkeypatch.setattr(Texts, "__call__", recorded)
     for advice in [*CARDS.values(), crowded(CARDS["many"])]:
         card(advice, "ru")
-        seat_text(advice.choice, Style(ascii=True, codes=False, width=80))
+        seat_of(advice.choice, texts("ru"), advice.choice.chosen)
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(crowded(CARDS["many"]), "en")

@@ -10,8 +10,9 @@ from hdassist import load_preset
 from hdassist.model.deviations import deviation_scalars
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.pages.mount import mount_card_facts, mount_json, mount_summary, what_to_do
+from hdassist.pages.mount import mount_card_facts, mount_report, what_to_do
 from hdassist.run.run import UNCHECKED
+from hdassist.terminal.answers import report_object
 from hdassist.terminal.texts import texts
 from tests.process import SMALL, run
 from tests.support import changed
@@ -31,8 +32,8 @@ def oval():
 
 def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     advice = advice_on("phases.phi_hb=unknown", "operation.M_g=4")
-    assert (advice.order, advice.any_hole, mount_summary(advice)) == ("none", True, "unknown")
-    told = mount_json(advice, 0)
+    assert (advice.order, advice.any_hole, mount_report(advice, 0).line) == ("none", True, "unknown")
+    told = report_object(mount_report(advice, 0))
     assert (told["exit_code"], told["order"], told["turn"], told["recommended"]) == (6, "none", False, None)
     assert [place["hole"] for place in told["measure"]] == [0, 4, 8]
     assert told["unknown"] == [{"field": "phases.phi_hb", "range": [0, 360], "reason": "any direction"}]
@@ -59,9 +60,12 @@ def test_where_no_hole_can_be_better_the_first_line_says_why_and_nothing_is_to_b
     advice = advice_on("operation.M_g=4", "mounting.holes=4", *overrides, draws=8)
     # holes are no whole number of teeth apart
     assert advice.curve.F_ior_arcsec.max() < 1.01 * advice.curve.F_ior_arcsec.min()
-    assert (advice.order, advice.any_hole, advice.to_try and mount_summary(advice)) == ("leave", False, "0")
+    assert (advice.order, advice.any_hole, advice.to_try and mount_report(advice, 0).line) == ("leave", False, "0")
     assert what_to_do(advice) == f"No hole is better than another: {why} Leave the rigid wheel as it is."
-    assert (mount_json(advice, 0)["exit_code"], mount_json(advice, 0)["measure"]) == (0, [])
+    assert (report_object(mount_report(advice, 0))["exit_code"], report_object(mount_report(advice, 0))["measure"]) == (
+        0,
+        [],
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,13 +82,13 @@ def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
 
 
 def test_every_number_of_a_hole_is_the_median_over_the_samples(oval):
-    told, card = mount_json(oval, 0), mount_card_facts(oval, texts())
+    told, card = report_object(mount_report(oval, 0)), mount_card_facts(oval, texts())
     sampled = told["belief"]
     for name in ("current", "best_bet", "second", "worst"):
         assert told[name]["F_ior_arcsec"] == pytest.approx(sampled[name]["F_ior_arcsec"]["expected"])
         assert told[name]["rotation_deg"] == sampled[name]["rotation_deg"]
     medians = {place["rotation_deg"]: place["F_ior_arcsec"]["expected"] for place in sampled["positions"]}
-    unsure = mount_json(replace(oval, needed=1.1), 0)
+    unsure = report_object(mount_report(replace(oval, needed=1.1), 0))
     assert [place["hole"] for place in unsure["measure"]] == [0, 2, 4]
     for place in (*unsure["measure"], unsure["current"]):
         assert place["F_ior_arcsec"] == pytest.approx(medians[place["rotation_deg"]])

@@ -14,13 +14,14 @@ import pytest
 from hdassist import load_preset
 from hdassist.comparing.sheet import DriveSheet, sheet_of
 from hdassist.pages.check import check_report
-from hdassist.pages.mount import mount_json, what_to_do
-from hdassist.pages.report import report_exit_code, report_json, report_of
-from hdassist.pages.report_blocks import Figure
+from hdassist.pages.mount import mount_report, what_to_do
+from hdassist.pages.report import drive_report
 from hdassist.pages.report_charts import ENVELOPE_COLUMNS, chart
 from hdassist.pages.report_render import report_html, report_markdown
 from hdassist.preset.schema import counted
+from hdassist.report.blocks import Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
+from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style
 from tests.process import SMALL, run
 
@@ -28,6 +29,8 @@ LIMIT = "acceptance.F_ior=40"
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3]}"
 SETS = ["mounting.holes=4", ASSUMED, LIMIT]  # few holes: the less to compute
 ASKED = [word for text in SETS for word in ("--set", text)]
+UNICODE = Style(ascii=False, codes=False, width=80)
+DRAWN = (Curve, Seat)
 ALONE = {"meta", "path", "polyline", "polygon", "circle", "line"}  # elements without an end
 
 
@@ -59,6 +62,10 @@ class Page(HTMLParser):
         self.text += data
 
 
+def sections(report) -> list[ReportSection]:
+    return [block for block in report.blocks if isinstance(block, ReportSection)]
+
+
 @pytest.fixture(scope="module")
 def sheet() -> DriveSheet:
     return sheet_of(load_preset(SMALL, [*SETS, "operation.M_g=[4.0]"]))
@@ -75,7 +82,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
-    again = report_html(report_of(sheet, draws=64, seed=0))
+    again = report_html(drive_report(sheet, draws=64, seed=0))
     assert (folder / "a.html").read_bytes() == again.encode("utf-8")
 
 
@@ -91,7 +98,7 @@ def test_it_is_one_file_that_asks_for_no_other(folder):
 def test_its_drawings_are_svg(sheet, folder):
     text = (folder / "a.html").read_text(encoding="utf-8")
     drawn = [parseString(svg).documentElement for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)]
-    figures = [b for s in report_of(sheet, draws=64, seed=0).sections for b in s.blocks if isinstance(b, Figure)]
+    figures = [b for s in sections(drive_report(sheet, draws=64, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
     assert len(drawn) == len(figures) == 4  # error, seat, positions, stiffness
     assert all(svg.getElementsByTagName("title") for svg in drawn)
 
@@ -103,7 +110,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     order = ["PASS: within its limits", f"F'_ior {low:.2f} to", "Kinematic error", "Provenance"]
     assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
     assert what_to_do(sheet.advice).replace("->", "→") in text
-    mount = mount_json(sheet.advice, 0)
+    mount = report_object(mount_report(sheet.advice, 0))
     assert f"hole {mount['recommended']['hole']}" in text
     values = counted(sheet.drive)
     assert f"{values['given']} given, {values['identified']} identified, {values['assumed']} assumed" in text
@@ -111,28 +118,37 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     for words in (
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
-        f"certificate: {sheet.certificate}",
+        f"proof: {proof(sheet.certificate, sheet.cross_checks)}",
         "each torque alone",
     ):
         assert words in text
 
 
 def test_markdown_says_the_same(sheet):
-    report = report_of(sheet, draws=64, seed=0)
-    text = report_markdown(report)
+    report = drive_report(sheet, draws=64, seed=0)
+    text = report_markdown(report, UNICODE)
     plain = text.replace("\\", "")
     assert "**PASS: within its limits**" in text
-    assert [f"\n## {section.title}\n" in plain for section in report.sections] == [True] * 6
-    for section in report.sections:
+    assert [f"\n## {section.title}\n" in plain for section in sections(report)] == [True] * 6
+    for section in sections(report):
         for block in section.blocks:
-            words = getattr(block, "caption", "") or (block.rows[0][1] if hasattr(block, "rows") else block.text)
-            assert all(each in plain for each in (words, *getattr(block, "notes", ())))
+            match block:
+                case Paragraph():
+                    words = [block.text]
+                case Facts():
+                    words = [f"{label}: {fact}" for label, fact in block.rows]
+                case Table():
+                    words = [block.title, *block.notes, *(cell for row in block.rows for cell in row)]
+                case Curve():
+                    words = [block.caption]
+                case Seat():
+                    words = [block.title, block.legend]
+            assert all(each in plain for each in words)
     assert text.count("```text") == text.count("\n```\n") == 4
 
 
 def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
-    style = Style(ascii=True, codes=False, width=80)
-    text = report_markdown(report_of(sheet, draws=64, seed=0, ascii=True), style.text)
+    text = report_markdown(drive_report(sheet, draws=64, seed=0), Style(ascii=True, codes=False, width=80))
     assert text.isascii()
     prose = re.sub(r"```text\n.*?\n```\n", "", text, flags=re.DOTALL)
     assert "N\\*m" in prose
@@ -141,19 +157,19 @@ def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
 
 def test_where_nothing_can_be_ordered_it_orders_nothing():
     drive = load_preset(SMALL, [*SETS[:-1], "operation.M_g=[4.0]", "phases.phi_hb=unknown"])
-    sheet = sheet_of(drive, draws=2)
-    report, told = report_of(sheet, draws=2, seed=0), report_json(sheet, 0)
-    assert report_exit_code(sheet) == told["exit_code"] == 6
+    report = drive_report(sheet_of(drive, draws=2), draws=2, seed=0)
+    told = report_object(report)
+    assert report.exit_code == told["exit_code"] == 6
     assert (told["mount"]["recommended"], told["mount"]["order"]) == (None, "none")
-    assert any(reason.startswith("No order: nothing is known of the direction") for reason in report.reasons)
-    assert not any("--card" in reason for reason in report.reasons)
-    assert next(tile for tile in report.tiles if tile.label == "position of the wheel").value == "unknown"
-    section = next(s for s in report.sections if s.title == "Mounting the fixed wheel")
-    figures = [block for block in section.blocks if isinstance(block, Figure)]
-    assert [figure.drawing.dots for figure in figures] == [()]  # no seat, no place marked: over phases alone
-    errors = report.sections[0].blocks[0]
-    assert errors.caption.endswith("what is not known taken as 0")
-    assert "phases.phi_hb" in report_markdown(report).replace("\\", "")
+    assert any(reason.startswith("No order: nothing is known of the direction") for reason in report.why)
+    assert not any("--card" in reason for reason in report.why)
+    [tiles] = [block for block in report.blocks if isinstance(block, Tiles)]
+    assert next(value for label, value, _ in tiles.rows if label == "position of the wheel") == "unknown"
+    section = next(s for s in sections(report) if s.title == "Mounting the fixed wheel")
+    figures = [block for block in section.blocks if isinstance(block, DRAWN)]
+    assert [figure.marks for figure in figures] == [()]  # no seat, no place marked: over phases alone
+    assert sections(report)[0].blocks[0].caption.endswith("unknown as 0")
+    assert "phases.phi_hb" in report_markdown(report, UNICODE).replace("\\", "")
 
 
 @pytest.mark.parametrize(
@@ -174,7 +190,7 @@ def test_faults_end_before_anything_is_computed_or_written(tmp_path, args, code,
 
 
 def test_for_scripts_there_is_one_object_and_one_line(sheet):
-    told = report_json(sheet, 0)
+    told = report_object(drive_report(sheet, draws=64, seed=0))
     assert (told["schema"], told["verdict"], told["exit_code"]) == ("hdassist.report/1", "PASS", 0)
     assert told["check"] == report_object(check_report(sheet.check, 0))
     json.dumps(told, allow_nan=False)
@@ -184,9 +200,9 @@ def test_a_chart_keeps_the_extremes_of_a_curve_of_many_points():
     x = np.linspace(0, 100, 20_000)
     y = np.sin(x) * 0.1
     y[12_345], y[777] = 5.0, -3.0
-    [area] = chart(x, y, x_label="x", y_label="y").shapes
+    drawn = chart(Curve(x, y, x_label="x", y_label="y"))
+    [area] = drawn.shapes
     down = [float(pair.split(",")[1]) for pair in area.points.split()]
-    drawn = chart(x, y, x_label="x", y_label="y")
     heights = {float(label.words): label.y - 4 for label in drawn.ticks if label.kind == "y"}
     (low, at_low), (high, at_high) = min(heights.items()), max(heights.items())
     scale = (at_high - at_low) / (high - low)
