@@ -91,7 +91,10 @@ def run_command_line() -> None:
     except ClickException as error:
         shown = io.StringIO()
         error.show(shown)
-        lines, hint = shown.getvalue(), REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
+        lines, hint = (
+            shown.getvalue().replace(": Value error, ", ": "),
+            REMOVED_OPTIONS.get(getattr(error, "option_name", ""), ""),
+        )
         _say(lines, hint, Fault.USAGE if "Error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except HdassistError as error:

@@ -123,7 +123,7 @@ def _range_text(belief: ErrorBelief) -> str:
     return f"{belief.p5:.1f} to {belief.p95:.1f}"
 
 
-ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
+_ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("torque", "torque, N·m", "", "g", lambda p: p.M_g),
     Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.belief.p50 if p.belief else p.error.F_ior_arcsec),
     Quantity("range", "5 to 95 %", "", _range_text, lambda p: p.belief),
@@ -170,7 +170,7 @@ def F_ior_table(check: DesignCheck) -> Table:
     if check.samples and check.prior:
         fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
         title = f"F'_ior, arcsec: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
-    return Table.by_row(title, [q for q in ON_PAGE if q.key not in empty], check.points, words=())
+    return Table.by_row(title, [q for q in _ON_PAGE if q.key not in empty], check.points, words=())
 
 
 def verdict_reason(point: OperatingPoint) -> str:

@@ -24,7 +24,7 @@ from hdassist.verdict import Verdict
 
 LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {RAYLEIGH_TAIL:g} standard deviations)"}
 PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
-PLOTTED_ROWS = 6
+_PLOTTED_ROWS = 6
 MORE_DRIVES = "more drives (-n) may decide it"
 
 
@@ -70,7 +70,7 @@ DRIVES: tuple[Quantity[MountedDrives], ...] = (
     Quantity("M_g_Nm", "torque, N·m", "", "g", lambda d: d.point.M_g),
     Quantity("wheel", "wheel", "", "", lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
 )
-F_IOR: tuple[Quantity[MountedDrives], ...] = (
+_F_IOR: tuple[Quantity[MountedDrives], ...] = (
     *(
         Quantity(f"{name}_arcsec", words, "", ".2f", lambda d, share=share: d.percentile(share).value)  # type: ignore[misc]
         for name, words, share in PERCENTILES
@@ -103,18 +103,18 @@ def tolerance_report(
     measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
     F_ior_table = Table.by_row(
         "F'_ior, arcsec: percentiles over the drives",
-        (*DRIVES, *F_IOR[:3], *HELD[: 2 * summary.has_limit]),
+        (*DRIVES, *_F_IOR[:3], *HELD[: 2 * summary.has_limit]),
         drives,
         words=(1,),
     )
     more = Table.by_row(
         "Monte Carlo intervals of these percentiles, arcsec (5 to 95 %)",
-        (*DRIVES, *INTERVALS, *F_IOR[3:]),
+        (*DRIVES, *INTERVALS, *_F_IOR[3:]),
         drives,
         words=(1,),
     )
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
-    columns = (*DRIVES, *F_IOR)
+    columns = (*DRIVES, *_F_IOR)
     return Report(
         command="tolerance",
         drive=drive,
@@ -204,9 +204,9 @@ def _share_below(drives: Sequence[MountedDrives]) -> Curve | TwoCurves:
     y_label += "" if limit is None else f" ({limit:.4g} allowed)"
     built, best = curves[0], curves[-1]
     if len(curves) == 1:
-        return Curve(PLOTTED_SHARES, built, x_label, y_label, limit=limit, rows=PLOTTED_ROWS)
+        return Curve(PLOTTED_SHARES, built, x_label, y_label, limit=limit, rows=_PLOTTED_ROWS)
     names = ("as built", "best mounted")
-    return TwoCurves(PLOTTED_SHARES, built, best, names, x_label, y_label, limit=limit, rows=PLOTTED_ROWS)
+    return TwoCurves(PLOTTED_SHARES, built, best, names, x_label, y_label, limit=limit, rows=_PLOTTED_ROWS)
 
 
 def _values(law: ProductionLaw, seed: int, summary: Summary) -> Json:
@@ -245,7 +245,7 @@ def _point_object(point: AtTorque, summary: Summary) -> Json:
         "limit_arcsec": point.limit,
         "self_error_arcsec": point.self_error,
         **{
-            name: as_object((*F_IOR, *INTERVALS), MountedDrives(summary, point, best))
+            name: as_object((*_F_IOR, *INTERVALS), MountedDrives(summary, point, best))
             for name, best in (("as_built", False), ("best_position", True))
         },
         "gain": dict(zip(("low", "median", "high"), gains, strict=True)),

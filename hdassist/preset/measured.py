@@ -9,7 +9,7 @@ from hdassist.preset.kinds import PerPosition, Section, field
 
 
 class Measured(Section):
-    """What was measured on this drive; ± is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
+    """What was measured on this drive; +- is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
 
     K_1: float | None = field("torsional stiffness up to catalogue.T_1, cam held", "N*m/rad", None, ge=1e-3, le=1e12)
     K_2: float | None = field("torsional stiffness from there to catalogue.T_2", "N*m/rad", None, ge=1e-3, le=1e12)
@@ -18,7 +18,7 @@ class Measured(Section):
     play: float | None = field("twist that the clearances leave free, without load", "arcsec", None, ge=0, le=1e6)
     F_ior: PerPosition = field(
         "F'_ior where the wheel was, hole of its seat or turn in deg from where it stands, @ torque in N*m "
-        "{h0@80: 28.1 ± 1, h4@80: 17.3 ± 1}",
+        "{h0@80: 28.1 +- 1, h4@80: 17.3 +- 1}",
         "arcsec", {},
     )  # fmt: skip
 

@@ -20,7 +20,6 @@ from hdassist.visible import printable, visible
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
-    from hdassist.solve.throughcvxpy import CrossCheck
 
 FORMULA = tuple("=+-@\t\n＝＋－＠")  # what a spreadsheet takes for the begin of one
 _NUMBER = re.compile(NUMBER)
@@ -78,15 +77,6 @@ def together(command: str, results: Sequence[Json]) -> Json:
         "warnings": [],
         "results": list(results),
     }
-
-
-def cross_check_words(cross_checks: Iterable[CrossCheck | None]) -> str:
-    """Words to put behind a certificate: what another solver found; empty without one."""
-    crosses = [cross for cross in cross_checks if cross]
-    if not crosses:
-        return ""
-    states, apart = sum(cross.states for cross in crosses), max(cross.max_difference_arcsec for cross in crosses)
-    return f"; {states} again by {crosses[0].solver}: {apart:.1e} arcsec apart"
 
 
 def json_text(answer: Json) -> str:

@@ -6,41 +6,16 @@ import re
 import shlex
 from collections.abc import Iterable, Iterator
 
-from rich.table import Table
-from rich.text import Text
-
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import resolved_fields
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.console import Style
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
-
-
-def verdict_coloured(word: str) -> Text:
-    """A word in the colour of the verdict that it is; in none where it is no verdict."""
-    return Text(word, style=COLOURS.get(word, ""))
-
-
-def verdict_text(style: Style, before: str, verdict: Verdict, behind: str = "") -> Text:
-    """A bold line with a verdict in it, green or red where there are colours."""
-    return Text(style.text(before), style="bold").append(verdict_coloured(verdict)).append(style.text(behind))
-
-
-def facts(style: Style, rows: Iterable[tuple[str, str]]) -> Table:
-    """Labelled lines, those without text left out; what wraps stays beside its label."""
-    found = Table.grid(padding=(0, 2, 0, 0))
-    found.add_column(no_wrap=True)
-    found.add_column(overflow="fold")
-    for label, text in rows:
-        if text:
-            found.add_row(label, style.text(text))
-    return found
 
 
 def again(command: str, drive: Drive, *more: str) -> str:

@@ -6,11 +6,11 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TextIO, TypeVar
 
 from rich import box
-from rich.console import Console, ConsoleOptions, JustifyMethod, OverflowMethod, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
@@ -153,50 +153,3 @@ def table(style: Style, title: str = "", *, header: bool = True) -> Table:
         pad_edge=False,
         show_edge=style.ascii,
     )
-
-
-@dataclass
-class TextTable:
-    """A table as it is declared: title with notes on further lines, heads, and rows of cells.
-
-    numeric: of each column, whether it has numbers; header: whether heads are shown; overflow: of cells too wide;
-    unwrapped: how many of the first columns keep their cells in one line.
-    """
-
-    style: Style
-    title: str
-    heads: tuple[str, ...]
-    numeric: tuple[bool, ...]
-    header: bool = True
-    overflow: OverflowMethod = "ellipsis"
-    unwrapped: int = 0
-    rows: list[tuple[str, ...]] = field(default_factory=list)
-
-    @property
-    def caption(self) -> str:
-        """The first line of the title."""
-        return self.title.split("\n")[0]
-
-    @property
-    def notes(self) -> list[str]:
-        """Further lines of the title."""
-        return self.title.split("\n")[1:]
-
-    def add_row(self, *cells: str) -> None:
-        """Add a row, a cell for each column."""
-        self.rows.append(cells)
-
-    def __rich__(self) -> Table:
-        """The table in the house's style."""
-        found = table(self.style, self.title, header=self.header)
-        for k, (head, numeric) in enumerate(zip(self.heads, self.numeric, strict=True)):
-            justify: JustifyMethod = "right" if numeric else "left"
-            found.add_column(self.style.text(head), justify=justify, overflow=self.overflow, no_wrap=k < self.unwrapped)
-        for row in self.rows:
-            found.add_row(*row)
-        return found
-
-
-def grid(style: Style, title: str, *heads: str, words: int = 1) -> TextTable:
-    """A table with heads and no rows; the first so many columns are words, the others numbers."""
-    return TextTable(style, title, heads, tuple(k >= words for k in range(len(heads))))

@@ -15,13 +15,13 @@ from pathlib import Path
 from xml.dom.minidom import parseString
 
 import numpy as np
+from hdassist.pages.report_blocks import Figure, Paragraph, Report, ReportSection, Tile
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from hdassist.pages import card_render, report_render
 from hdassist.pages.report import UNCUT
-from hdassist.pages.report_blocks import Figure, Paragraph, Report, ReportSection, Tile
 from hdassist.pages.report_charts import Dot, chart
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal.console import TextTable

@@ -9,18 +9,21 @@ import pytest
 
 from hdassist.loading.load import load_preset
 from hdassist.preset.schema import origin_counts
+from hdassist.report.blocks import Facts
+from hdassist.report.report import Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.brief import again, facts, on_what, proof, verdict_text
+from hdassist.terminal.brief import again, on_what, proof
 from hdassist.terminal.console import Style, console
 from hdassist.terminal.options import torque_overrides
+from hdassist.terminal.page import report_page
 from hdassist.verdict import Verdict
 from tests.process import SMALL
 
 
-def shown(style: Style, answer: object) -> str:
+def shown(style: Style, report: Report) -> str:
     stream = io.StringIO()
-    console(stream, style).print(answer)
+    console(stream, style).print(report_page(report, style))
     return stream.getvalue()
 
 
@@ -30,24 +33,23 @@ def shown(style: Style, answer: object) -> str:
 def test_verdicts_are_green_or_red_where_there_are_colours(monkeypatch, verdict, code):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    coloured = shown(Style(False, True, 80), verdict_text(Style(False, True, 80), "own: ", verdict))
+    report = Report("check", None, "own", str(verdict))
+    coloured = shown(Style(False, True, 80), report)
     assert verdict in coloured
     for found in ("32m", "31m"):
         assert (found in coloured) == (found == code)
-    assert (
-        shown(Style(False, False, 80), verdict_text(Style(False, False, 80), "own: ", verdict)) == f"own: {verdict}\n"
-    )
+    assert shown(Style(False, False, 80), report) == f"own: {verdict}\n"
 
 
 @pytest.mark.parametrize("width", [40, 80])
 def test_lines_stay_beside_their_label_and_empty_ones_are_left_out(width):
     words = "one two three four five six seven eight nine ten eleven twelve"
-    lines = shown(Style(True, False, width), facts(Style(True, False, width), [("lever", words), ("next", "")]))
-    first, *rest = lines.splitlines()
+    report = Report("check", None, "own", blocks=(Facts.of([("lever", words), ("next", "")]),))
+    _, first, *rest = [line for line in shown(Style(True, False, width), report).splitlines() if line]
     assert first.startswith("lever  one")
     assert all(line.startswith("       ") for line in rest)
-    assert " ".join(lines.split()) == f"lever {words}"
-    assert max(map(len, lines.splitlines())) <= width
+    assert " ".join(" ".join([first, *rest]).split()) == f"lever {words}"
+    assert max(map(len, [first, *rest])) <= width
 
 
 def test_a_command_that_goes_on_is_about_the_same_drive():
