@@ -14,7 +14,7 @@ from hdassist.explorer.export import without_fonts
 from tests.process import run
 
 PRESET = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "-o", "own.yaml")
-COMMAND = ("check", "own.yaml", "--torque", "6.7", "--set", "acceptance.F_ior=55")
+COMMAND = ("check", "own.yaml", "--torque", "6.7", "--limit", "55")
 INCONCLUSIVE = 6  # exit code
 FIGURES = Path(__file__).parents[1] / "docs/figures"
 LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), DIMMED_MONOKAI.ansi_colors._colors)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from hdassist.belief.prior import DrivePrior
-from hdassist.belief.samples import ErrorBelief
+from hdassist.belief.samples import ErrorBelief, Samples
 from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.json_parts import influence_objects, measure_objects, pitch_object, samples_object, unknown_objects
@@ -136,14 +136,15 @@ _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
 def check_report(check: DesignCheck, seed: int) -> Report:
     """A design check; seed, of its sample that was solved again."""
     least_sure = check.points[check.least_sure]
-    others = [point for point in check.points if point is not least_sure]
+    first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
+    others = [point for point in check.points if check.unknown or point is not least_sure]
     return Report(
         command="check",
         drive=check.drive,
         head=_head(check),
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))),
-        blocks=(F_ior_table(check), Facts.of(_facts(check)), error_curve(check, least_sure)),
+        blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(*error_tables(check), Facts.of(_more_facts(check)), *(error_curve(check, each) for each in others)),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
@@ -194,7 +195,7 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     yield "influence", influence_words(check.influences) + at if check.influences else ""
     yield "measure", measure_words(check.to_measure, least_sure.limit_arcsec is not None)
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
-    if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE):
+    if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
@@ -203,7 +204,7 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     """More to be known beside the numbers, a label and a text each."""
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
-    if check.verdict in (Verdict.PASS, Verdict.NO_LIMIT):
+    if check.verdict in (Verdict.PASS, Verdict.NO_LIMIT) or check.unknown:
         yield "coupling", _coupling(check)
     yield "sensitive", _most_sensitive(check)
     yield "unknown", unknown_names(check.unknown) if check.unknown and check.samples else ""
@@ -254,6 +255,22 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
         y_label=f"error at {point.M_g:g} N·m{taken}, arcsec: least and greatest around each cam turn",
         caption=f"Error over the full cycle at {point.M_g:g} N·m{taken}",
         over=1.0,
+        rows=8,
+    )
+
+
+def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
+    """Percentiles of F'_ior over samples, at the torque that is least sure."""
+    point, F_ior = check.points[check.least_sure], samples.F_ior_arcsec[:, check.least_sure]
+    order, weights = np.argsort(F_ior), samples.weights / samples.weights.sum()
+    held = "" if point.left_arcsec is None else "; line: limit less self error"
+    return Curve(
+        100 * np.cumsum(weights[order]),
+        F_ior[order],
+        x_label="% of them stay below",
+        y_label=f"F'_ior at {point.M_g:g} N·m, arcsec, of the drives that it may be{held}",
+        caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
+        limit=point.left_arcsec,
         rows=8,
     )
 
