@@ -317,8 +317,9 @@ class _Solved:
         Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
         """
         z_b, z_g = self._search.board.shape
-        wide = np.stack(np.meshgrid(*[np.arange(-SEARCH_REACH, SEARCH_REACH + 1)] * 2), axis=-1).reshape(-1, 2)
-        wide = wide[wide.sum(axis=1) % self._search.finest == 0]
+        wide = np.stack(np.meshgrid(*[np.arange(-SEARCH_REACH, SEARCH_REACH + 1)] * 2), axis=-1)
+        wide[::2] = wide[::2, ::-1].copy()  # there and back
+        wide = wide[wide.sum(axis=2) % self._search.finest == 0]
         for sign in (1, -1):
             row = np.arange(len(self._batch))
             while len(row):

@@ -34,8 +34,8 @@
 #define LIMIT 30         /* pivots a candidate, after which a state is given up */
 #define LOST 8           /* states given up, after which no more are tried */
 #define REFRESH 1000     /* pivots, after which the tableau is made anew, against rounding */
-#define KEEP 30          /* states without a change of sides, after which a candidate leaves the tableau */
-#define SWEEP 16         /* states between two looks for such candidates */
+#define KEEP 6           /* states without a change of sides, after which a candidate leaves the tableau: at 30 searches take a tenth longer */
+#define SWEEP 4          /* states between two looks for such candidates */
 #define CHANGES 2        /* mark of a candidate that is to change sides */
 #define PATIENCE 10      /* steps in which no fewer candidates change sides, after which one at a time does (Murty) */
 #define FEW 64           /* candidates that the tableau has room for at first */
