@@ -12,13 +12,13 @@ was overlooked is not proven; `python -m benchmarks.proposals` compares with eve
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.error.cycle import kinematic_error, state_place
+from hdassist.error.hills import HILL_BLOCK, Hills, Indices, hills_of, interpolated
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import TEETH, scalars_of
@@ -30,13 +30,9 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 
-Indices = NDArray[np.int64]
-
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
 DIFFERENCES = 15  # positions of each wheel at which drives that are alike are compared, at least
-HILL_BLOCK = 4  # of them, of each wheel, of which the highest one is a hill
-HILLS = 40  # of a drive that are looked at, at most
 FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
@@ -148,17 +144,18 @@ class ErrorMap:
         """States j at points, shape (..., 2)."""
         return np.asarray(self.board[tuple(np.moveaxis(point % self.board.shape, -1, 0))])
 
+    def _hills(self, maps: Array) -> Hills:
+        step = np.array(self.board.shape) / maps.shape[1:]
+        return hills_of(maps, lambda place: self.to_lattice(place * step))
+
     def estimated_ranges(self, batch: Batch, grid: int) -> tuple[Array, Certificate]:
         """F'_ior [arcsec] of drives by the tops of parabolas through a grid of states, shape (drives,); their proof.
 
         Arguments: batch, the drives; grid, positions of each wheel. Raises UntrustedError where an answer cannot be
         trusted.
         """
-        case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
-        solved = _Solved(self, batch, case)
-        hills = _hills(solved.at_points(self.points(grid)), self)
-        ranges = np.bincount(hills.row, np.where(hills.rank, 0, hills.height))
-        return np.asarray(ranges, dtype=float), solved.certificate
+        solved = _Solved(self, batch)
+        return self._hills(solved.at_points(self.points(grid))).ranges, solved.certificate
 
     def solved_map(self, batch: Batch) -> Array:
         """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
@@ -168,8 +165,7 @@ class ErrorMap:
         """
         if not len(batch) or len(self.states) < SHORT_CYCLE:
             return np.empty((len(batch), 0, 0))
-        solved = _Solved(self, batch, LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True))
-        return solved.at_points(self.points(GRID))
+        return _Solved(self, batch).at_points(self.points(GRID))
 
     def many_extremes(
         self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID, alike: Array | None = None
@@ -181,8 +177,7 @@ class ErrorMap:
         solved_map of drives with the same deviations and other parts, from which these differ less than from point to
         point: then the difference is solved on a coarse grid. Raises UntrustedError where an answer cannot be trusted.
         """
-        case = LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
-        solved = _Solved(self, batch, case)
+        solved = _Solved(self, batch)
         if estimates is None and len(self.states) < SHORT_CYCLE:
             solved.every_state()
         else:
@@ -191,8 +186,8 @@ class ErrorMap:
             coarse = estimates is None and grid < READ
             proposed = solved.at_points(self.points(grid)) if estimates is None else estimates
             if coarse:
-                proposed = _interpolated(proposed, self.points().shape[:2])
-            solved.climb(solved.promising(_hills(proposed, self)), STRIDES[coarse])
+                proposed = interpolated(proposed, self.points().shape[:2])
+            solved.climb(solved.promising(self._hills(proposed)), STRIDES[coarse])
             solved.look_around()
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
@@ -237,77 +232,12 @@ def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
     return pitch_locked_states(kinematics, j), board, 2 if board[0, 1] < 0 else 1
 
 
-@dataclass(frozen=True)
-class _Hills:
-    """Places that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
-
-    rank: among those of its drive and sign.
-    """
-
-    row: Indices
-    sign: Indices
-    point: Indices
-    height: Array
-    rank: Indices
-
-    def __getitem__(self, chosen: NDArray[np.bool_]) -> _Hills:
-        return _Hills(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
-
-    def highest(self, value: Array, drives: int) -> Array:
-        """Greatest of the values of each drive and sign, for each hill, shape (hills,)."""
-        best = np.full((drives, 2), -np.inf)
-        side = (self.sign > 0).astype(int)
-        np.fmax.at(best, (self.row, side), value)
-        return np.asarray(best[self.row, side])
-
-
-def _hills(maps: Array, search: ErrorMap) -> _Hills:
-    """The highest point of each block of maps, shape (drives, k, l), and of what is upside down.
-
-    Between the points of a map they lie where a parabola through their neighbours has its top.
-    """
-    n, *across = maps.shape
-    blocks = [count // HILL_BLOCK for count in across]
-    step = np.array(search.board.shape) / across
-    found = []
-    for sign in (1, -1):
-        up = sign * maps
-        tiles = up.reshape(n, blocks[0], HILL_BLOCK, blocks[1], HILL_BLOCK).swapaxes(2, 3).reshape(n, -1, HILL_BLOCK**2)
-        row, tile = (axis.ravel() for axis in np.indices(tiles.shape[:2]))
-        at = np.stack(np.divmod(tile, blocks[1])) * HILL_BLOCK + np.stack(
-            np.divmod(tiles.argmax(axis=2).ravel(), HILL_BLOCK)
-        )
-        here = up[row, at[0], at[1]]
-        height, moved = here.copy(), at.astype(float)
-        for axis in (0, 1):
-            before, behind = (np.roll(up, way, 1 + axis)[row, at[0], at[1]] for way in (1, -1))
-            bend = np.minimum(before + behind - 2 * here, -1e-12)
-            shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
-            moved[axis] += shift
-            height -= bend * shift**2 / 2
-        order = np.lexsort((-height, row))
-        rank = np.arange(len(order)) % tiles.shape[1]
-        order, rank = order[rank < HILLS], rank[rank < HILLS]
-        point = search.to_lattice(moved.T[order] * step)
-        found.append(_Hills(row[order], np.full(len(order), sign), point, height[order], rank))
-    both = {f.name: np.concatenate([getattr(hills, f.name) for hills in found]) for f in fields(_Hills)}
-    return _Hills(**both)
-
-
-def _interpolated(maps: Array, shape: tuple[int, ...]) -> Array:
-    """Maps of the torus, shape (n, k, l), between their points too by their Fourier series, shape (n, *shape)."""
-    for axis, (points, more) in enumerate(zip(maps.shape[1:], shape, strict=True), 1):
-        if more > points:
-            waves = np.take(np.fft.rfft(maps, axis=axis), range((points + 1) // 2), axis=axis)
-            maps = np.fft.irfft(waves, more, axis=axis) * (more / points)
-    return maps
-
-
 class _Solved:
     """States of drives that are solved so far: value, the rotation [arcsec], shape (drives, states), NaN elsewhere."""
 
-    def __init__(self, search: ErrorMap, batch: Batch, case: LoadCase) -> None:
-        self._search, self._batch, self._case = search, batch, case
+    def __init__(self, search: ErrorMap, batch: Batch) -> None:
+        self._search, self._batch = search, batch
+        self._case = LoadCase(search.fresh.formulation, search.M_g, like=search.fresh, many=True)
         self.value = np.full((len(batch), len(search.states)), np.nan)
         self.certificate = EMPTY
         f = search.finest
@@ -324,7 +254,7 @@ class _Solved:
         down, across = (
             max(step for step in (1, 2, 3, 4, 5) if n % step == 0 and n // step >= DIFFERENCES) for n in shape
         )
-        return alike + _interpolated(self.at_points(points[::down, ::across]) - alike[:, ::down, ::across], shape)
+        return alike + interpolated(self.at_points(points[::down, ::across]) - alike[:, ::down, ::across], shape)
 
     def at_points(self, points: Indices) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
@@ -350,11 +280,10 @@ class _Solved:
         strip = np.where(line % 2, -strip, strip)
         return np.lexsort((np.where(strip % 2, -y, y), strip, line))
 
-    def promising(self, hills: _Hills) -> _Hills:
+    def promising(self, hills: Hills) -> Hills:
         """Hills near the highest of their drive, after one state was solved on each that may be it."""
         drives = len(self._batch)
-        # the first hill of each sign is the highest, the second upside down: their sum is F'_ior by the table
-        scale = np.maximum(np.bincount(hills.row, np.where(hills.rank, 0, hills.height)), LEAST_F_IOR)
+        scale = np.maximum(hills.ranges, LEAST_F_IOR)
         chosen, known = hills.rank < FIRST, np.full(len(hills.row), np.nan)
         while len(fresh := np.flatnonzero(chosen & np.isnan(known))):
             known[fresh] = hills.sign[fresh] * self._at(hills.row[fresh], hills.point[fresh])
@@ -369,7 +298,7 @@ class _Solved:
         with np.errstate(invalid="ignore"):
             return hills[known >= hills.highest(known, drives) - NEAR * scale[hills.row]]
 
-    def climb(self, hills: _Hills, stride: int) -> None:
+    def climb(self, hills: Hills, stride: int) -> None:
         """Solve what is around hills, by strides that are halved, and go on until nothing around is higher."""
         row, sign, point = hills.row, hills.sign, hills.point
         while len(row):
@@ -388,8 +317,9 @@ class _Solved:
         Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
         """
         z_b, z_g = self._search.board.shape
-        wide = np.stack(np.meshgrid(*[np.arange(-SEARCH_REACH, SEARCH_REACH + 1)] * 2), axis=-1).reshape(-1, 2)
-        wide = wide[wide.sum(axis=1) % self._search.finest == 0]
+        wide = np.stack(np.meshgrid(*[np.arange(-SEARCH_REACH, SEARCH_REACH + 1)] * 2), axis=-1)
+        wide[::2] = wide[::2, ::-1].copy()  # there and back
+        wide = wide[wide.sum(axis=2) % self._search.finest == 0]
         for sign in (1, -1):
             row = np.arange(len(self._batch))
             while len(row):

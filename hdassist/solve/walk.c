@@ -34,8 +34,8 @@
 #define LIMIT 30         /* pivots a candidate, after which a state is given up */
 #define LOST 8           /* states given up, after which no more are tried */
 #define REFRESH 1000     /* pivots, after which the tableau is made anew, against rounding */
-#define KEEP 30          /* states without a change of sides, after which a candidate leaves the tableau */
-#define SWEEP 16         /* states between two looks for such candidates */
+#define KEEP 6           /* states without a change of sides, after which a candidate leaves the tableau: at 30 searches take a tenth longer */
+#define SWEEP 4          /* states between two looks for such candidates */
 #define CHANGES 2        /* mark of a candidate that is to change sides */
 #define PATIENCE 10      /* steps in which no fewer candidates change sides, after which one at a time does (Murty) */
 #define FEW 64           /* candidates that the tableau has room for at first */
@@ -93,8 +93,6 @@ typedef struct {
     double *edge_force;  /* (states) N, greatest on a flank at the edge of the window */
     double *residual;    /* (states, 4) negative force, negative gap, complementarity, equilibrium */
     double *pull;        /* (states, columns) forces along the scalars, or NULL */
-    double *forces;      /* (states, M) N, or NULL */
-    double *free;        /* (states, free) mm, rad, or NULL */
 } answers;
 
 typedef struct {
@@ -529,10 +527,6 @@ static void give_up(const contact_system *s, size_t j, answers *out) {
     for (int k = 0; k < 4; k++) out->residual[4 * j + k] = NAN;
     if (out->pull)
         for (int c = 0; c < s->columns; c++) out->pull[j * s->columns + c] = NAN;
-    if (out->forces)
-        for (int i = 0; i < s->M; i++) out->forces[j * s->M + i] = NAN;
-    if (out->free)
-        for (int f = 0; f < s->free; f++) out->free[j * s->free + f] = NAN;
 }
 
 static void *bare_room(size_t count, size_t size) {
@@ -639,8 +633,6 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
             out->rotation[j] = free[s->freedom[s->rotation]];
             sum_up(s, at_place, j, out);
-            if (out->forces) memcpy(out->forces + (size_t)j * M, F, sizeof(double) * M);
-            if (out->free) memcpy(out->free + (size_t)j * s->free, free, sizeof(double) * s->free);
         }
         if (++held == BATCH || j == states - 1) {
             certify(w, held, out->residual + 4 * (size_t)first);

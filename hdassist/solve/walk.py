@@ -27,7 +27,7 @@ _ARRAYS = (
     *("by_places", "law", "place", "contact", "gain", "constant", "weight", "own", "value_force", "other_force"),
     *("dual_unit", "compliance", "local", "G", "C", "freedom", "delta_p", "map", "lever", "zone", "edge"),
 )
-_FOUND = ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull", "forces", "free")
+_FOUND = ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull")
 
 
 class _System(ctypes.Structure):
@@ -120,7 +120,7 @@ class Walk:
         rotation, tooth_force, edge_force = np.empty((3, count))
         moment, residual = np.empty((count, 2)), np.empty((count, 4))
         pulls = np.empty((count, self._system.columns)) if pull else None
-        out = _Answers(*(_address(a) for a in (rotation, moment, tooth_force, edge_force, residual, pulls)), None, None)
+        out = _Answers(*map(_address, (rotation, moment, tooth_force, edge_force, residual, pulls)))
         teeth_and_values = (_address(teeth), _address(values))
         lost = self._library.walk_solve(self._walk, count, _address(scalars), *teeth_and_values, ctypes.byref(out))
         return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, lost)
