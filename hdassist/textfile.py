@@ -205,14 +205,6 @@ def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
         return stream.read(at_most), STDIN if str(path) == "-" else str(path)
 
 
-def standard_input(at_most: int) -> bytes:
-    """Bytes of standard input, at most so many.
-
-    Raises DataError: standard input is closed or cannot be read.
-    """
-    return read_bytes("-", at_most)[0]
-
-
 def os_reason(error: Exception) -> str:
     """Why a file cannot be read, in the words of the system."""
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)

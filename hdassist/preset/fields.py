@@ -1,7 +1,7 @@
-"""What a preset may say: every field with its unit, range, default and meaning, declared once.
+"""Fields of a preset, each declared once with its unit, range, default and meaning.
 
 Schema, validation, unit strings, help texts and tests read these declarations.
-Numbers are held in the unit of their field; the model converts them.
+Numbers are in the unit of their field; the model converts them.
 """
 
 from __future__ import annotations
@@ -188,10 +188,10 @@ class Numerics(Section):
     n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
 
 
-# fields that presets had once, and what there is in their place
+# fields that presets had once, with a hint
 REMOVED = {"acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure"}
 
-# fields of numerics with which identified values hold alone, and what each was before it was the default or had a name
+# fields of numerics that identified values depend on, and the value of each before it was a field
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
 
 
@@ -261,7 +261,7 @@ class Drive(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _join_spreads(cls, data: Any) -> Any:
-        """Put the uncertainties that stand beside values to the others; of two for a field, the other one counts."""
+        """Add uncertainties written beside values to the table; where it has one for a field, that counts."""
         table = data.get("uncertainty") or {} if isinstance(data, dict) else None
         if not isinstance(table, dict):
             return data
@@ -357,19 +357,19 @@ def measures() -> dict[str, FieldInfo]:
 
 
 def spreads(data: Mapping[str, Any]) -> dict[str, float]:
-    """Uncertainties that stand beside values ("260 ± 10"), by path, each in the unit of its field."""
-    found = {}
+    """Uncertainties written beside values ("260 ± 10"), by path, each in the unit of its field."""
+    uncertainties = {}
     for section, table in data.items():
         for name, value in table.items() if isinstance(table, dict) else ():
             path = f"{section}.{name}"
             if isinstance(value, str) and is_spread(value) and path in measures():
                 with suppress(UnitError):  # the value itself is refused
-                    found[path] = read_spread(value, unit_of(measures()[path]))[1]
-    return found
+                    uncertainties[path] = read_spread(value, unit_of(measures()[path]))[1]
+    return uncertainties
 
 
 def _read_measures(table: Any, no_measure: InvalidValue | None) -> Any:
-    """A table of measures by path, each in the unit of its field; no_measure, what is said of a field that is none."""
+    """A table of measures by path, each in the unit of its field; no_measure, the fault of any other field."""
     if not isinstance(table, dict):
         return {} if table is None else table
     read: dict[str, float | InvalidValue] = {}
@@ -420,7 +420,7 @@ def deviation_sizes() -> tuple[str, ...]:
 
 
 def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | None:
-    """A plausible range as a preset gives it, in the unit of its field, by path; else why it is none."""
+    """A plausible range of a field, by path, in its unit; InvalidValue for an invalid one."""
     info = field_table()[path]
     unit = unit_of(info)
     if bounds is None or isinstance(bounds, InvalidValue):
@@ -442,7 +442,7 @@ def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | N
 
 
 def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:
-    """A hint at the field that a key of a table may mean; none where there are more keys than are told."""
+    """A hint at the field that a key of a table may mean; empty in a table with more keys than findings are shown."""
     if len(table) > MAX_FINDINGS:
         return ""
     name = word.split(".")[-1]
