@@ -31,12 +31,12 @@ Readable = str | Path | bytes | IO[bytes] | IO[str]
 class TextFile:
     """Text of a file, read once and part after part, so that its size takes no memory.
 
-    name: what messages call it. When all parts are read, sha256 is that of the bytes (for a stream of text, of its
+    name: its name in messages. When all parts are read, sha256 is that of the bytes (for a stream of text, of its
     UTF-8), and is_latin says whether there were lines that are not UTF-8; these are read as Latin-1.
     """
 
     def __init__(self, source: Readable, at_most: int, name: str = "") -> None:
-        """Open nothing yet.
+        """Take a source, which parts() opens.
 
         Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have;
         name of bytes and streams, that of the stream without.
@@ -50,7 +50,7 @@ class TextFile:
         """Whole lines, joined by newlines, and the number of the first of them.
 
         Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, packed, or not
-        in the encoding that its first bytes say.
+        in the encoding of its byte order mark.
         """
         line, rest, is_empty = 1, "", True
         for text in self._decoded():
@@ -90,9 +90,9 @@ class TextFile:
                 try:
                     yield decoder.decode(data, final=not data)
                 except UnicodeDecodeError as error:
-                    said = f"not {error.encoding[:6].upper().rstrip('-')} text, which its first bytes say"
+                    message = f"not {error.encoding[:6].upper().rstrip('-')} text, which its first bytes say"
                     got = f"byte 0x{error.object[error.start]:02x}"
-                    raise self._refusal(said, got, "save the file as UTF-8") from None
+                    raise self._refusal(message, got, "save the file as UTF-8") from None
         self.sha256 = digest.hexdigest()
 
     def _opened(self) -> AbstractContextManager[IO[bytes] | IO[str]]:

@@ -1,4 +1,4 @@
-"""Words of the trade and quantities that answers report: English, Russian, meaning, and what else they are called."""
+"""Words of the trade and quantities of answers: English, Russian, meaning, and other names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Term:
-    """A word: in Russian, what it means, other names (symbols, keys of JSON), its unit where it is a quantity."""
+    """A word: in Russian, its meaning, other names (symbols, keys of JSON), and the unit of a quantity."""
 
     word: str
     russian: str
