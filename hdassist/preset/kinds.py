@@ -92,7 +92,7 @@ PerOrder = Annotated[dict[str, LimitArcsec], PER_ORDER]
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
-    """Value of a field in the form that the field has; InvalidValue in place of one, or a part of it, that is none."""
+    """What a preset gives for a field, in the form that the field holds; where it cannot be read `InvalidValue`."""
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
@@ -173,7 +173,7 @@ def unit_of(info: FieldInfo) -> str:
 
 
 def kind_of(info: FieldInfo) -> FieldKind:
-    """Kind of a field: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
+    """What a field takes: a number, count, text, choice, several numbers, holes, limits per torque or per order."""
     union = get_origin(info.annotation) in (Union, UnionType)
     parts = get_args(info.annotation) if union else (info.annotation,)
     if float in parts:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram sags on it by a centimetre
+LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
 
 
