@@ -35,15 +35,14 @@ class TextFile:
     UTF-8), and is_latin says whether there were lines that are not UTF-8; these are read as Latin-1.
     """
 
-    def __init__(self, source: Readable, at_most: int, name: str = "") -> None:
+    def __init__(self, source: Readable, at_most: int) -> None:
         """Take a source, which parts() opens.
 
-        Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have;
-        name of bytes and streams, that of the stream without.
+        Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have.
         """
         is_path = isinstance(source, str | Path)
         named = STDIN if source == "-" else str(source) if is_path else str(getattr(source, "name", "<bytes>"))
-        self.source, self.at_most, self.name = source, at_most, name or named
+        self.source, self.at_most, self.name = source, at_most, named
         self.sha256, self.is_latin = "", False
 
     def parts(self) -> Iterator[tuple[int, str]]:

@@ -208,13 +208,11 @@ class Drive(BaseModel):
         """Where the drive was read."""
         return self._origin
 
-    def limit(self, torque: float, name: str = "F_ior") -> float | None:
-        """Limit [arcsec] at a torque [N*m] of F'_ior or another of the per-torque limits; None where none is set."""
-        limits: dict[str, float] = getattr(self.acceptance, name)
-        for key, value in limits.items():
-            if key != "all" and float(key) == torque:
-                return value
-        return limits.get("all")
+    def limit(self, torque: float) -> float | None:
+        """Limit of F'_ior [arcsec] at a torque [N*m]; None where none is set."""
+        limits = self.acceptance.F_ior
+        own = (value for key, value in limits.items() if key != "all" and float(key) == torque)
+        return next(own, limits.get("all"))
 
     def value(self, path: str) -> Any:
         """Value of a field, by path ("gears.j_n")."""
