@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 
@@ -327,11 +326,3 @@ QUANTITIES = (
 )
 GROUPS = {"Parts": PART_TERMS, "Deviations": DEVIATION_TERMS, "Quantities": QUANTITIES}
 TERMS = tuple(term for group in GROUPS.values() for term in group)
-
-
-def page() -> Iterator[str]:
-    """Lines of the glossary below its heading, in Markdown."""
-    for name, terms in GROUPS.items():
-        yield from ("", f"## {name}", "", "| English | Russian | meaning | unit |", "| --- | --- | --- | --- |")
-        for term in terms:
-            yield f"| {term.word} | {term.russian} | {term.meaning} | {term.unit} |".replace("|  |", "| |")
