@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Fault(StrEnum):
-    """Kinds of errors, by codes that stay; `hdassist explain` says what is behind each."""
+    """Kinds of errors, by stable codes; `hdassist explain CODE` has the meaning of each."""
 
     USAGE = "USAGE"
     FILE_EXISTS = "FILE_EXISTS"
@@ -45,14 +45,14 @@ class HdassistError(Exception):
 
 
 class UsageError(HdassistError):
-    """The command line or a call asks for something that cannot be meant."""
+    """Invalid arguments of the command line or of a call."""
 
     exit_code = 2
     fault = Fault.USAGE
 
 
 class DataError(HdassistError):
-    """A file cannot be read or written, or says something that cannot be used."""
+    """A file cannot be read or written, or has invalid contents."""
 
     exit_code = 4
     fault = Fault.DATA
@@ -60,7 +60,7 @@ class DataError(HdassistError):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing wrong with a preset: where (file, line, column, path), what, the value and a hint."""
+    """One fault of a file: its place (file, line, column, path), message, the text as written, and a hint."""
 
     file: str
     line: int
@@ -78,7 +78,7 @@ class Finding:
 
 
 class PresetError(DataError):
-    """A preset is invalid; carries every finding at once, in the order of the file."""
+    """A preset or a table is invalid; it has all findings, in the order of the file."""
 
     fault = Fault.FILE_INVALID
 
@@ -88,7 +88,7 @@ class PresetError(DataError):
 
 
 class UntrustedError(HdassistError):
-    """An answer was found that cannot be trusted, so it is not given."""
+    """An answer that cannot be trusted, and so is not given."""
 
     exit_code = 5
     fault = Fault.UNTRUSTED

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from math import nan
 
-NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+UNSIGNED = r"(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+NUMBER = rf"[-+]?{UNSIGNED}"
 
 
 def number_of(text: str) -> float:

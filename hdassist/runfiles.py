@@ -1,6 +1,6 @@
 """The files of a run: an output is never an input of the same run, nor another output of it.
 
-A file is known by what it is, not by its name: links, and names that differ in case alone, are seen through.
+Files are compared by device and inode, not by name: links and other cases of a name are the same file.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def note_input(file: str | int, name: str = "") -> None:
 
 
 def claim_output(path: str, *, is_kept: bool = False) -> None:
-    """Note that a run writes a file; is_kept, whether it goes on with what that file has.
+    """Note that a run writes a file; is_kept, whether it continues the contents of that file.
 
     Raises UsageError: the run reads that file, or writes it for another option.
     """

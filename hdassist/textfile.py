@@ -31,26 +31,25 @@ Readable = str | Path | bytes | IO[bytes] | IO[str]
 class TextFile:
     """Text of a file, read once and part after part, so that its size takes no memory.
 
-    name: what messages call it. When all parts are read, sha256 is that of the bytes (for a stream of text, of its
+    name: its name in messages. When all parts are read, sha256 is that of the bytes (for a stream of text, of its
     UTF-8), and is_latin says whether there were lines that are not UTF-8; these are read as Latin-1.
     """
 
-    def __init__(self, source: Readable, at_most: int, name: str = "") -> None:
-        """Open nothing yet.
+    def __init__(self, source: Readable, at_most: int) -> None:
+        """Take a source, which parts() opens.
 
-        Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have;
-        name of bytes and streams, that of the stream without.
+        Arguments: source, a path ("-" is standard input), bytes, or a stream; at_most, the bytes that it may have.
         """
         is_path = isinstance(source, str | Path)
         named = STDIN if source == "-" else str(source) if is_path else str(getattr(source, "name", "<bytes>"))
-        self.source, self.at_most, self.name = source, at_most, name or named
+        self.source, self.at_most, self.name = source, at_most, named
         self.sha256, self.is_latin = "", False
 
     def parts(self) -> Iterator[tuple[int, str]]:
         """Whole lines, joined by newlines, and the number of the first of them.
 
         Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, packed, or not
-        in the encoding that its first bytes say.
+        in the encoding of its byte order mark.
         """
         line, rest, is_empty = 1, "", True
         for text in self._decoded():
@@ -90,9 +89,9 @@ class TextFile:
                 try:
                     yield decoder.decode(data, final=not data)
                 except UnicodeDecodeError as error:
-                    said = f"not {error.encoding[:6].upper().rstrip('-')} text, which its first bytes say"
+                    message = f"not {error.encoding[:6].upper().rstrip('-')} text, which its first bytes say"
                     got = f"byte 0x{error.object[error.start]:02x}"
-                    raise self._refusal(said, got, "save the file as UTF-8") from None
+                    raise self._refusal(message, got, "save the file as UTF-8") from None
         self.sha256 = digest.hexdigest()
 
     def _opened(self) -> AbstractContextManager[IO[bytes] | IO[str]]:
@@ -203,14 +202,6 @@ def read_bytes(path: str | Path, at_most: int) -> tuple[bytes, str]:
     """
     with opened(path) as stream:
         return stream.read(at_most), STDIN if str(path) == "-" else str(path)
-
-
-def standard_input(at_most: int) -> bytes:
-    """Bytes of standard input, at most so many.
-
-    Raises DataError: standard input is closed or cannot be read.
-    """
-    return read_bytes("-", at_most)[0]
 
 
 def os_reason(error: Exception) -> str:

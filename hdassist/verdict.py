@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Verdict(StrEnum):
-    """What a check decides, in words that scripts read."""
+    """Decision of a check, as in JSON."""
 
     PASS = "PASS"
     FAIL = "FAIL"

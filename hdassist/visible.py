@@ -1,11 +1,11 @@
-"""Text of unknown origin, made harmless: what steers a terminal or hides from the eye is written as in Python."""
+"""Text of unknown origin with control and hidden characters escaped as in Python."""
 
 from __future__ import annotations
 
 import re
 
 # Controls but for newline and tab, marks that turn the writing's direction or have no width, line and paragraph
-# separators, halves of surrogate pairs, and what is no character. All of what XML 1.0 does not have is among them.
+# separators, halves of surrogate pairs, and noncharacters; all characters that XML 1.0 does not have are among them.
 _HIDDEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ufffe\uffff\ud800-\udfff\U000e0000-\U000e007f]"

@@ -1,4 +1,4 @@
-"""A measured trace beside the drive's own error: difference, orders, and which deviation would explain it."""
+"""Comparison of a measured trace with the predicted one: difference, orders, and the deviation that explains it."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ class MirroredFile:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A measured trace beside what a drive should do.
+    """A measured trace beside the predicted one of a drive.
 
     M_g [N*m]; convention: how the file was read; unchanged: the drive as it is, with the alignment of the record;
     uncertainties_deg: standard, of start and zero of that, None where given; predicted_arcsec at the bins, levels and
     drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; predicted_curve,
     difference_curve [arcsec] limited to the orders, at the angles visited (sweep.grid_turns); singles: one explanation
-    of each vector; joint; both none where nothing is called for.
+    of each vector; joint; both empty where the drive agrees with the record.
     """
 
     drive: Drive
@@ -123,7 +123,7 @@ def torque_of(drive: Drive) -> float:
 def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> float | None:
     """Zero [deg] of a record where none is stated, None to fit it.
 
-    A cam angle counts as phi_h; an angle of the output says phi_h where it is known how the output stands at phi_h = 0.
+    A cam angle counts as phi_h; an angle of the output gives phi_h where the angle of the output at phi_h = 0 is known.
     """
     if trace.angle_of == "cam":
         return 0.0
@@ -131,7 +131,7 @@ def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> floa
 
 
 def alignment_of(trace: MeasuredTrace, drive: Drive, convention: RecordConvention) -> Alignment:
-    """Where the record stands, fitted angles 0, and how it counts. Raises UsageError for what cannot be."""
+    """Alignment of a record, with fitted angles as 0. Raises UsageError for a sign of the error with two encoders."""
     direct = Kinematics.of(drive).u > 0
     sense = 1.0 if convention.cam_sense == "ccw" else -1.0
     if trace.angle_of == "output" and not direct:
@@ -139,7 +139,7 @@ def alignment_of(trace: MeasuredTrace, drive: Drive, convention: RecordConventio
     sign = 1.0 if convention.error_is == "cam-output" else -1.0
     if trace.sense:
         if sign < 0:
-            raise UsageError("two encoders tell the sign of the error", "leave out --error-is")
+            raise UsageError("invalid --error-is: expected none with two encoders, which give the sign", "leave it out")
         # the output's encoder counts as the model's angles do, or the other way
         sign = -trace.sense * sense * (1.0 if direct else -1.0)
     return Alignment(convention.start_deg or 0.0, convention.zero_deg or 0.0, sign, sense)
@@ -161,7 +161,7 @@ def compare(
     Arguments: convention, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none,
     linear or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source. Both directions count as one, each
     with its own level: the model knows no friction. Raises UsageError for rolling balls and for invalid orders, drift
-    or sources; UntrustedError where the record does not tell its orders apart, or an answer cannot be trusted.
+    or sources; UntrustedError where the record does not resolve its orders, or an answer cannot be trusted.
     """
     convention = convention or RecordConvention()
     torus = ErrorWaves(drive, M_g, run)
@@ -211,7 +211,7 @@ def compare(
 
 
 def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
-    """Measured less predicted values at the bins [arcsec], shape (bins,), split into what orders and levels have of it.
+    """Measured less predicted values at the bins [arcsec], shape (bins,), split into orders, levels and residual.
 
     Returns coefficients of its orders, shape (2 orders,); the values without level and drift, shape (bins,); the slope
     of a drift in it that was not taken off, 0 where there is none: a drift of the prediction, too, is a beat.
@@ -224,7 +224,7 @@ def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
 
 
 def _swapped(convention: RecordConvention, *, error: bool) -> list[RecordConvention]:
-    """The convention with the cam's sense swapped and, unless two encoders tell the sign, the error, and both."""
+    """Conventions with the cam's sense swapped, with error its sign as well, and both."""
     turned = replace(convention, cam_sense="cw" if convention.cam_sense == "ccw" else "ccw")
     other = "output-cam" if convention.error_is == "cam-output" else "cam-output"
     return [turned, *(replace(each, error_is=other) for each in (convention, turned) if error)]

@@ -1,7 +1,7 @@
 """Standard deviations of a drive's stiffnesses and clearances from the preset's, and the changes of its error by them.
 
-No shop measures the stiffness of a support: a comparison that takes the preset as true explains such a difference by
-deviations, and is far too sure of them. The changes widen the covariance of the orders, see (14) of docs/theory.md.
+No shop measures the stiffness of a support: a comparison that takes the preset as exact explains such a difference by
+deviations, with far too small uncertainties. The changes widen the covariance of the orders, (14) of docs/theory.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Drives beside the first of them: fields that differ, and what each of these does to F'_ior."""
+"""Drives beside the first of them: fields that differ, and the change of F'_ior by each of these."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.window import in_wide_enough_window
 
-DRAWN_PAIRS = 16  # pairs of drives drawn from what is not known
+DRAWN_PAIRS = 16  # pairs of drives drawn from the unknown fields
 SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
 REPORTED_FIELDS = 3
 SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
@@ -64,7 +64,7 @@ class ErrorChange:
 class DriveChanges:
     """Changes of F'_ior from a first drive to a second one.
 
-    pairs: that were drawn; F_ior_is: less, more or the same at each torque, unknown where what is not known could
+    pairs: that were drawn; F_ior_is: less, more or the same at each torque, unknown where unknown inputs could
     reverse it; single: fields changed alone, the greatest first; not_alone: paths of those that, alone, make no drive
     that can be computed, or leave more unknown.
     """
@@ -144,7 +144,7 @@ def compare_drives(
 ) -> DrivesComparison:
     """Compare drives with the first of them, at torques [N*m].
 
-    Arguments: two drives or more; torques; draws, of each from what is not known.
+    Arguments: two drives or more; torques; draws, of each from its unknown fields.
     Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
     """
     sheets = tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives)
@@ -165,7 +165,7 @@ def drive_changes(
 ) -> tuple[DriveChanges, Certificate]:
     """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of single ones alone.
 
-    With rolling balls there are no draws: what is not known is 0. Argument: pairs that are drawn. Raises UntrustedError
+    With rolling balls there are no draws: unknown fields are 0. Argument: pairs that are drawn. Raises UntrustedError
     where one of both drives has no answer that can be trusted.
     """
     drawn = searchable(first) and searchable(second)
@@ -219,7 +219,7 @@ def _largest_first(changes: Iterable[ErrorChange | None]) -> list[ErrorChange]:
 
 
 def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[list[Drive]]:
-    """Draws from what is not known of each of some drives, a field at the same share of its range in all.
+    """Draws from the unknown fields of each of some drives, a field at the same share of its range in all.
 
     Where all is known, or for a count of 0, each drive as it is.
     """
@@ -233,7 +233,7 @@ def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[lis
 
 
 def _is_drive(moved: Drive, before: Drive) -> bool:
-    """Whether the fields of a drive go together, and it leaves no more unknown than before: a direction, say."""
+    """Whether a drive has no conflict, and no more unknown fields than before (a direction, for example)."""
     return first_conflict(moved) is None and len(unknowns(moved)) <= len(unknowns(before))
 
 

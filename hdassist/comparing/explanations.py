@@ -138,7 +138,7 @@ def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) ->
 
 
 def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
-    """Names of vectors that the record cannot tell apart, a tuple for each combination of sizes."""
+    """Names of vectors that the record does not resolve, a tuple for each combination of sizes."""
     names = []
     for combination in fit.unidentifiable.T:
         parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}

@@ -40,7 +40,7 @@ PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
 PROFILE_RISE = 12.0  # of chi-square above the least: end of a profile
 
 COUNT = len(VECTORS)
-WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # what each vector turns with
+WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # part that each vector turns with
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""A measured trace as a comparison sees it: coefficients of its orders, how sure they are, and what a model would give.
+"""Coefficients of the orders of a measured trace, their covariance, and those that a model predicts.
 
 A predicted curve goes through the same least squares, with the same levels and drift, at the same angles as the
-measured one: whatever that cannot tell apart it cannot tell apart in either.
+measured one, so both have the same resolution.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A drive as `check`, `mount` and `stiffness` see it, together."""
+"""Check, mounting advice and stiffness of one drive."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def sheet_of(
 ) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, drives drawn from what is not known.
+    Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, from the unknown fields.
     Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
     """
 

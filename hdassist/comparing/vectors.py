@@ -1,7 +1,7 @@
 """Deviation vectors that are fitted to a record: size and direction of a deviation as a complex number.
 
-Left out is what looks like another one in a single position of the wheel: order 3 (on two opposite zones it looks like
-a first harmonic), the offset e_b of the rigid wheel, and the ovality a_s2 of its seat.
+Deviations that look like another one in a single position of the wheel are left out: order 3 (on two opposite zones it
+looks like a first harmonic), the offset e_b of the rigid wheel, and the ovality a_s2 of its seat.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What words, symbols, fields, checks and errors mean."""
+"""Meanings of words, symbols, fields, checks and errors."""

@@ -1,4 +1,4 @@
-"""Everything that has a name: checks, remarks, fields, sections, symbols, words, errors; by any spelling of it."""
+"""Explanations of checks, remarks, fields, sections, symbols, words and errors, by any spelling of their names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LONGEST_NAME = 60  # characters of a name that are compared with others
 
 @dataclass(frozen=True)
 class Entry:
-    """Something that has a name. names: all its spellings, the first one its own; facts: a label and a text each."""
+    """An explanation. names: all its names, the proper one first; facts: pairs of label and text."""
 
     kind: EntryKind
     names: tuple[str, ...]
@@ -36,7 +36,7 @@ class Entry:
 
 @cache
 def entries() -> tuple[Entry, ...]:
-    """All that can be explained."""
+    """All entries."""
     return (*_codes(), *_terms(), *_symbols(), *_fields(), *_faults())
 
 
@@ -48,8 +48,8 @@ def _codes() -> Iterator[Entry]:
             how = "greatest" if item.upper else "least"
             limit = (("limit", f"acceptance.{item.field}, the {how} value allowed, {item.unit.replace('*', '·')}"),)
             names = (code, item.words)
-        told = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
-        yield Entry("check" if isinstance(item, Check) else "remark", names, item.words, (*limit, *told))
+        meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
+        yield Entry("check" if isinstance(item, Check) else "remark", names, item.words, (*limit, *meaning))
 
 
 def _terms() -> Iterator[Entry]:
@@ -79,53 +79,51 @@ def _of_field(info: FieldInfo) -> tuple[tuple[str, str], ...]:
     choice = kind_of(info) == "choice"
     default = "unknown" if may_be_unknown(info) else "none: it has to be given" if info.is_required() else ""
     if not default:
-        default = "none" if info.default in (None, {}, ()) else _plainly(info.default)
+        number = plain(info.default) if isinstance(info.default, float) else str(info.default)
+        default = "none" if info.default in (None, {}, ()) else number
     span = ", ".join(choices_of(info)) if choice else range_of(info)
     return (("unit", unit_of(info)), ("values" if choice else "range", span), ("left out", default))
 
 
-def _plainly(default: object) -> str:
-    return plain(default) if isinstance(default, float) else str(default)
-
-
 def _faults() -> Iterator[Entry]:
-    for code, told in FAULTS.items():
-        yield Entry("error", (str(code),), told.meaning, (("change", told.change),))
+    for code, words in FAULTS.items():
+        yield Entry("error", (str(code),), words.meaning, (("change", words.change),))
 
 
 def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
     return tuple((label, text) for label, text in facts if text)
 
 
-def spelt(name: str) -> str:
-    """A name without what spellings differ in: case, primes, dashes, Greek letters."""
+def normal_spelling(name: str) -> str:
+    """A name without differences of spelling: case, primes, dashes, Greek letters."""
     text = "".join(GREEK.get(letter, letter) for letter in name.lower())
     return re.sub(r"[\W_]+", "", text)
 
 
 @cache
 def _by_spelling() -> dict[str, list[Entry]]:
-    found: dict[str, list[Entry]] = {}
+    by_spelling: dict[str, list[Entry]] = {}
     for entry in entries():
-        for key in dict.fromkeys(map(spelt, entry.names)):
-            found.setdefault(key, []).append(entry)
-    return found
+        for key in dict.fromkeys(map(normal_spelling, entry.names)):
+            by_spelling.setdefault(key, []).append(entry)
+    return by_spelling
 
 
 def explained(name: str) -> list[Entry]:
-    """What a name stands for; where letters' case tells one from the others, that one alone.
+    """Entries of a name; of a single letter those of its case.
 
-    Raises UsageError, with the names that are near: nothing is called so.
+    Raises UsageError: an unknown name; its hint has the nearest names.
     """
-    found = _by_spelling().get(spelt(name), []) if spelt(name) else []
-    exact = [entry for entry in found if name in entry.names]
-    if len(spelt(name)) == 1 and exact:  # m and M, N and n
+    spelling = normal_spelling(name)
+    alike = _by_spelling().get(spelling, []) if spelling else []
+    exact = [entry for entry in alike if name in entry.names]
+    if len(spelling) == 1 and exact:  # m and M, N and n
         return exact
-    if found:
-        return found
-    near = get_close_matches(spelt(name)[:LONGEST_NAME], _by_spelling(), 3, 0.6)
+    if alike:
+        return alike
+    near = get_close_matches(spelling[:LONGEST_NAME], _by_spelling(), 3, 0.6)
     meant = " or ".join(dict.fromkeys(_by_spelling()[key][0].names[0] for key in near))
     raise UsageError(
-        f"nothing is called {name[:LONGEST_NAME]}",
-        f"did you mean {meant}?" if meant else "hdassist explain lists what is",
+        f"unknown name: {name[:LONGEST_NAME]}",
+        f"did you mean {meant}?" if meant else "hdassist explain lists all names",
     )

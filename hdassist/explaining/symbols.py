@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 
@@ -50,11 +49,3 @@ SYMBOLS = (
     ),
     Symbols(("F", "delta", "a"), "forces, gaps, displacements", "the unknowns of (1)", "N, mm, mm and rad"),
 )  # fmt: skip
-
-
-def symbol_table() -> Iterator[str]:
-    """The symbols as lines of a Markdown table."""
-    yield "| paper | code | in words | unit |"
-    yield "| --- | --- | --- | --- |"
-    for each in SYMBOLS:
-        yield f"| {', '.join(each.paper)} | {each.code} | {each.words} | {each.unit} |".replace("|  |", "| |")

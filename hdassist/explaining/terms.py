@@ -1,14 +1,13 @@
-"""Words of the trade and quantities that answers report: English, Russian, meaning, and what else they are called."""
+"""Words of the trade and quantities of answers: English, Russian, meaning, and other names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Term:
-    """A word: in Russian, what it means, other names (symbols, keys of JSON), its unit where it is a quantity."""
+    """A word: in Russian, its meaning, other names (symbols, keys of JSON), and the unit of a quantity."""
 
     word: str
     russian: str
@@ -327,11 +326,3 @@ QUANTITIES = (
 )
 GROUPS = {"Parts": PART_TERMS, "Deviations": DEVIATION_TERMS, "Quantities": QUANTITIES}
 TERMS = tuple(term for group in GROUPS.values() for term in group)
-
-
-def page() -> Iterator[str]:
-    """Lines of the glossary below its heading, in Markdown."""
-    for name, terms in GROUPS.items():
-        yield from ("", f"## {name}", "", "| English | Russian | meaning | unit |", "| --- | --- | --- | --- |")
-        for term in terms:
-            yield f"| {term.word} | {term.russian} | {term.meaning} | {term.unit} |".replace("|  |", "| |")

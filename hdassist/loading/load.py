@@ -1,4 +1,4 @@
-"""Preset text to a validated `Drive`: everything that is wrong is found at once, with its place."""
+"""Preset text to a validated `Drive`, with all findings at once, each with line and column."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
 
 
 def _drive(document: Document) -> Drive | None:
-    """The drive that a document describes, None where there is none; what is wrong is added to its findings."""
+    """The drive of a document, None where there is none; faults are added to its findings."""
     if not document.complete:
         return None
     if not isinstance(document.data, dict):
@@ -149,9 +149,9 @@ def _check_ranges(valid: dict[str, Any], data: dict[str, Any], document: Documen
 
 
 def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
-    """Add what pydantic found, in the words of somebody who writes presets."""
+    """Add a finding for a fault that pydantic reports, in words for an author of presets."""
     if document.is_bad(path):
-        return  # found and said before
+        return  # it has a finding
     if kind == "missing":
         document.add(path, *_missing(path), got="")
         return
@@ -184,7 +184,7 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
 
 
 def _unknown_hint(path: Path, value: Any) -> str:
-    """What a key may mean that is none here."""
+    """A hint for an unknown key."""
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
     key, table = str(path[-1]), str(path[0])
@@ -233,7 +233,7 @@ def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dic
 
 
 def _warn(drive: Drive, document: Document) -> None:
-    """Warn of what can be read, and is hardly meant."""
+    """Warn of valid values that are far from usual or have no effect."""
     _warn_of_limits(drive, document)
     _warn_of_amplitudes(drive, document)
     _warn_of_model(drive, document)
@@ -255,7 +255,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
 
 
 def _warn_of_amplitudes(drive: Drive, document: Document) -> None:
-    """Warn of harmonics that are more than the whole deviation of their wheel."""
+    """Warn of harmonics that are larger than the composite deviation of their wheel."""
     for each in DEVIATIONS:
         composite = COMPOSITES.get(each.part)
         if composite is None or each.order == 1:

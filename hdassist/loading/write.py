@@ -75,7 +75,7 @@ def _section(section: str, model: type[Section]) -> Iterator[str]:
 
 
 def _about(info: FieldInfo) -> str:
-    """Unit and meaning of a field, as a comment beside it says them."""
+    """Unit and meaning of a field, for the comment beside it."""
     unit = unit_of(info)
     return f"{unit}, {info.description}" if unit else str(info.description)
 
@@ -172,8 +172,8 @@ def with_found_values(
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
     where they come from; alternatives, other sets of such values; model, the fields of numerics that they were
-    identified with, which the text says from now on. Raises what loading the text raises; DataError where it cannot be
-    changed in place.
+    identified with, which are written into the text. Raises the errors of loading the text; DataError where it cannot
+    be changed in place.
     """
     before, tables = load_text(text, file), _tables(text)
     for path, value in values.items():
@@ -193,8 +193,8 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
     """Text of a preset with overrides put in, its comments and order as they are.
 
     A changed value that was assumed or identified is assumed from now on, without a range that it has left. Arguments:
-    text; file, its name in messages; overrides, such as "cam.W_0=0.95". Raises what loading the preset with them
-    raises; DataError where an override is of no single field, or the text cannot be changed in place.
+    text; file, its name in messages; overrides, such as "cam.W_0=0.95". Raises the errors of loading the preset with
+    them; DataError where an override is of no single field, or the text cannot be changed in place.
     """
     wanted, before = load_text(text, file, overrides), load_text(text, file)
     tables, changes = _tables(text.decode("utf-8-sig")), set()
@@ -218,7 +218,7 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
 
 
 def _editor() -> YAML:
-    """What reads and writes YAML with its comments and order."""
+    """A reader and writer of YAML that keeps comments and order."""
     from ruamel.yaml import YAML  # 40 ms, for which only who writes a preset waits
 
     editor = YAML()
@@ -248,7 +248,7 @@ def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
 
 
 def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | int] | None = None) -> str:
-    """Text of tables, which is read again: what is wanted has to come out, and model where nothing else is given."""
+    """Text of tables, read again: it must give the wanted drive, but for fields of model that it has already."""
     stream = StringIO()
     _editor().dump(tables, stream)
     text, loose = stream.getvalue(), {f"numerics.{name}" for name in model or {}}

@@ -1,1 +1,1 @@
-"""What a measured trace says: F'_ior, orders, coverage, uncertainty."""
+"""Answers from a measured trace: F'_ior, orders, coverage, uncertainty."""

@@ -1,4 +1,4 @@
-"""Rows of a trace averaged over small steps of the angle, so that a million of them cost no more than they tell."""
+"""Averages of a trace over small steps of the angle, so that the effort does not grow with the number of rows."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Bins:
 
 
 def travel_of(trace: MeasuredTrace) -> Array:
-    """How far the cam has turned since the first row, to either side, shape (rows,) [turns]."""
+    """Travel of the cam since the first row, in either direction, shape (rows,) [turns]."""
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
 
 

@@ -1,4 +1,4 @@
-"""How cam and output of a measured drive hang together: ratio, full cycle, and how much of it a trace has visited."""
+"""Ratio and full cycle of a measured drive, and the share of the cycle that a trace has visited."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Coverage:
     """Cells of cam angle and output angle: as many as there are in the full cycle, and how many were visited.
 
     In one direction the cam passes each of them once in a cycle. A cell is visited that has a reading, or lies between
-    two that are near enough to follow the highest order. cam_deg, output_deg: size of a cell; step_deg: from reading to
-    reading, of the cam: how sparse the record is says nothing of how much it visited.
+    two that are near enough to follow the highest order. cam_deg, output_deg: size of a cell; step_deg: median step of
+    the cam from reading to reading.
     """
 
     cells: int
@@ -68,7 +68,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     """
     if drive is not None:
         if ratio is not None:
-            raise UsageError("--drive knows the ratio", "leave out --ratio")
+            raise UsageError("invalid --ratio: expected none with --drive, which has the ratio", "leave out --ratio")
         kinematics = Kinematics.of(drive)
         return Gearing(abs(kinematics.u), kinematics.cycle_cam_revolutions)
     if ratio is None:
@@ -78,7 +78,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     if not LEAST_RATIO <= ratio <= GREATEST_RATIO or abs(2 * ratio - doubled) > RATIO_ROUNDING:
         hint = "half the number of teeth of the wheel that turns, such as 100 or 99.5"
         span = f"from {LEAST_RATIO:g} to {GREATEST_RATIO:g}"
-        raise UsageError(f"--ratio must be a multiple of 0.5 {span}, not {ratio:g}", hint)
+        raise UsageError(f"invalid --ratio {ratio:g}: expected a multiple of 0.5 {span}", hint)
     return Gearing(ratio, doubled // 2 if doubled % 2 == 0 else doubled)
 
 

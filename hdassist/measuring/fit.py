@@ -2,8 +2,8 @@
 
 error = level of the sweep + drift + sum of a cos(2 pi f x) + b sin(2 pi f x). The coefficients are as uncertain as
 those of independent residuals, widened by the noise floor of the residuals at each order, or, in records too short for
-that, by the number of neighbours that err together: the integrated autocorrelation. What of the residuals goes on
-from one bin to the next is no noise of reading but error beyond the given orders, or slow: its size is kept as
+that, by the number of neighbours that err together: the integrated autocorrelation. The part of the residuals that is
+correlated from one bin to the next is no noise of reading but error beyond the given orders, or slow: its size is
 `unmodelled`.
 """
 
@@ -31,9 +31,9 @@ FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the
 FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
 FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
-RESOLVED_GAP = 0.75  # of the resolution: a line nearer to an order cannot be told from it
+RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
 MOMENTS = 3  # of where readings lie in their places
-NEIGHBOURS = 10.0  # bins: readings closer than that show what goes on from one to the next
+NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
 
 
 def order_columns(turns: Array, orders: Array) -> Array:
@@ -53,7 +53,7 @@ class TraceDesign:
 
     columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; root: times
     its transpose the inverse of the normal equations, shape (columns, columns); condition: of these.
-    Raises UntrustedError: too few bins, or angles at which the orders cannot be told apart.
+    Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
 
     def __init__(self, bins: Bins, orders: Array, degree: int = 0) -> None:
@@ -97,11 +97,11 @@ class TraceDesign:
         return np.asarray(self.root @ (self.root.T @ self._moment))
 
     def residual(self, solution: Array) -> Array:
-        """What a solution leaves of the bins' error, shape (bins,)."""
+        """Residual of the bins' error [arcsec], shape (bins,)."""
         return np.asarray(self.bins.error - self._at_bins(solution))
 
     def rest(self, curves: Array) -> Array:
-        """What the unknowns cannot fit of curves at the bins, shape (bins, curves)."""
+        """Residuals of curves at the bins after their own least squares, shape (bins, curves)."""
         return np.asarray(curves - self._at_bins(self.project(lambda rows: curves[rows])))
 
     def _at_bins(self, solution: Array) -> Array:
@@ -130,7 +130,7 @@ class TraceFit:
     shape (2 orders, columns), whose product with unit noise is an error of the coefficients; lines: those of the orders
     that were found in the residuals, rising; level: shape (sweeps,);
     drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (bins,). correlated: bins that err together;
-    unmodelled: size of what is no noise of reading [arcsec].
+    unmodelled: size of the residuals beyond noise of reading [arcsec].
     """
 
     design: TraceDesign
@@ -155,7 +155,7 @@ class TraceFit:
 
     @property
     def groups(self) -> list[OrderIndices]:
-        """Places of the orders, those together that the record does not tell from a line."""
+        """Places of the orders in groups: those that the record does not resolve from a line are together."""
         line = np.isin(self.orders, self.lines)
         near = np.diff(self.orders) < RESOLVED_GAP / self.design.bins.span
         ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
@@ -167,7 +167,7 @@ class TraceFit:
         return np.concatenate([np.full(len(own), len(own) > 1) for own in self.groups])
 
     def wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
-        """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of what orders of some places make.
+        """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of the wave of the orders of a group.
 
         Of several: the amplitude of a wave of the same mean square over the record, and its mean order.
         """
@@ -209,7 +209,7 @@ class TraceFit:
 def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None = None) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and a drift of a degree (0: none) to a trace's bins.
 
-    Raises UntrustedError: too few bins, or angles at which the orders cannot be told apart.
+    Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
     lines = np.sort(lines) if lines is not None else np.array([])
     orders = np.sort(np.concatenate([orders, lines]))
@@ -242,7 +242,7 @@ def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
 
 
 def _memory(residual: Array, variance: float, columns: int, bins: Bins) -> tuple[float, float]:
-    """How many bins err together, and the size of what goes on from bin to bin [arcsec]."""
+    """Number of bins that err together, and size of the correlated part of the residuals [arcsec]."""
     size = len(residual)
     if not variance:
         return 1.0, 0.0
@@ -263,7 +263,7 @@ def _memory(residual: Array, variance: float, columns: int, bins: Bins) -> tuple
 def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array, Array]:
     """Power of residuals, shape (bins,) [arcsec], over that of independent ones of the same variance at weight 1.
 
-    Returns orders per cam turn, rising, at least twice as dense as the record tells apart, and the power there.
+    Returns orders per cam turn, rising, at least twice as dense as the record resolves, and the power there.
     """
     places = np.floor(bins.turns * bins.per_turn).astype(np.int64)
     sizes = [int(np.ptp(places[bins.sweep == k])) + 1 for k in range(bins.sweeps)]

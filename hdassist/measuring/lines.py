@@ -1,9 +1,9 @@
-"""Lines of a trace that are none of its orders: ball passes, cages, what hums on the rig.
+"""Lines of a trace that are none of its orders: ball passes, cages, vibration of the rig.
 
 A line that is left out makes the range too small, never too large. So the residuals of the fit are searched for lines,
 the strongest first, and each is taken into the fit with an order of its own, until none is significant: its power over
 the mean of its neighbours has to be one that noise alone brings once in 1/LINE_FALSE_ALARM records. For a noise power
-even over the neighbourhood that ratio has an F distribution with 2 and 2 m degrees of freedom, m places told apart.
+even over the neighbourhood that ratio has an F distribution with 2 and 2 m degrees of freedom, m resolved places.
 Slow noise is not even but falls with the order: the side of the neighbours counts that makes the line less significant.
 """
 
@@ -28,8 +28,8 @@ from hdassist.measuring.fit import (
 from hdassist.model.geometry import Array
 
 LINE_FALSE_ALARM = 0.01  # of a record without lines
-PROBES_PER_PLACE = 2.5  # places probed, over those that the record tells apart: a peak between them is found too
-NEIGHBOURHOOD = 32  # places told apart, on each side, that stand for the noise
+PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
+NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
 FEWEST_NEIGHBOURS = 2  # of them
 LINE_WIDTH = 1.5  # of the resolution, to either side: the line's own peak
 CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
@@ -58,7 +58,7 @@ def with_lines(fit: TraceFit, orders: Array, degree: int, finest: float) -> Trac
             break
         try:
             fit = _settled(fit, orders, degree, peak.order)
-        except UntrustedError:  # too near to what was fitted
+        except UntrustedError:  # too near to a fitted order
             break
     return fit
 
@@ -71,42 +71,42 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
         return None
     probes, power = residual_power(bins, fit.residual, variance)
     resolution = 1 / bins.span
-    each = bins.per_turn * bins.span / len(probes) / 2  # places told apart, for each probe
+    per_probe = bins.per_turn * bins.span / len(probes) / 2  # resolved places for each probe
     free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
     if not (free & (probes >= FEWEST_PERIODS * resolution)).any():
         return None
-    place, tail = _least_likely(probes[free], power[free], power[free], resolution, each)
+    place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
     order = float(probes[free][place])
     # in a short record side lobes of a line reach its neighbours: they are looked at without it
     rest = fit.residual - _line_curves(fit, np.array([order]))[0][:, 0]
     _, others = residual_power(bins, rest, variance)
     near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
-    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, each)
-    chance = PROBES_PER_PLACE * int(free.sum()) * each * float(np.exp(min(tail, alone)))
+    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, per_probe)
+    chance = PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
     top = 2 * np.sqrt(power[free][place] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
     return Peak(order, float(top), chance)
 
 
-def _least_likely(probes: Array, power: Array, others: Array, resolution: float, each: float) -> tuple[int, float]:
+def _least_likely(probes: Array, power: Array, others: Array, resolution: float, per_probe: float) -> tuple[int, float]:
     """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours."""
     total = np.concatenate([[0.0], np.cumsum(others)])
-    reach, at = max(1, int(NEIGHBOURHOOD / each)), np.arange(len(probes))
+    reach, at = max(1, int(NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
     below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
     sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
-    tail = np.max([_tail(power, total, first, last, each) for first, last in sides], axis=0)
+    tail = np.max([_tail(power, total, first, last, per_probe) for first, last in sides], axis=0)
     tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
     best = int(tail.argmin())
     return best, float(tail[best])
 
 
-def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np.int64], each: float) -> Array:
+def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np.int64], per_probe: float) -> Array:
     """Logarithm of the chance that noise has such a power over the mean of the neighbours from first to last.
 
-    total: running sums of the power; each: places told apart, for each neighbour. 0 where there are none.
+    total: running sums of the power; per_probe: resolved places for each neighbour. 0 where there are none.
     """
     count = np.maximum(last - first, 0)
     mean = (total[np.maximum(first, last)] - total[first]) / np.maximum(count, 1)
-    places = count * each
+    places = count * per_probe
     ratio = power / np.maximum(mean * places, 1e-300)
     return np.asarray(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
 
@@ -126,9 +126,9 @@ def _line_curves(fit: TraceFit, orders: Array) -> tuple[Array, Array]:
 def _settled(fit: TraceFit, orders: Array, degree: int, order: float) -> TraceFit:
     """A fit with one line more, the orders of the lines moved to where they fit best.
 
-    Where a line comes so near to a fitted order that the record does not tell them apart, it is put halfway between two
-    of them, or half the resolution beside one, where it takes most of the residuals: together they fit what is there,
-    and stand for it together. Raises UntrustedError where there is no room.
+    Where a line comes so near to a fitted order that the record does not resolve them, it is put halfway between two of
+    them, or half the resolution beside one, where it takes most of the residuals: together they fit the error there.
+    Raises UntrustedError where there is no room.
     """
     bins, resolution = fit.design.bins, 1 / fit.design.bins.span
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]

@@ -34,11 +34,11 @@ SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
 DRIFT_LEFT = "linear drift of {:.3g} arcsec over the record left in (--drift linear), if it is no part of a slow order"
 DRIFT_OFF = "the cycle does not close: linear drift of {:.3g} arcsec taken off; with it the curve spans {:.1f} arcsec"
-DRIFTED = 0.05  # of F'_ior: a drift left in that is said
+DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
 DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
-COARSE_STEP = 1 / 4  # of F'_ior: a step in time with the turns from which on the error is not told from it
-UNMODELLED = 1 / 5  # of F'_ior: error beyond the orders that is said
+COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
+UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class SweepResult:
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
-        """F'_ior with its expanded uncertainty, k = 2, to either side, above it what lines may add in another cycle."""
+        """F'_ior less and plus its expanded uncertainty, k = 2, and above that the rise by lines in another cycle."""
         reach = COVERAGE_FACTOR * self.uncertainty_arcsec
         return max(0.0, self.range.value - reach), self.range.value + self.rise_arcsec + reach
 
@@ -114,7 +114,7 @@ class Reversal:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """A measured trace looked at: the directions, the one with the greatest F'_ior first; seed of the bootstrap."""
+    """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap."""
 
     trace: MeasuredTrace
     gearing: Gearing | None
@@ -141,7 +141,7 @@ def measure(
     seed: int = 0,
     together: bool = False,
 ) -> Measurement:
-    """Look at a measured trace.
+    """F'_ior, orders and coverage of a measured trace.
 
     Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn, rising, to
     which the error is limited (None: 1 to 12, or as far as the steps of the angle resolve them); drift, none, linear
@@ -185,7 +185,7 @@ def measure(
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
         found.append(result)
     if not found:
-        hint = "F'_ior is looked for over whole turns; is the angle that of the cam, and its unit right?"
+        hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
     reversal = _reversal(*found) if len(found) == 2 else None
     found.sort(key=lambda each: -each.range.value)
@@ -196,7 +196,7 @@ def measure(
 def require_drift(kind: str) -> None:
     """Raise UsageError unless it is a kind of drift that can be taken off."""
     if kind not in DRIFTS:
-        raise UsageError(f"--drift must be none, linear or quadratic, not {kind}")
+        raise UsageError(f"invalid --drift {kind}: expected one of {', '.join(DRIFTS)}")
 
 
 def drift_of(design: TraceDesign, residual: Array, extent: float) -> float:
@@ -283,9 +283,7 @@ def _sweep_result(
     alone = combined(sources[:RECORD_SOURCES])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
-        hint = (
-            "it drifts: --drift linear" if drift_left else "record longer or with less noise; is it the right column?"
-        )
+        hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
     raw = float(np.ptp(trace.error_arcsec[rows] - fit.design.drift_at(fit.drift, travel_of(trace)[rows])))

@@ -2,7 +2,7 @@
 
 Deviations of the wheel that turns with the output beat with those that stand still, so around each declared order n the
 error has orders n + k/ratio. BEATS of them to either side hold a model's error over the full cycle to about 1 % of its
-range. A record of T cam turns tells orders apart that lie 1/T apart: of closer ones, fewer stand for all.
+range. A record of T cam turns resolves orders 1/T apart: of closer ones, fewer stand for all.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DRIFTING = 4.0  # cam turns: from here on one order to either side stands for be
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
 LINE_CAUSE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
 TOGETHER_CAUSE = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
-RIG_CAUSES = {  # what of the rig comes round so often in a turn of the output
+RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
     1.0: "once per output turn: also encoder graduation and coupling",
     2.0: "twice per output turn: also encoder graduation and coupling",
 }
@@ -57,23 +57,23 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     """
     if text is None:
         return None
-    found: set[float] = set()
+    orders: set[float] = set()
     for part in text.split(","):
         match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:-\s*([0-9]+)\s*)?", part)
         if match is None:
-            raise UsageError(f"no orders: {text}", 'write them like "1-12" or "1,2,4"')
+            raise UsageError(f"invalid --orders {text}: expected orders", 'like "1-12" or "1,2,4"')
         first, last = float(match[1]), float(match[2] or match[1])
         if not 0 < first <= last <= HIGHEST_ORDER or (match[2] and not first.is_integer()):
-            raise UsageError(f"orders must rise, above 0 and up to {HIGHEST_ORDER:g}: {text}")
-        found.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
-    return tuple(sorted(found))
+            raise UsageError(f"invalid --orders {text}: expected rising orders above 0, up to {HIGHEST_ORDER:g}")
+        orders.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
+    return tuple(sorted(orders))
 
 
 def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, beats: bool = True) -> Array:
     """Orders per cam turn to fit, rising, shape (orders,).
 
     Arguments: declared orders; turns of the cam that the record spans; ratio, None where it is not known; beats,
-    whether to put them around the declared orders, as far as the record tells them apart.
+    whether to put them around the declared orders, as far as the record resolves them.
     """
     base = 1 / (ratio or USUAL_RATIO)
     width = BEATS * base
@@ -88,7 +88,7 @@ def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, 
 def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[MeasuredOrder, ...]:
     """Orders of a fit, rising, with the simplest causes of each that lie nearest to it.
 
-    A line and the orders that the record does not tell from it are one entry.
+    A line and the orders that the record does not resolve from it are one entry.
     """
     orders = fit.orders
     declared = orders[~np.isin(orders, fit.lines)]
@@ -111,8 +111,8 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
             words.append(LINE_CAUSE if len(own) == 1 else TOGETHER_CAUSE.format(orders[own[0]], orders[own[-1]]))
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
-    found = []
+    rows = []
     for own in fit.groups:
         is_line = bool(np.isin(orders[own], fit.lines).any())
-        found.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
-    return tuple(found)
+        rows.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
+    return tuple(rows)

@@ -1,8 +1,8 @@
 """Greatest minus least of a fitted curve over the angles that were visited, without the part that noise adds to it.
 
 Noise makes the range of a curve too large: the greatest value is looked for among values that err. The bias is
-estimated by a parametric bootstrap: coefficients shrunk towards nothing as far as they are noise stand for the true
-ones, and get noise as the fit says; by how much the range of their curves is greater, on the mean, is taken off.
+estimated by a parametric bootstrap: coefficients shrunk towards 0 by their share of noise stand for the true ones, and
+get noise by the covariance of the fit; the mean increase of the range of their curves is taken off.
 The standard uncertainty is the spread of those ranges, SPREAD_FACTOR because the correction repeats the noise of the
 estimate, and a BIAS_SHARE of the correction. Both numbers were found by simulation (tests/measuring/test_measure.py).
 """
@@ -18,7 +18,7 @@ from hdassist.measuring.fit import DESIGN_CHUNK, TraceFit, order_columns
 from hdassist.model.geometry import Array
 
 POINTS_PER_PERIOD = 16  # points in a period of the highest order
-GAP_PERIODS = 0.5  # periods of the highest order: what lies between readings further apart was not visited
+GAP_PERIODS = 0.5  # periods of the highest order: angles between readings further apart were not visited
 SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
 TURN_PARTS = 24  # of a turn, in steps of which single turns begin
@@ -28,9 +28,9 @@ CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be 
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a curve [arcsec]: as fitted, what noise has added to it, and the standard uncertainties of both.
+    """Range of a curve [arcsec]: as fitted, its bias by noise, and the standard uncertainty of the range by noise.
 
-    rise: by how much lines can make it greater where they stand otherwise to the orders, as in another cycle.
+    rise: possible increase by lines where their phases to the orders differ, as in another cycle.
     """
 
     fitted: float
@@ -92,7 +92,7 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
 def _range(extents: Array, lines: float) -> Range:
     """Range out of those of the fitted curve, of it without lines, of the shrunk one, and of the drawn ones.
 
-    lines: what they add to the curve's own range where the greatest of each meets that of the curve [arcsec].
+    lines: range that they add where their extremes meet those of the curve [arcsec].
     """
     (fitted, own, without), drawn = extents[:3].tolist(), extents[3:]
     bias, spread = max(0.0, float(drawn.mean()) - without), SPREAD_FACTOR * float(drawn.std(ddof=1))

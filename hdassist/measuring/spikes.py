@@ -16,8 +16,8 @@ from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 SPIKE_SIGMAS = 10.0  # robust standard deviations of the readings around the fit
-SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike changes nothing
-LONGEST_SPIKE = 2  # readings: what lasts longer may be the drive
+SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
+LONGEST_SPIKE = 2  # readings: a longer one may be the drive
 TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
 MAX_SPIKE_SHARE = 1 / 200  # of the readings: with more of them the rig is at fault
 NAMED_LINES = 3  # lines in a message
@@ -49,7 +49,7 @@ def without_spikes(
     where = f"line{'s' * (count > 1)} {named}{f' and {count - NAMED_LINES} more' if count > NAMED_LINES else ''}"
     words = f"{where}: {size[short].max():.2g} arcsec off all readings around"
     if count > max(FEW_SPIKES, MAX_SPIKE_SHARE * len(trace.line)):
-        hint = "look at the encoders' cables and counters, or leave out these rows"
+        hint = "check the encoders' cables and counters, or leave out these rows"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
     warning = f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f} arcsec"
     return trace.without(rows[short]), warning

@@ -1,4 +1,4 @@
-"""What makes a measured F'_ior uncertain, source by source, as standard uncertainties."""
+"""Sources of the uncertainty of a measured F'_ior, as standard uncertainties."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import isfinite, sqrt
 from hdassist.errors import UsageError
 from hdassist.numerals import number_of
 
-STATED = {  # sources of which a single record says nothing
+STATED = {  # sources that a single record cannot show
     "encoder": "graduation of the output's encoder, once per output turn; the cam's off its centre, once per cam turn",
     "coupling": "eccentricity of the output coupling: cannot be told from once-per-output error",
     "reseating": "taking the drive off the rig and putting it back",
@@ -40,8 +40,9 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
         name, _, number = text.partition("=")
         value = number_of(number)
         if name not in STATED or name in stated or not isfinite(value) or value < 0:
-            hint = f"NAME=ARCSEC, a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
-            raise UsageError(f"--budget {text}: {'twice' if name in stated else 'not understood'}", hint)
+            expected = "each source once" if name in stated else "NAME=ARCSEC"
+            hint = f"a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
+            raise UsageError(f"invalid --budget {text}: expected {expected}", hint)
         stated[name] = value
     return stated
 
@@ -60,11 +61,11 @@ def budget(
 ) -> tuple[UncertaintySource, ...]:
     """Sources of uncertainty of a range.
 
-    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; drift, what
-    a drift leaves open; unmodelled, size of error beyond the declared orders; step, resolution of a reading; scatter,
-    of single readings; stated, by source; in_time, whether what a step rounds comes round with the turns; ratio, cam
+    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; drift, by a
+    drift; unmodelled, size of error beyond the declared orders; step, resolution of a reading; scatter,
+    of single readings; stated, by source; in_time, whether the rounding of a step repeats with the turns; ratio, cam
     turns per output turn, None where it is not known. The two extremes of a range err by themselves: hence sqrt(2). A
-    step below twice the scatter is dithered. In time with the turns the fit follows what is rounded, and both extremes
+    step below twice the scatter is dithered. In time with the turns the fit follows the rounding, and both extremes
     may err together: hence 2.
     """
     resolution = sqrt(2) * step / sqrt(12), "step of the readings"

@@ -1,4 +1,4 @@
-"""What the catalogue page of a drive says of it: figures that answers are shown beside, and no limits."""
+"""Figures of a drive's catalogue, which are compared with answers and are no limits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from hdassist.preset.kinds import Section, field
 
 
 def of_catalogue(path: str) -> bool:
-    """Whether a field, by path, is a catalogue's figure, which F'_ior stands beside and does not rest on."""
+    """Whether a field, by path, is a figure of the catalogue, on which F'_ior does not depend."""
     return path.startswith("catalogue.")
 
 

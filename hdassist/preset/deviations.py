@@ -1,4 +1,4 @@
-"""Deviations of the parts: the fields of their sizes and directions, and the table of them that all else reads.
+"""Deviations of the parts: the fields of their sizes and directions, and the one table of them.
 
 A size or direction that a preset does not give is unknown, not zero.
 """
@@ -77,7 +77,7 @@ class Deviation:
 
     kind: composite, the first harmonic of a wheel's teeth from peak to peak (F'_i); harmonic of the teeth, an
     amplitude; seat, a harmonic that the seat of the rigid wheel presses on it; cam, an offset of the cam; centre, an
-    offset of a wheel's teeth. part: what it turns with, flexspline g, rigid wheel b or cam h; order: waves around it.
+    offset of a wheel's teeth. part: that it turns with, flexspline g, rigid wheel b or cam h; order: waves around it.
     """
 
     size: str
@@ -118,7 +118,7 @@ DEVIATIONS = (
     Deviation("harmonics.a_s2", "harmonics.xi_s2", "seat", "b", 2),
 )
 DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
-# sizes, by wheel, of what measured teeth hold already
+# sizes, by wheel, that measured pitch deviations replace
 IN_TEETH: dict[str, tuple[str, ...]] = {
     wheel: tuple(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic"))
     for wheel in WHEELS

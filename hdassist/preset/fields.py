@@ -1,7 +1,7 @@
-"""What a preset may say: every field with its unit, range, default and meaning, declared once.
+"""Fields of a preset, each declared once with its unit, range, default and meaning.
 
 Schema, validation, unit strings, help texts and tests read these declarations.
-Numbers are held in the unit of their field; the model converts them.
+Numbers are in the unit of their field; the model converts them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pydantic import BaseModel, Field, PrivateAttr, ValidationInfo, field_valida
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.catalogue import Catalogue
+from hdassist.preset.components import Bearing, Cam, Contact, Flexspline, Gears, Material, Supports
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
     CLOSED,
@@ -35,95 +36,6 @@ from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
 from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue
 
 PRESET_SCHEMA = "hdassist.preset/1"
-
-
-class Gears(Section):
-    """Teeth of the two wheels."""
-
-    z_g: int = field("teeth of the flexspline", example=200, ge=20, le=1000)
-    z_b: int = field("teeth of the rigid wheel", example=202, ge=22, le=1002)
-    m: float = field("module", "mm", example=0.8, ge=0.05, le=5)
-    alpha: float = field("pressure angle", "deg", 20.0, ge=14, le=30)
-    x_g: float = field("profile shift of the flexspline", example=3.1, ge=-1, le=12)
-    x_b: float = field("profile shift of the rigid wheel", example=3.3, ge=-1, le=12)
-    h_a: float = field("addendum of both wheels, in modules", default=0.6, ge=0.2, le=1.5)
-    h_f: float = field("dedendum of the flexspline, in modules", default=1.35, ge=0.3, le=2)
-    j_n: float = field("clearance per flank (tooth thinning)", "um", 0.0, ge=0, le=200)
-
-    @property
-    def pitch_diameter(self) -> float:
-        """Pitch diameter of the flexspline [mm]."""
-        return self.m * self.z_g
-
-    @property
-    def root_radius(self) -> float:
-        """Radius of the root of the flexspline's teeth [mm]."""
-        return self.m * (self.z_g + 2 * self.x_g - 2 * self.h_f) / 2
-
-
-class Material(Section):
-    """Material of the flexspline, of the cam and of its bearing."""
-
-    E: float = field("Young's modulus", "MPa", 2.06e5, ge=1e3, le=1e6)
-    nu: float = field("Poisson's ratio", default=0.3, ge=0, le=0.49)
-    alpha_T: float = field("coefficient of thermal expansion", "/K", 11.5e-6, ge=0, le=1e-4)
-
-
-class Flexspline(Section):
-    """Rim under the teeth and the shell behind it."""
-
-    h_1: float = field("thickness of the rim under the teeth", "mm", example=1.4, ge=0.05, le=20)
-    h_3: float = field("thickness of the shell", "mm", example=1.4, ge=0.05, le=20)
-    b_w: float = field("width of the tooth ring", "mm", example=32.0, ge=1, le=500)
-    l: float = field("length of the shell with the tooth ring", "mm", example=160.0, ge=2, le=2000)
-    k_t: float = field("stiffening of the rim by its teeth", default=1.4, ge=1, le=5)
-
-
-class Bearing(Section):
-    """Flexible bearing between flexspline and cam."""
-
-    N: int = field("number of balls", example=24, ge=5, le=200)
-    ring_b: float = field("width of the outer ring", "mm", example=24.0, ge=0.5, le=500)
-    ring_h: float = field("thickness of the outer ring", "mm", example=4.0, ge=0.05, le=50)
-    d_ball: float | None = field("ball diameter (needed for rolling balls)", "mm", None, ge=0.2, le=100)
-    g_b: float = field("clearance between outer ring and balls", "um", 0.0, ge=0, le=200)
-    ball_motion: Literal["locked", "rolling"] = field("balls held in the cam frame, or rolling", default="locked")
-    beta: float = field("ball phase, in ball pitches from the major axis", default=0.0, ge=0, le=1)
-
-
-class Cam(Section):
-    """Wave generator."""
-
-    W_0: float = field("radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10)
-    coupling: Literal["solid", "oldham", "overhung", "unknown"] = field(
-        "how it sits on its shaft: solid hub, Oldham coupling (aligns itself), overhung; gives C_3 if that is left out",
-        default="unknown",
-    )
-    shaft_d: float | None = field("diameter of the shaft it is overhung on", "mm", None, ge=0.5, le=500)
-    overhang: float | None = field("length of that shaft from its bearing to mid-cam", "mm", None, ge=0.5, le=2000)
-
-
-class Supports(Section):
-    """Radial stiffness of what carries the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
-
-    C_1: float = field("support of the rigid wheel, radial", "N/mm", example=1300000.0, ge=0, le=1e9)
-    C_2: float = field("support of the flexspline, radial", "N/mm", example=23000.0, ge=0, le=1e9)
-    C_3: float | None = field("support of the cam, radial", "N/mm", None, example=8400.0, ge=0, le=1e9)
-
-
-class Contact(Section):
-    """Local compliance of the contacts."""
-
-    c_t: float = field(
-        "compliance of a tooth pair along its normal, where flanks bear as a whole (numerics.stations: 1)",
-        "mm/N", 2.0e-5, ge=1e-8, le=1e-2,
-    )  # fmt: skip
-    k_face: float = field(
-        "stiffness of a tooth pair per width of its coned face; c_t in its place with numerics.stations: 1",
-        "N/um/mm", 8.4, ge=0.01, le=1000,
-    )  # fmt: skip
-    c_ball: float = field("compliance of a ball between its raceways", "mm/N", 2.5e-5, ge=1e-8, le=1e-2)
-    c_bore: float = field("compliance of the bore on the outer ring, per node", "mm/N", 1.0e-7, ge=1e-9, le=1e-2)
 
 
 class Mounting(Section):
@@ -189,10 +101,10 @@ class Numerics(Section):
     n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
 
 
-# fields that presets had once, and what there is in their place
+# fields that presets had once, with a hint
 REMOVED = {"acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure"}
 
-# fields of numerics with which identified values hold alone, and what each was before it was the default or had a name
+# fields of numerics that identified values depend on, and the value of each before it was a field
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
 
 
@@ -263,7 +175,7 @@ class Drive(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _join_spreads(cls, data: Any) -> Any:
-        """Put the uncertainties that stand beside values to the others; of two for a field, the other one counts."""
+        """Add uncertainties written beside values to the table; where it has one for a field, that counts."""
         table = data.get("uncertainty") or {} if isinstance(data, dict) else None
         if not isinstance(table, dict):
             return data
@@ -298,13 +210,11 @@ class Drive(BaseModel):
         """Where the drive was read."""
         return self._origin
 
-    def limit(self, torque: float, name: str = "F_ior") -> float | None:
-        """Limit [arcsec] at a torque [N*m] of F'_ior or another of the per-torque limits; None where none is set."""
-        limits: dict[str, float] = getattr(self.acceptance, name)
-        for key, value in limits.items():
-            if key != "all" and float(key) == torque:
-                return value
-        return limits.get("all")
+    def limit(self, torque: float) -> float | None:
+        """Limit of F'_ior [arcsec] at a torque [N*m]; None where none is set."""
+        limits = self.acceptance.F_ior
+        own = (value for key, value in limits.items() if key != "all" and float(key) == torque)
+        return next(own, limits.get("all"))
 
     def value(self, path: str) -> Any:
         """Value of a field, by path ("gears.j_n")."""
@@ -359,19 +269,19 @@ def measures() -> dict[str, FieldInfo]:
 
 
 def spreads(data: Mapping[str, Any]) -> dict[str, float]:
-    """Uncertainties that stand beside values ("260 ± 10"), by path, each in the unit of its field."""
-    found = {}
+    """Uncertainties written beside values ("260 ± 10"), by path, each in the unit of its field."""
+    uncertainties = {}
     for section, table in data.items():
         for name, value in table.items() if isinstance(table, dict) else ():
             path = f"{section}.{name}"
             if isinstance(value, str) and is_spread(value) and path in measures():
                 with suppress(UnitError):  # the value itself is refused
-                    found[path] = read_spread(value, unit_of(measures()[path]))[1]
-    return found
+                    uncertainties[path] = read_spread(value, unit_of(measures()[path]))[1]
+    return uncertainties
 
 
 def _read_measures(table: Any, no_measure: InvalidValue | None) -> Any:
-    """A table of measures by path, each in the unit of its field; no_measure, what is said of a field that is none."""
+    """A table of measures by path, each in the unit of its field; no_measure, the fault of any other field."""
     if not isinstance(table, dict):
         return {} if table is None else table
     read: dict[str, float | InvalidValue] = {}
@@ -422,7 +332,7 @@ def deviation_sizes() -> tuple[str, ...]:
 
 
 def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | None:
-    """A plausible range as a preset gives it, in the unit of its field, by path; else why it is none."""
+    """A plausible range of a field, by path, in its unit; InvalidValue for an invalid one."""
     info = field_table()[path]
     unit = unit_of(info)
     if bounds is None or isinstance(bounds, InvalidValue):
@@ -444,7 +354,7 @@ def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | N
 
 
 def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:
-    """A hint at the field that a key of a table may mean; none where there are more keys than are told."""
+    """A hint at the field that a key of a table may mean; empty in a table with more keys than findings are shown."""
     if len(table) > MAX_FINDINGS:
         return ""
     name = word.split(".")[-1]

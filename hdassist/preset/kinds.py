@@ -1,4 +1,4 @@
-"""What kinds of fields a preset has: how each is declared, what it takes, and how its text is read."""
+"""Kinds of fields of a preset: declaring them, reading their values, their units and bounds."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Section(BaseModel):
         return read_value(cls.model_fields[str(info.field_name)], value)
 
 
-UNKNOWN = "unknown"  # what a preset may write for a value that it does not know
+UNKNOWN = "unknown"  # written in a preset in place of a value
 
 
 def field(
@@ -118,8 +118,8 @@ def read_value(info: FieldInfo, value: Any) -> Any:
         if meant := near_miss(value, [UNKNOWN]):
             return InvalidValue("must be a number", meant)
     if value is None and not info.is_required() and kind not in ("numbers", "holes"):
-        what = "a whole number" if kind == "count" else "a number"
-        return InvalidValue(f"must be {what}", f"leave the key out for its default, {info.default}")
+        expected = "a whole number" if kind == "count" else "a number"
+        return InvalidValue(f"must be {expected}", f"leave the key out for its default, {info.default}")
     if kind == "number":
         return read_number(value, unit, spread=True)
     if kind == "count":
@@ -146,7 +146,7 @@ def _read_holes(value: Any) -> Any:
         for index, hole in enumerate(holes)
         if isinstance(hole, InvalidValue)
     ]
-    if unread:  # said here, as pydantic would put the names of the types of a union into the place
+    if unread:  # raised here, as pydantic would put the names of the types of a union into the place
         raise ValidationError.from_exception_data("holes", unread)
     return holes
 
@@ -157,19 +157,19 @@ def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
         if by_order and not isinstance(limit, InvalidValue):
             return InvalidValue("must be a table of orders per cam turn", "like {2: 10}")
         return limit if isinstance(limit, InvalidValue) else {"all": limit}
-    what = "an order per cam turn, or ORDER@TORQUE in N*m" if by_order else "a torque in N*m, or all"
+    expected = "an order per cam turn, or ORDER@TORQUE in N*m" if by_order else "a torque in N*m, or all"
     limits: dict[str, float | InvalidValue] = {}
-    seen: set[tuple[float, ...]] = set()
+    read: set[tuple[float, ...]] = set()
     for key, item in value.items():
         own = _order_and_torque(key) if by_order else (float(key),) if is_number(key) else ()
         if not own and (by_order or key != "all"):
-            limits[key] = InvalidValue(f"must be {what}", at_key=True)
-        elif own and own in seen:
+            limits[key] = InvalidValue(f"must be {expected}", at_key=True)
+        elif own and own in read:
             limits[key] = InvalidValue(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
         else:
             limits[key] = read_number(item, unit)
         if own:
-            seen.add(own)
+            read.add(own)
     return limits
 
 
@@ -238,7 +238,7 @@ def bounds_of(info: FieldInfo) -> dict[str, float]:
     """Bounds of a field, or of each item of it, as far as it has them: ge and le, in its range; gt, just out of it."""
     bounds: dict[str, float] = {}
     parts: list[Any] = [info]
-    for part in parts:  # grows by what is in it
+    for part in parts:  # grows by its own parts
         if isinstance(part, FieldInfo):
             bounds |= {name: getattr(x, name) for x in part.metadata for name in ("ge", "gt", "le") if hasattr(x, name)}
         parts += [part.annotation] if isinstance(part, FieldInfo) else get_args(part)
@@ -266,7 +266,7 @@ def least_of(info: FieldInfo) -> float:
 
 
 def plain(number: float) -> str:
-    """Number as one would write it in a preset: 20, 0.05, 1e7."""
+    """Number as in a preset: 20, 0.05, 1e7."""
     return f"{number:g}".replace("e+0", "e").replace("e-0", "e-")
 
 

@@ -1,4 +1,4 @@
-"""What is known of strain wave drives beside what a preset says: how fields grow, between what bounds, proportions.
+"""Knowledge of strain wave drives in general: laws of growth, plausible bounds, proportions, greatest deviations.
 
 Lengths grow with the pitch diameter d, the module is d over the teeth, the wave and the clearance of the teeth keep
 their size in modules, stiffnesses grow with d and compliances with 1/d (one modulus of elasticity), torques with d^3.
@@ -51,13 +51,13 @@ def F_p(d: float, m: float, accuracy: int) -> float:
 
 
 def growth(by: str, d: float, m: float) -> float:
-    """How often a field is as large by its law where the pitch diameter is d times as large, and the module m times."""
+    """Factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
     return {"same": 1.0, "d": d, "1/d": 1 / d, "sqrt d": sqrt(d), "m": m}[by]
 
 
 @dataclass(frozen=True)
 class Law:
-    """How a field grows, and between what bounds it may lie.
+    """Law by which a field grows with the drive, and its plausible bounds.
 
     by: "same", "d" (length or stiffness), "1/d" (compliance), "sqrt d", "m" (in modules); bounds: in the unit of the
     field at a pitch diameter of 160 mm and a module of 0.8 mm, or, with of_value, as shares of the value; why, the
@@ -73,7 +73,7 @@ class Law:
     assumed: bool = False
 
     def range_at(self, d: float, m: float, value: float) -> tuple[float, float] | None:
-        """Range of a field that has a value, at a pitch diameter d and a module m [mm]; it holds the value."""
+        """Plausible range of a field, which includes its value, at a pitch diameter d and a module m [mm]."""
         if self.bounds is None:
             return None
         scale = value if self.of_value else growth(self.by, d / REFERENCE, m / REFERENCE_MODULE)
@@ -124,10 +124,10 @@ LAWS: dict[str, Law] = {
 
 @dataclass(frozen=True)
 class Proportion:
-    """What a field has to another measure of the drive, and what is usual; outside of that it is hardly meant.
+    """Usual proportion of a field to another measure of the drive.
 
     path of the field; base: the measure; low, high: usual share of it; words: the proportion in words, of value, base
-    and share; usual: what is usual in words, of low and high, with its source.
+    and share; usual: the usual shares in words, of low and high, with their source.
     """
 
     path: str
@@ -173,7 +173,7 @@ PROPORTIONS = (
 
 
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
-    """Fields of a drive that can be computed with and are hardly meant: path, message with the number, usual range."""
+    """Valid fields of a drive that are far from usual: path, message with the number, usual range."""
     for each in PROPORTIONS:
         value, base = drive.value(each.path), each.base(drive)
         share = value / base if value and base else None

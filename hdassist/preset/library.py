@@ -9,7 +9,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault
-from hdassist.textfile import STDIN, open_at_once, os_reason, standard_input
+from hdassist.textfile import is_file, open_at_once, os_reason, read_bytes
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
@@ -26,7 +26,7 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     Raises DataError: no such preset, or a file that cannot be read.
     """
     if name_or_path == "-":
-        return standard_input(READ_AT_MOST), STDIN
+        return read_bytes(name_or_path, READ_AT_MOST)
     library = _library()
     if not name_or_path:
         raise _unknown("", list(library))
@@ -56,16 +56,9 @@ def _library() -> dict[str, Traversable]:
 
 
 def _unknown(name: str, names: list[str]) -> DataError:
-    beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and _is_file(file)]
+    beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and is_file(file)]
     close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"
     library = f"{hint}in the library: {', '.join(sorted(names))}"
     return DataError(f"{kind}: {name or 'an empty name'}", library, Fault.FILE_UNREADABLE)
-
-
-def _is_file(name: str) -> bool:
-    try:
-        return Path(name).is_file()
-    except OSError:  # a name that is too long
-        return False

@@ -1,4 +1,4 @@
-"""What fields must satisfy together that needs no geometry: numbers of teeth, supports, torques, holes.
+"""Rules on several fields together that need no geometry: numbers of teeth, supports, torques, holes.
 
 Each rule is a function whose arguments are named after the fields it needs; it runs when these are valid.
 Lengths in mm as the fields are, angles in deg, torques in N*m.
@@ -90,13 +90,13 @@ def overhung_on_a_shaft(
 
 
 def something_holds(C_1: float, C_2: float, C_3: float | None) -> Iterator[Conflict]:
-    """At least one body is supported."""
+    """At least one part is supported."""
     if C_1 == C_2 == C_3 == 0:
         yield Conflict("supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive", hint="give one of them")
 
 
 def supports_hold(C_1: float, C_2: float, C_3: float | None) -> Iterator[Conflict]:
-    """What is called a support is one; numbers between such and 0 mean nothing, and take the equations apart."""
+    """A support has a stiffness of at least LEAST_SUPPORT, or 0; the equations of softer ones are ill-conditioned."""
     for name, C in {"C_1": C_1, "C_2": C_2, "C_3": C_3}.items():
         if C and C < LEAST_SUPPORT:
             yield Conflict(
@@ -120,7 +120,7 @@ def torques_usable(M_g: Sequence[float]) -> Iterator[Conflict]:
 
 
 def run_out_counts_once(mark_kind: str, F_i2: float, e_b: float) -> Iterator[Conflict]:
-    """A run-out is said by F_i2 with marks of run-out, or by e_b."""
+    """A run-out of the rigid wheel is given by one field, F_i2 with marks of run-out, or e_b."""
     if mark_kind == "runout" and F_i2 and e_b:
         yield Conflict(
             "tolerances.e_b", "the run-out of the rigid wheel is given twice", f"F_i2 {F_i2:g} um, e_b {e_b:g} um",

@@ -1,4 +1,4 @@
-"""What presets may say, as JSON Schema for editors; and what one really says, field by field."""
+"""The JSON Schema of presets for editors, and the fields of one drive with their origins."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from hdassist.numerals import NUMBER, UNSIGNED
 from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, deviation_sizes, fields, measures, sections
 from hdassist.preset.kinds import (
@@ -25,22 +26,21 @@ from hdassist.preset.overrides import is_overridden
 from hdassist.preset.units import pattern_for, spread_pattern, units_for
 
 Schema = dict[str, Any]
-NUMBER_PATTERN = r"(\.[0-9]+|[0-9]+\.?[0-9]*)([eE][-+]?[0-9]+)?"
 BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum"}
-KEYS = {"limits": rf"^(all|[-+]?{NUMBER_PATTERN})$", "orders": rf"^[+]?{NUMBER_PATTERN}(@[-+]?{NUMBER_PATTERN})?$"}
+KEYS = {"limits": rf"^(all|{NUMBER})$", "orders": rf"^[+]?{UNSIGNED}(@{NUMBER})?$"}
 
 
 def preset_schema() -> Schema:
-    """JSON Schema (draft 2020-12) of what presets accept, unit strings and single items of lists included.
+    """JSON Schema (draft 2020-12) of presets, with texts with units and single items in place of lists.
 
-    It says what one field may be; what fields must satisfy together only the validation of hdassist says.
+    It covers fields one by one; rules on several fields together are left to the validation of hdassist.
     """
     schema = Drive.model_json_schema()
     tables = dict(sections())
     properties: Schema = {"schema": {"const": PRESET_SCHEMA, "description": "form of this file"}}
     for name, info in Drive.model_fields.items():
-        said = _without(("title", "unit", "default", "items"), schema["properties"][name])
-        properties[name] = _section(tables[name], info) if name in tables else said
+        own = _without(("title", "unit", "default", "items"), schema["properties"][name])
+        properties[name] = _section(tables[name], info) if name in tables else own
     properties["uncertainty"] |= _measures({"type": "number", "minimum": 0})
     properties["alternatives"] |= {"type": ["array", "null"], "items": _measures({"type": "number"})}
     bounds = {"type": ["array", "null"], "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
@@ -120,19 +120,19 @@ def _measures(number: Schema) -> Schema:
     return {"type": ["object", "null"], "additionalProperties": False, "properties": entries}
 
 
-def _without(keys: tuple[str, ...], said: Any) -> Any:
-    """What pydantic says, without keys that only repeat what is said elsewhere."""
-    if not isinstance(said, dict):
-        return said
-    return {key: _without(keys, value) for key, value in said.items() if key not in keys}
+def _without(keys: tuple[str, ...], schema: Any) -> Any:
+    """A schema of pydantic without some keys, at any depth."""
+    if not isinstance(schema, dict):
+        return schema
+    return {key: _without(keys, value) for key, value in schema.items() if key not in keys}
 
 
 @dataclass(frozen=True)
 class ResolvedField:
-    """One field: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.
+    """One field of a drive: path, value in its unit, kind of origin, reference, meaning, plausible range in its unit.
 
-    Kinds: given, assumed, identified (from `source`, or given in the file without one), default, override; unknown,
-    whose value is None.
+    Kinds: given, assumed, identified (by `source`; given without one), default, override; unknown, with a value of
+    None.
     """
 
     path: str
@@ -163,7 +163,7 @@ def resolved_fields(drive: Drive) -> list[ResolvedField]:
 
 
 def origin_counts(drive: Drive) -> dict[str, int]:
-    """How many fields that a preset gives are given, identified, or only assumed; the model rests on no catalogue."""
+    """Numbers of fields that are given, identified and assumed in a preset, without those of the catalogue."""
     kinds = [row.kind for row in resolved_fields(drive) if not of_catalogue(row.path)]
     return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
 

@@ -245,7 +245,7 @@ def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, 
 def teeth_of_ratio(like: Drive, ratio: float) -> int:
     """Teeth of the flexspline that make a ratio, built in as another drive is.
 
-    Raises UsageError where no whole number of teeth does.
+    Raises UsageError where it takes no whole number of teeth.
     """
     z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
     info = field_table()["gears.z_g"]

@@ -12,7 +12,7 @@ from decimal import Decimal
 from math import isfinite, isinf
 from typing import Any
 
-from hdassist.numerals import NUMBER
+from hdassist.numerals import NUMBER, UNSIGNED
 from hdassist.preset.yamltext import InvalidValue, shown
 
 PI = Decimal("3.14159265358979323846264338328")
@@ -53,7 +53,7 @@ _TABLE: dict[str, dict[str, Decimal | int | str]] = {
 }  # fmt: skip
 _SIZES = {name: {unit: Decimal(size) for unit, size in units.items()} for name, units in _TABLE.items()}
 
-# Units that could be mistaken for another one: refused, with what to write instead.
+# Units that could be mistaken for another one: refused, with a hint.
 _MISTAKEN = {
     ("a length", "m"): "metre or module? write mm or um",
     ("a length", "M"): "metre or module? write mm or um",
@@ -92,7 +92,7 @@ LONGEST_NUMBER = (
 
 
 class UnitError(ValueError):
-    """A text is no number in a unit that can be used: what is wrong, and a hint."""
+    """A text that is no number in a fitting unit: message and hint."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -157,9 +157,9 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
 
 
 def read_number(value: Any, unit: str, *, spread: bool = False) -> float | InvalidValue:
-    """A number in a unit, from what a preset gives: a number, or a text with a unit; else why it is none.
+    """A number in a unit from a value of a preset, a number or a text with a unit; InvalidValue for any other.
 
-    spread: an uncertainty may stand behind it, which is left to `read_spread`.
+    spread: the text may have an uncertainty, which read_spread reads.
     """
     if isinstance(value, InvalidValue):
         return value
@@ -174,7 +174,7 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float | Inval
 
 
 def read_count(value: Any) -> int | InvalidValue:
-    """A whole number, from what a preset gives; else why it is none."""
+    """A whole number from a value of a preset; InvalidValue for any other."""
     if isinstance(value, float) and not value.is_integer():
         return InvalidValue("must be a whole number")
     number = read_number(value, "")
@@ -204,8 +204,7 @@ def spelled_units(unit: str) -> str:
 def spread_pattern(unit: str) -> str:
     """Regular expression of the texts that a measure in this unit and its uncertainty make, for editors."""
     spelled = rf"\s*(?:{spelled_units(unit)})?" if spelled_units(unit) else ""
-    positive = NUMBER.replace("[-+]?", "", 1)
-    return rf"^\s*{NUMBER}{spelled}\s*{_SIGN}\s*{positive}{spelled}\s*$"
+    return rf"^\s*{NUMBER}{spelled}\s*{_SIGN}\s*{UNSIGNED}{spelled}\s*$"
 
 
 def _spelled(unit: str) -> str:

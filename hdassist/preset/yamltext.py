@@ -1,4 +1,4 @@
-"""Strict YAML text to plain data, with the place of every key and value, and what is wrong with them.
+"""Strict YAML text to plain data, with line and column of every key and value, and findings.
 
 A preset needs little of YAML, and a slip in a number must not pass unseen. So there are no anchors, aliases
 and tags, a key stands once, and a plain scalar is read by the rules below and no others.
@@ -21,7 +21,7 @@ from hdassist.visible import escaped
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
-MAX_DIGITS = 300  # a longer whole number is read as a float
+MAX_DIGITS = 300  # digits: a longer integer is read as a float
 MAX_FINDINGS = 100
 OVERRIDE = "--set"  # stands for the file in findings on overrides
 
@@ -30,7 +30,7 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class InvalidValue:
-    """Stands for a value that cannot be read: why (empty where a finding says it already), a hint, or a bad key."""
+    """A value that cannot be read: message (empty where there is a finding), hint, and whether the key is at fault."""
 
     message: str = ""
     hint: str = ""
@@ -60,7 +60,7 @@ class SourceSpan:
 
 @dataclass
 class Document:
-    """A text as it was read: data, the place of each path, what is wrong, and whether it was read to its end.
+    """A text as it was read: data, place of each path, findings, warnings, and whether it was read to its end.
 
     file: its name in findings; bad: paths whose values are not to be used.
     """
@@ -74,15 +74,12 @@ class Document:
     complete: bool = True
 
     def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
-        """Note what is wrong with a value (or, on demand, with a key) and mark the path as bad.
-
-        Without `got` the finding says how the value is written.
-        """
+        """Add a finding on a value or its key, and mark the path as bad; got: the value as written by default."""
         self.bad.add(path)
         self.findings.append(self._finding(path, message, hint, self.written(path) if got is None else got, key))
 
     def warn(self, path: Path, message: str, hint: str) -> None:
-        """Note what is not wrong with a key, but perhaps not meant."""
+        """Add a warning on a key."""
         self.warnings.append(self._finding(path, message, hint, "", key=True))
 
     def _finding(self, path: Path, message: str, hint: str, got: str, key: bool) -> Finding:
@@ -90,7 +87,7 @@ class Document:
         return Finding(file, *mark, path_text(path), message, got, hint)
 
     def refuse(self, path: Path, unread: InvalidValue) -> None:
-        """Note why a value cannot be read, unless a finding says it already."""
+        """Add the finding of a value that cannot be read, unless it has one."""
         self.bad.add(path)
         if unread.message:
             got = (shown(str(path[-1])) or "nothing") if unread.at_key else None
@@ -130,7 +127,7 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def scalar_value(text: str) -> Any:
-    """Value of a plain scalar: nothing, true, false, a number, or else the text itself."""
+    """Value of a plain scalar: None, true, false, a number, or else the text itself."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     if _INT.fullmatch(text) and len(text) <= MAX_DIGITS:
@@ -145,7 +142,7 @@ def shown(text: str, width: int = 60) -> str:
 
 
 def read_yaml(text: bytes | str, file: str) -> Document:
-    """Read YAML text; what is wrong with it ends up in the findings, nothing is raised.
+    """Read YAML text; faults are added to the findings of the document, none is raised.
 
     Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear.
     """
@@ -289,7 +286,7 @@ def path_text(path: Path) -> str:
     return shown(text.removeprefix("."), 80)
 
 
-# What the parser says, and what it means to somebody who writes a preset.
+# Messages of the parser, and the messages and hints for them
 _WORDS = (
     ("mapping values are not allowed", "a ':' where none can stand", "wrong indentation, or a text that needs quotes"),
     ("could not find expected ':'", "a line without a ':' behind its key", ""),

@@ -100,13 +100,13 @@ class CellTable:
         return _DECIMAL_COMMA.sub(".", text) if free else text
 
 
-def read_texts(source: Readable, at_most: int = MOST_TABLE_BYTES, name: str = "") -> CellTable:
+def read_texts(source: Readable) -> CellTable:
     """Read a table of text under a line of names, separated by semicolons, tabs or commas.
 
-    Arguments: source, a path, stream or bytes; at_most, the bytes it may have; name of bytes and streams in messages.
-    Raises DataError: a file that cannot be read; PresetError: one that has no rows, or lines that are too long.
+    Argument: source, a path, stream or bytes. Raises DataError: a file that cannot be read; PresetError: one that has
+    no rows, or lines that are too long.
     """
-    text = TextFile(source, at_most, name)
+    text = TextFile(source, MOST_TABLE_BYTES)
     table = NumberTable(text.name)
     lines, remarks = [], []
     for first, part in text.parts():
@@ -126,15 +126,13 @@ def read_texts(source: Readable, at_most: int = MOST_TABLE_BYTES, name: str = ""
     return CellTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks))
 
 
-def read_numbers(
-    source: Readable, needs: Sequence[str] = (), at_most: int = MOST_TABLE_BYTES, name: str = ""
-) -> NumberTable:
+def read_numbers(source: Readable, needs: Sequence[str] = (), at_most: int = MOST_TABLE_BYTES) -> NumberTable:
     """Read a table of numbers; faults of its text are added to its findings.
 
     Arguments: source, a path, stream or bytes; needs, contents of the columns, at least as many as are needed;
-    at_most, the bytes it may have; name of bytes and streams in messages. Raises DataError: a file that cannot be read.
+    at_most, the bytes it may have. Raises DataError: a file that cannot be read.
     """
-    text = TextFile(source, at_most, name)
+    text = TextFile(source, at_most)
     table = NumberTable(text.name)
     rows = _Rows(table, needs)
     try:

@@ -258,7 +258,7 @@ def test_so_many_processes_are_wrong_usage(folder, command):
 
 @pytest.mark.parametrize("ratio", ["1e308", "-1e308", "1e-320", "0", "nan", "inf"])
 def test_a_ratio_beyond_what_a_drive_has_is_refused(folder, ratio):
-    require_refused(run("measure", "run.csv", "--ratio", ratio), "--ratio must be a multiple of 0.5 from 10 to 1000")
+    require_refused(run("measure", "run.csv", "--ratio", ratio), "expected a multiple of 0.5 from 10 to 1000")
 
 
 @pytest.mark.parametrize("serial", ["s" * 4_000_000, '"' + "s" * 4_000_000 + '"', "s" * 20_000])

@@ -22,7 +22,9 @@ ROWS = [(1.0, 2.5), (2.0, -1.25)]
 
 
 def read(text: str | bytes, at_most: int = 1000) -> NumberTable:
-    return read_numbers(text.encode() if isinstance(text, str) else text, NEEDS, at_most, "w.csv")
+    stream = io.BytesIO(text.encode() if isinstance(text, str) else text)
+    stream.name = "w.csv"  # type: ignore[attr-defined]
+    return read_numbers(stream, NEEDS, at_most)
 
 
 def rows(text: str | bytes) -> list[tuple[float, ...]]:
@@ -230,7 +232,7 @@ def test_streams_of_text_and_of_bytes_are_read_like_files(tmp_path: Path) -> Non
     for table in tables:
         assert (table.names, table.values.tolist(), table.findings) == (("tooth", "dev"), [[1, 2.5], [2, -1.25]], [])
         assert table.sha256 == hashlib.sha256(text.encode()).hexdigest()
-    assert read_texts(io.StringIO("a;b\n1;2\n"), name="x").rows == ((2, (("1", 1), ("2", 3))),)
+    assert read_texts(io.StringIO("a;b\n1;2\n")).rows == ((2, (("1", 1), ("2", 3))),)
 
 
 @pytest.mark.parametrize(
@@ -319,12 +321,12 @@ def test_memory_is_that_of_the_numbers() -> None:
             type(self).given += size
             return self.line * (size // len(self.line) + 1)
 
-    (finding,) = read_numbers(Endless(), NEEDS, 10**9, "x").findings
+    (finding,) = read_numbers(Endless(), NEEDS, 10**9).findings
     assert finding.message == "a line of more than 10000 characters"
     assert Endless.given < 10 * PART
     Endless.line, Endless.given = b"123456.5;0.5\n" * 1000, 0
     tracemalloc.start()
-    (finding,) = read_numbers(Endless(), NEEDS, 5_000_000, "x").findings
+    (finding,) = read_numbers(Endless(), NEEDS, 5_000_000).findings
     assert finding.message == "the file is larger than 5 MB"
     numbers = 8 * 3 * 5_000_000 / 13
     assert tracemalloc.get_traced_memory()[1] < 1.2 * numbers + 40 * PART

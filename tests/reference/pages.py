@@ -10,7 +10,8 @@ from typing import Any
 import typer
 
 from hdassist.cli.main import app
-from hdassist.explaining import symbols, terms
+from hdassist.explaining.symbols import SYMBOLS
+from hdassist.explaining.terms import GROUPS
 from hdassist.preset.fields import BY_PATH, sections
 from hdassist.preset.kinds import choices_of, is_optional, kind_of, may_be_unknown, range_of, unit_of
 
@@ -75,8 +76,19 @@ def glossary() -> Iterator[str]:
     """Lines of the glossary: words of the trade, then symbols."""
     yield from ("# Glossary", "", MADE, "")
     yield "`hdassist explain WORD` says the same on a terminal, of a word in either language and of a symbol."
-    yield from terms.page()
-    yield from ("", "## Symbols", "", *symbols.symbol_table())
+    for name, group in GROUPS.items():
+        yield from ("", f"## {name}", "", "| English | Russian | meaning | unit |", "| --- | --- | --- | --- |")
+        for term in group:
+            yield f"| {term.word} | {term.russian} | {term.meaning} | {term.unit} |".replace("|  |", "| |")
+    yield from ("", "## Symbols", "", *symbol_table())
+
+
+def symbol_table() -> Iterator[str]:
+    """Symbols of the paper and of the docs as lines of a Markdown table."""
+    yield "| paper | code | in words | unit |"
+    yield "| --- | --- | --- | --- |"
+    for each in SYMBOLS:
+        yield f"| {', '.join(each.paper)} | {each.code} | {each.words} | {each.unit} |".replace("|  |", "| |")
 
 
 def _default(value: object) -> str:

@@ -2,8 +2,7 @@
 
 import pytest
 
-from hdassist.explaining import symbols
-from tests.reference.pages import DOCS, made
+from tests.reference.pages import DOCS, made, symbol_table
 
 
 @pytest.mark.parametrize("name", ["commands.md", "fields.md", "glossary.md"])
@@ -12,7 +11,7 @@ def test_a_page_is_not_stale(name: str) -> None:
 
 
 def test_the_theory_has_the_symbols_of_the_glossary() -> None:
-    assert "\n".join(symbols.symbol_table()) in (DOCS / "theory.md").read_text("utf-8")
+    assert "\n".join(symbol_table()) in (DOCS / "theory.md").read_text("utf-8")
 
 
 def test_every_command_and_field_stands_in_them() -> None:
