@@ -21,7 +21,7 @@ EVIDENCE = {
         *STIFFNESS, "catalogue.lost_motion=60", f"measured.F_ior={{h0@{M_G}: 40 ± 3}}"
     ),
 }  # fmt: skip
-WIDTH, ROW, LEFT, MOST = 720, 44, 250, 160.0  # of the figure; MOST arcsec at its right edge
+WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at its right edge
 
 
 def rows(draws: int):
