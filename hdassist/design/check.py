@@ -187,6 +187,9 @@ class DesignCheck:
             paths = [each.path for each in self.prior.fields]
             more = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
             remarks.append(f"not known, and computed as given or 0: {', '.join(paths[:4])}{more}; no range over them")
+        measured = any(each.path.startswith("measured.") for each in evidence_of(self.drive))
+        if measured and self.prior and not self.prior.fields:
+            remarks.append("nothing in the preset is open, so what was measured on the drive weighs nothing")
         return (*self.drive.origin.warnings, *remarks)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.evidence import EVIDENCE, FIGURE, drawn, rows_of_page
 from hdassist import load_preset
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
 from hdassist.belief.measure import measurements
@@ -130,3 +131,8 @@ def test_of_one_drive_the_others_of_its_type_share_the_stiffness_alone():
 def test_the_uncertainty_of_a_figure_is_no_field_to_draw():
     assert prior_of(tiny("measured.K_2=1400 ± 140", "catalogue.K_2=1400 ± 140")).fields == ()
     assert evidence_of(tiny("catalogue.K_2=1400 ± 140"))[0].spread == pytest.approx(np.hypot(0.15, 0.05))
+
+
+def test_the_figure_shows_the_table_of_its_page():
+    assert [words for words, _ in rows_of_page()] == list(EVIDENCE)
+    assert FIGURE.read_text(encoding="utf-8") == drawn(), "python -m benchmarks.evidence --picture"

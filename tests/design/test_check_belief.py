@@ -97,3 +97,10 @@ def test_a_catalogue_that_contradicts_the_drive_ends_without_a_number():
     )
     assert (result.returncode, result.stdout) == (5, "")
     assert "catalogue.K_2 = 1e+09 contradicts" in result.stderr
+
+
+def test_a_measured_figure_without_anything_open_is_remarked_upon():
+    measured, words = "measured.K_2=1400 ± 90", "weighs nothing"
+    drives = [load_preset(TINY, each) for each in ([measured], [measured, PLAY], [])]
+    said = [" ".join(check(drive, draws=0).warnings) for drive in drives]
+    assert [words in each for each in said] == [True, False, False]

@@ -1,0 +1,101 @@
+"""What evidence narrows on a drive of which a data sheet is known: `python -m benchmarks.evidence [--draws 64]`.
+
+Prints the table of docs/unknown.md; `--picture` draws its figure from the table that stands there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+DOCS = Path(__file__).parents[1] / "docs"
+FIGURE = DOCS / "figures" / "evidence.svg"
+M_G = 6.7
+STIFFNESS = ("catalogue.K_1=3.1e4", "catalogue.K_2=5.0e4", "catalogue.K_3=5.7e4")
+EVIDENCE = {
+    "nothing": (),
+    "K_1 to K_3 of the catalogue": STIFFNESS,
+    "and its lost motion, at most 60″": (*STIFFNESS, "catalogue.lost_motion=60"),
+    "and F'_ior as mounted, 40 ± 3″": (
+        *STIFFNESS, "catalogue.lost_motion=60", f"measured.F_ior={{h0@{M_G}: 40 ± 3}}"
+    ),
+}  # fmt: skip
+WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at its right edge
+
+
+def rows(draws: int):
+    """A row for each evidence: its words, 5th, 50th and 95th percentile of F'_ior and W_0, effective samples of all."""
+    from hdassist import load_preset
+    from hdassist.belief.evidence import evidence_of
+    from hdassist.belief.prior import prior_of
+    from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
+    from hdassist.loading.load import load_text
+    from hdassist.loading.write import similar_preset
+    from hdassist.preset.wishes import read_wish
+
+    like = load_preset("vzp160")
+    text = similar_preset("own", like, read_wish(like, ratio=100.0, diameter="63.5 mm", torque="67"))
+    for words, overrides in EVIDENCE.items():
+        drive = load_text(text, "own.yaml", [f"operation.M_g={M_G}", *overrides])
+        prior = prior_of(drive)
+        found = draw_samples(prior, (M_G,), evidence=evidence_of(drive), effort=SamplingEffort.of(draws))
+        (k,) = (k for k, each in enumerate(prior.fields) if each.path == "cam.W_0")
+        W_0 = prior.fields[k].value(found.shares[:, k])
+        wave = [weighted_quantile(W_0, found.weights, share) for share in (0.05, 0.95)]
+        yield words, [found.percentile(share, 0) for share in (0.05, 0.5, 0.95)], wave, found.effective, found.draws
+
+
+def rows_of_page() -> list[tuple[str, list[float]]]:
+    """Words and percentiles of F'_ior of the rows that the page has."""
+    text = (DOCS / "unknown.md").read_text(encoding="utf-8")
+    found = re.findall(r"^\| (.+?) \| (\d+), (\d+), (\d+) \| [\d.]+ to [\d.]+ \|", text, re.MULTILINE)
+    return [(words, [float(value) for value in values]) for words, *values in found]
+
+
+def drawn() -> str:
+    """The figure: a bar from the 5th to the 95th percentile with the median, for each evidence."""
+    found = rows_of_page()
+    height = ROW * len(found) + 50
+
+    def x(arcsec: float) -> float:
+        return LEFT + (WIDTH - LEFT - 20) * arcsec / MOST
+
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="sans-serif" '
+        'font-size="13" fill="#888">',
+    ]
+    for k, (words, (low, median, high)) in enumerate(found):
+        y = 20 + ROW * k
+        parts += [
+            f'<text x="{LEFT - 12}" y="{y + 15}" text-anchor="end">{words}</text>',
+            f'<rect x="{x(low):.1f}" y="{y}" width="{x(high) - x(low):.1f}" height="20" fill="#2e86c1"/>',
+            f'<line x1="{x(median):.1f}" y1="{y}" x2="{x(median):.1f}" y2="{y + 20}" stroke="#fff" stroke-width="3"/>',
+            f'<text x="{x(high) + 6:.1f}" y="{y + 15}">{low:.0f} to {high:.0f}</text>',
+        ]
+    axis = height - 34
+    parts.append(f'<line x1="{LEFT}" y1="{axis}" x2="{WIDTH - 20}" y2="{axis}" stroke="#888"/>')
+    for tick in range(0, int(MOST) + 1, 20):
+        parts.append(f'<text x="{x(tick):.1f}" y="{axis + 15}" text-anchor="middle">{tick}</text>')
+    parts.append(
+        f'<text x="{x(MOST / 2):.1f}" y="{axis + 31}" text-anchor="middle">kinematic error F\'_ior, arcsec</text>'
+    )
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def main() -> None:
+    """Print the table, or draw the figure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--draws", type=int, default=64, help="effective samples of each row")
+    parser.add_argument("--picture", action="store_true", help="draw the figure from the page's table")
+    args = parser.parse_args()
+    if args.picture:
+        FIGURE.write_text(drawn(), encoding="utf-8")
+        return
+    for words, (low, median, high), (least, most), effective, draws in rows(args.draws):
+        print(f"| {words} | {low:.0f}, {median:.0f}, {high:.0f} | {least:.3f} to {most:.3f} | ", end="")
+        print(f"{effective:.0f} of {draws} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
