@@ -99,7 +99,8 @@ def _why(result: Comparison) -> str:
     if kind == "agrees":
         return "noise and stiffnesses that are a little off explain the difference"
     if kind == "mirrored" and result.mirror:
-        return f"{result.mirror.rms_arcsec:.2f} arcsec rms with {' '.join(_options(result))}"
+        now, then = result.difference_rms_arcsec, result.mirror.rms_arcsec
+        return f"difference {now:.2f} arcsec rms, {then:.2f} with {' '.join(_options(result))}"
     if best is None:
         return "no deviation explains the difference"
     share = f"{100 * best.explained_share:.1f} % of the difference"
@@ -126,6 +127,8 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     if rest := joint if joint and joint.orders_left else best:
         left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f} arcsec" for p in rest.orders_left]
         yield "left", "; ".join(left)
+    cycle, turns = Kinematics.of(result.drive).cycle_cam_revolutions, result.sweep.bins.span
+    yield "measure", f"the full cycle, {cycle} cam turns: the record has {turns:.2f}" if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)
     many = len(options) > MOST_OPTIONS
@@ -137,8 +140,10 @@ def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
     angles = _angles(result, result.unchanged.alignment)
     for (name, angle), u in zip(angles.items(), result.uncertainties_deg, strict=True):
         sure = "given" if u is None else f"fitted, u = {u:.1f}"
-        shown = f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it"
-        yield name, shown
+        yield (
+            name,
+            f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it",
+        )
 
 
 def _next(result: Comparison) -> str:
