@@ -39,7 +39,7 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
              lambda r: r.sweep.uncertainty_arcsec),
     Quantity("predicted.range_arcsec", "predicted range", "arcsec", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
     Quantity("difference.rms_arcsec", "difference, rms", "arcsec", ".2f", lambda r: r.difference_rms_arcsec),
-    Quantity("difference.largest_arcsec", "  largest", "arcsec", ".2f", lambda r: r.largest[0]),
+    Quantity("difference.largest_arcsec", "  largest", "arcsec", "z.2f", lambda r: r.largest[0]),
     Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
     Quantity("difference.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.difference_curve))),
     Quantity("residual.rms_arcsec", "beyond orders, rms", "arcsec", ".2f", lambda r: float(np.std(r.residual_arcsec))),
@@ -210,13 +210,13 @@ def _amplitude(found: OrderAmplitude) -> Iterator[str]:
 def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
     """A value with its standard uncertainty, as far as there are such."""
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
-    return "-" if value is None else f"{value:.{digits}f}{spread}"
+    return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
     """Cells of size [um] and direction [deg]; dashes without a change."""
     if change is None:
-        return "-", "-"
+        return NO_VALUE, NO_VALUE
     size = _plus_minus(change.size_um, change.size_uncertainty_um)
     return size, _plus_minus(change.direction_deg, change.direction_uncertainty_deg)
 

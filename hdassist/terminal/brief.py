@@ -7,7 +7,6 @@ import shlex
 from collections.abc import Iterable, Iterator
 
 from rich.table import Table
-from rich.text import Text
 
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
@@ -20,16 +19,6 @@ from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
-
-
-def verdict_coloured(word: str) -> Text:
-    """A word in the colour of the verdict that it is; in none where it is no verdict."""
-    return Text(word, style=COLOURS.get(word, ""))
-
-
-def verdict_text(style: Style, before: str, verdict: Verdict, behind: str = "") -> Text:
-    """A bold line with a verdict in it, green or red where there are colours."""
-    return Text(style.text(before), style="bold").append(verdict_coloured(verdict)).append(style.text(behind))
 
 
 def facts(style: Style, rows: Iterable[tuple[str, str]]) -> Table:
