@@ -39,7 +39,7 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
              lambda r: r.sweep.uncertainty_arcsec),
     Quantity("predicted.range_arcsec", "predicted range", "arcsec", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
     Quantity("difference.rms_arcsec", "difference, rms", "arcsec", ".2f", lambda r: r.difference_rms_arcsec),
-    Quantity("difference.largest_arcsec", "  largest", "arcsec", ".2f", lambda r: r.largest[0]),
+    Quantity("difference.largest_arcsec", "  largest", "arcsec", "z.2f", lambda r: r.largest[0]),
     Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
     Quantity("difference.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.difference_curve))),
     Quantity("residual.rms_arcsec", "beyond orders, rms", "arcsec", ".2f", lambda r: float(np.std(r.residual_arcsec))),
@@ -99,7 +99,8 @@ def _why(result: Comparison) -> str:
     if kind == "agrees":
         return "noise and stiffnesses that are a little off explain the difference"
     if kind == "mirrored" and result.mirror:
-        return f"{result.mirror.rms_arcsec:.2f} arcsec rms with {' '.join(_options(result))}"
+        now, then = result.difference_rms_arcsec, result.mirror.rms_arcsec
+        return f"difference {now:.2f} arcsec rms, {then:.2f} with {' '.join(_options(result))}"
     if best is None:
         return "no deviation explains the difference"
     share = f"{100 * best.explained_share:.1f} % of the difference"
@@ -126,6 +127,8 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     if rest := joint if joint and joint.orders_left else best:
         left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f} arcsec" for p in rest.orders_left]
         yield "left", "; ".join(left)
+    cycle, turns = Kinematics.of(result.drive).cycle_cam_revolutions, result.sweep.bins.span
+    yield "measure", f"the full cycle, {cycle} cam turns: the record has {turns:.2f}" if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)
     many = len(options) > MOST_OPTIONS
@@ -137,8 +140,10 @@ def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
     angles = _angles(result, result.unchanged.alignment)
     for (name, angle), u in zip(angles.items(), result.uncertainties_deg, strict=True):
         sure = "given" if u is None else f"fitted, u = {u:.1f}"
-        shown = f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it"
-        yield name, shown
+        yield (
+            name,
+            f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it",
+        )
 
 
 def _next(result: Comparison) -> str:
@@ -205,13 +210,13 @@ def _amplitude(found: OrderAmplitude) -> Iterator[str]:
 def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
     """A value with its standard uncertainty, as far as there are such."""
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
-    return "-" if value is None else f"{value:.{digits}f}{spread}"
+    return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
     """Cells of size [um] and direction [deg]; dashes without a change."""
     if change is None:
-        return "-", "-"
+        return NO_VALUE, NO_VALUE
     size = _plus_minus(change.size_um, change.size_uncertainty_um)
     return size, _plus_minus(change.direction_deg, change.direction_uncertainty_deg)
 

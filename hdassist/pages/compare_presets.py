@@ -27,7 +27,7 @@ from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words
 
 NAMED_PATHS = 6  # in a line
-DRIVE_HEADS = ("", "torque", "as built", "mounted best", "hole", "against A", "most by")
+DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
@@ -41,13 +41,14 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         head=names,
         verdict=_verdict(rows, len(result.torques) > 1),
         blocks=(
-            Table("F'_ior, arcsec; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 6)),
+            Table("F'_ior, arcsec; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 5)),
             Facts.of(_facts(result)),
         ),
         details=(
             Table("side by side", ("", *_lettered(result)), tuple(_rows(result))),
             *_changes(result),
             Table("fields that differ", ("", *_lettered(result)), tuple(differing)),
+            Facts.of(_more_facts(result)),
         ),
         certificate=result.certificate,
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
@@ -83,13 +84,13 @@ def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
 
 def _hole(sheet: DriveSheet) -> str:
     """The position that is ordered, open where none can be."""
-    return "open" if sheet.advice.order == "none" else hole_place(sheet.advice.choice.target).removeprefix("hole ")
+    return "open" if sheet.advice.order == "none" else hole_place(sheet.advice.choice.target)
 
 
 def _mounted_best(sheet: DriveSheet, torque: int) -> str:
     """F'_ior [arcsec] in the position that is ordered, at a torque by its place; open where none can be."""
     best = sheet.advice.choice.target
-    return "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}"
+    return "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}, {hole_place(best)}"
 
 
 def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
@@ -98,7 +99,7 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
             built, best = F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k)
-            yield letter, f"{M_g:g} N·m", built, best, _hole(sheet), *change
+            yield letter, f"{M_g:g} N·m", built, best, *change
 
 
 def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
@@ -119,8 +120,8 @@ def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:
 
 def _line(row: tuple[str, ...]) -> str:
     """A drive at a torque in words."""
-    letter, torque, built, best, hole, change, field = row
-    words = f"{letter}, {torque}: F'_ior {built} arcsec, mounted best {best} in hole {hole}"
+    letter, torque, built, best, change, field = row
+    words = f"{letter}, {torque}: F'_ior {built} arcsec, mounted best {best}"
     return words if letter == "A" else f"{words}, {change}, most by {field}"
 
 
@@ -176,13 +177,17 @@ def _facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
         yield f"{letter} measure", measure_words(sheet.check.to_measure[:1], held=False)
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
     yield "differs", _some([row[0].path for row in result.fields if differs(row)])
+    if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
+        yield "open", "unknown inputs could reverse this change"
+    yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
+
+
+def _more_facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
+    """Fields of another origin, and those whose change alone could not be computed, a label and a text each."""
     origins = _some(_other_origins(result))
     yield "same value", f"{origins}: from another kind of origin" if origins else ""
     paths = _some([path for changes in result.changes for path in changes.not_alone])
     yield "not alone", f"{paths}: no drive that can be computed, or one that leaves more unknown" if paths else ""
-    if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
-        yield "open", "unknown inputs could reverse this change"
-    yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
 
 
 def _other_origins(result: DrivesComparison) -> list[str]:

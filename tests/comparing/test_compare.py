@@ -66,6 +66,12 @@ def test_a_drive_agrees_with_itself(drive):
     assert result.certificate.max_residual < 1e-9
 
 
+def test_a_zero_difference_has_no_sign(drive):
+    result = compare(rig(drive, 4), drive, M_G, convention=KNOWN)
+    below = replace(result, difference_curve=0 * result.difference_curve - 1e-4)
+    assert "-0.00" not in told_on(below, details=True)
+
+
 def test_its_mirror_image_does_not_and_is_reported(drive):
     result = compare(rig(drive, 4, way=-1.0), drive, M_G, convention=KNOWN)
     assert result.conclusion.kind == "mirrored"

@@ -94,8 +94,8 @@ def test_the_answer_alone_has_each_drive_as_built_and_mounted_best(better):
     report = drives_report(better, 0)
     assert report.verdict == f"B {share:.0f} % less"
     assert report.line.splitlines() == [
-        f"A, 4 N·m: F'_ior {values[0]:.2f} arcsec, mounted best {best[0].F_ior_arcsec[0]:.2f} in hole {best[0].hole}",
-        f"B, 4 N·m: F'_ior {values[1]:.2f} arcsec, mounted best {best[1].F_ior_arcsec[0]:.2f} in hole {best[1].hole}, "
+        f"A, 4 N·m: F'_ior {values[0]:.2f} arcsec, mounted best {best[0].F_ior_arcsec[0]:.2f}, hole {best[0].hole}",
+        f"B, 4 N·m: F'_ior {values[1]:.2f} arcsec, mounted best {best[1].F_ior_arcsec[0]:.2f}, hole {best[1].hole}, "
         f"{share:.0f} % less, most by tolerances.F_i2",
     ]
 
@@ -209,7 +209,7 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
         built = sheet.check.points[0].error.F_ior_arcsec
         best = sheet.advice.chosen
         change = r"- +-$" if letter == "A" else rf"{share:.0f} % less +tolerances.F_i2$"
-        row = rf"^{letter} +4 N·m +{built:.2f} +{best.F_ior_arcsec[0]:.2f} +{best.hole} +{change}"
+        row = rf"^{letter} +4 N·m +{built:.2f} +{best.F_ior_arcsec[0]:.2f}, hole {best.hole} +{change}"
         assert re.search(row, page, re.MULTILINE), row
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
