@@ -31,6 +31,7 @@ def trials_command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn.")] = 0,
     jobs: o.Jobs = 0,
     card: o.CardOptions,
+    plot: o.Plot = True,
     details: o.Details = False,
     options: o.FigureOptions,
 ) -> None:
@@ -56,10 +57,11 @@ def trials_command(
     """
     from hdassist.errors import UsageError
     from hdassist.mounting.trial import read_trial
-    from hdassist.pages.trials import trials_answer, trials_card_facts
+    from hdassist.pages.trials import trials_card_facts, trials_report
     from hdassist.run.processes import workers
     from hdassist.run.run import Run
     from hdassist.terminal.output import note
+    from hdassist.terminal.runs import answer_of
     from hdassist.trials.advice import advise_from_trials
     from hdassist.trials.prior import Rig, TrialEffort, trial_states
 
@@ -88,5 +90,6 @@ def trials_command(
     if options.verbose:
         note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
     facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
-    told = trials_answer(advice, details=details, carded=card_file is not None)
-    raise typer.Exit(give_with_card("trials", told, card_file, facts, options, out))
+    report = trials_report(advice, carded=card_file is not None)
+    answer = answer_of(report, plots=plot, details=details)
+    raise typer.Exit(give_with_card("trials", answer, card_file, facts, options, out))
