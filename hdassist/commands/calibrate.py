@@ -28,6 +28,7 @@ def calibrate_command(
     jobs: o.Jobs = 0,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of these drives.")] = 0,
     drives: o.DriveOptions,
+    details: o.Details = False,
     options: o.AnswerOptions,
 ) -> None:
     """Find stiffnesses, clearances or any other measures of a preset from what is known of the drive.
@@ -60,7 +61,7 @@ def calibrate_command(
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import UsageError
     from hdassist.loading.write import with_found_values
-    from hdassist.pages.calibrate import calibrate_answer
+    from hdassist.pages.calibrate import calibrate_report
     from hdassist.preset.fields import IDENTIFIED_WITH
     from hdassist.preset.library import READ_AT_MOST, read_preset
     from hdassist.run.kept import open_kept
@@ -68,7 +69,7 @@ def calibrate_command(
     from hdassist.run.stops import at_stop
     from hdassist.terminal.files import take_output, write_text
     from hdassist.terminal.output import note
-    from hdassist.terminal.runs import Answer, give, run_each
+    from hdassist.terminal.runs import Answer, answer_of, give, run_each
     from hdassist.textfile import read_bytes
 
     o.stdin_once(preset, str(targets))
@@ -105,7 +106,7 @@ def calibrate_command(
             ref = f"hdassist calibrate, {wanted.name or targets.name}"
             model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
             changed = with_found_values(given, name, best, ref, others, model)
-        return calibrate_answer(result)
+        return answer_of(calibrate_report(result), details=details)
 
     give("calibrate", run_each("calibrate", [preset], one, options, keep_failures=False), options, out)
     if write is not None:
