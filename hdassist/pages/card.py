@@ -15,7 +15,7 @@ from hdassist.pages.seat import instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import counted
 from hdassist.preset.yamltext import shown
-from hdassist.report.blocks import Seat, SeatMark
+from hdassist.report.blocks import Seat, SeatMark, Table
 from hdassist.terminal.texts import HOME, Texts
 from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
@@ -60,16 +60,6 @@ class Lines:
 
 
 @dataclass(frozen=True)
-class CardTable:
-    """Title, heads of the columns, rows (an empty cell is one to write in), and a line below."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-
-
-@dataclass(frozen=True)
 class Card:
     """One page for the bench.
 
@@ -83,8 +73,8 @@ class Card:
     instruction: str
     seat: Seat
     directions: tuple[str, ...]
-    torques: CardTable
-    others: CardTable
+    torques: Table
+    others: Table
     chance: Lines
     checks: Lines
     warnings: Lines
@@ -167,7 +157,7 @@ def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
         yield SeatMark("cam", facts.cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
 
 
-def _torques(choice: Choice, say: Texts) -> CardTable:
+def _torques(choice: Choice, say: Texts) -> Table:
     """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
     names = ("torque", "now", *(("after", "change") if choice.turn else ()), "measured")
     rows = []
@@ -176,11 +166,11 @@ def _torques(choice: Choice, say: Texts) -> CardTable:
         after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if choice.turn else ()
         rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
     more = len(choice.torques) - MOST_TORQUES
-    note = say("torques.more", count=more) if more > 0 else ""
-    return CardTable(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), note)
+    notes = (say("torques.more", count=more),) if more > 0 else ()
+    return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), notes=notes)
 
 
-def _other_positions(choice: Choice, say: Texts) -> CardTable:
+def _other_positions(choice: Choice, say: Texts) -> Table:
     """What the positions to both sides, the second best and the worst one would cost against the target."""
     beside, holes = len(choice.torques) <= TORQUES_SIDE_BY_SIDE, choice.drive.mounting.holes
     torques = say("unit.torque", torque=" / ".join(map(say.number, choice.torques)))
@@ -200,8 +190,8 @@ def _other_positions(choice: Choice, say: Texts) -> CardTable:
         values = [" / ".join(say.number(v, ".2f") for v in position.F_ior_arcsec)] if beside else []
         changes = (say.percent(position.change_from(other), "+") for other in (choice.current, choice.target))
         rows.append((words, where, *values, *changes))
-    note = say("others.counted") + ("" if beside else " " + say("others.more"))
-    return CardTable(say("others.title"), tuple(head), tuple(rows), note if rows else "")
+    notes = (say("others.counted"), *[say("others.more")] * (not beside))
+    return Table(say("others.title"), tuple(head), tuple(rows), notes=notes)
 
 
 def _others(choice: Choice, say: Texts) -> Iterator[tuple[str, Position | int]]:

@@ -97,7 +97,7 @@ def test_a_measured_wheel_is_marked_at_its_tooth():
 def test_a_wheel_that_is_left_stays_on_its_hole():
     made = card(CARDS["leave"])
     assert made.instruction == "Leave the rigid wheel as it is."
-    assert made.torques.head == ("torque, N·m", "now, arcsec", "measured, arcsec")
+    assert made.torques.heads == ("torque, N·m", "now, arcsec", "measured, arcsec")
     assert made.torques.rows == (("1", "10.00", ""),)
     assert made.directions[0] == "b: mark, now and afterwards, 90 deg"
     assert [p.kind for p in made.seat.places] == ["worst", "now"]
@@ -113,7 +113,7 @@ def test_a_free_angle_has_degrees_and_no_holes():
     assert made.instruction.startswith("Turn the rigid wheel by 114.7 deg clockwise, seen")
     assert "the wheel is turned by 114.7 deg clockwise" in made.checks.lines
     assert made.seat.holes == ()
-    assert made.others.head[1] == "turn, deg"
+    assert made.others.heads[1] == "turn, deg"
     assert [row[:2] for row in made.others.rows] == [
         ("24.7 deg counter-clockwise", "270"), ("5.3 deg clockwise", "240"), ("worst", "90"),
     ]  # fmt: skip
@@ -310,7 +310,7 @@ def test_nothing_on_a_russian_card_is_english(name):
         r"\bxi_[bg]\b|\be_h[bg]\b|F'_i[12]\b|\b[0-9a-f]{12}\b|^[abcx]$|^[abc]: |\bx (?=нельзя)", "", text, flags=re.M
     )
     assert re.findall("[A-Za-z]+", text) == []
-    assert "." not in re.sub(r"\.(\s|$)|\d\d\.\d\d\.\d{4}|0\.1\.0|угл\.", "", text)  # decimal commas
+    assert "." not in re.sub(r"\.(\s|$)|\d\d\.\d\d\.\d{4}|0\.1\.0", "", text)  # decimal commas
 
 
 def test_warnings_of_the_preset_are_as_they_are_or_counted_in_another_language():
@@ -332,8 +332,8 @@ def test_russian_plurals():
 def test_an_instruction_in_russian():
     made = card(CARDS["plain"], "ru")
     assert made.instruction == (
-        "Поверните жёсткое колесо на 4 отверстия (120 град) по часовой стрелке, если смотреть со стороны генератора: "
-        "F'_ior 28,09 -> 14,94 угл. с при 1 Н·м; F'_ior 8,09 -> 4,52 угл. с при 10 Н·м."
+        "Поверните жёсткое колесо на 4 отверстия (120°) по часовой стрелке, если смотреть со стороны генератора: "
+        "F'_ior 28,09 -> 14,94″ при 1 Н·м; F'_ior 8,09 -> 4,52″ при 10 Н·м."
     )
     assert made.foot[1].endswith(f"{MADE:%d.%m.%Y}")
 
@@ -351,3 +351,14 @@ def test_a_card_says_what_is_not_known_and_draws_no_mark_that_is_not():
     assert dict(made.subject)["mark"].startswith("not known where it points")
     assert [p.kind for p in made.seat.pointers] == ["cam"]
     assert "Values of the preset: 46 given, 0 identified, 1 assumed." in made.chance.lines
+
+
+@pytest.mark.parametrize("language", languages())
+def test_values_after_trials_are_not_called_predicted_alone_and_units_are_of_the_standard(language):
+    before, after = (card(CARDS["plain"], language, trials=tried) for tried in ((), TRIALS))
+    assert before.torques.title != after.torques.title
+    assert before.foot[0] != after.foot[1]
+    text = "\n".join(strings(asdict(card(CARDS["free"], "ru"))))
+    assert "°" in text
+    assert "″" in text
+    assert not re.search(r"\bград\b|угл\. с", text)
