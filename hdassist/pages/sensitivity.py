@@ -106,7 +106,7 @@ def _answer(found: Sensitivities) -> tuple[str, str]:
     percentile = f"the 95th percentile of F'_ior, {first.now:.2f} arcsec"
     if found.is_worth_tightening:
         gain = f"{first.gain:.2f} arcsec ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
-        return named(first.path), f"{STEP_WORDS} it takes {gain} off {percentile}"
+        return named(first.path), f"made {STEP_WORDS} it takes {gain} off {percentile}"
     reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f} arcsec off {percentile}"
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"{100 * largest.share:.0f} % of the variance of ln F'_ior"
