@@ -16,6 +16,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.schema import counted
 from hdassist.preset.yamltext import shown
 from hdassist.report.blocks import Seat, SeatMark, Table
+from hdassist.report.quantities import NO_VALUE
 from hdassist.terminal.texts import HOME, Texts
 from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
@@ -35,8 +36,8 @@ class CardFacts:
     choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
     percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
     than the present one, None where nothing was drawn; good: probability that the position is good after trials; open_:
-    number of values that were drawn; weights of the torques; warnings, in the reader's language; tried, where the
-    advice comes of trials: then the wheel lies in the last of them, and turns count from before the first.
+    number of values that were drawn; warnings, in the reader's language; tried, where the advice comes of trials: then
+    the wheel lies in the last of them, and turns count from before the first.
     """
 
     choice: Choice
@@ -46,7 +47,6 @@ class CardFacts:
     gain_probability: Probability | None = None
     good: float | None = None
     open_: int = 0
-    weights: tuple[float, ...] | None = None
     warnings: tuple[str, ...] = ()
     tried: Tried | None = None
 
@@ -123,7 +123,6 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, s
     yield say("card.serial"), serial
     yield say("card.teeth"), say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m))
     yield say("card.fixed"), fixed
-    yield say("card.torques"), ", ".join(map(say.torque, drive.operation.M_g[:MOST_TORQUES]))
     yield say("card.seat"), seat
     yield say("card.mark"), mark
     yield say("card.sense"), say("card.sense_is")
@@ -171,49 +170,31 @@ def _torques(choice: Choice, say: Texts) -> Table:
 
 
 def _other_positions(choice: Choice, say: Texts) -> Table:
-    """What the positions to both sides, the second best and the worst one would cost against the target."""
-    beside, holes = len(choice.torques) <= TORQUES_SIDE_BY_SIDE, choice.drive.mounting.holes
-    torques = say("unit.torque", torque=" / ".join(map(say.number, choice.torques)))
-    head = [
-        say("others.position"),
-        say("others.hole" if holes else "others.turn"),
-        *([say("others.values", torques=torques)] if beside else []),
-        say("others.against_now"),
-        say("others.lost"),
-    ]
-    rows = []
-    for words, position in _others(choice, say):
-        if isinstance(position, int):
-            rows.append((words, f"{position}", *["-"] * (len(head) - 2)))
-            continue
-        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
-        values = [" / ".join(say.number(v, ".2f") for v in position.F_ior_arcsec)] if beside else []
-        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, choice.target))
-        rows.append((words, where, *values, *changes))
-    notes = (say("others.counted"), *[say("others.more")] * (not beside))
-    return Table(say("others.title"), tuple(head), tuple(rows), notes=notes)
-
-
-def _others(choice: Choice, say: Texts) -> Iterator[tuple[str, Position | int]]:
-    """Each other position once, with all that it is in words; a number for a hole that is not allowed."""
-    target, ranked = choice.target, choice.ranked
+    """Cost of the positions to both sides, of the best of the others and of the worst one, each once."""
+    target, holes = choice.target, choice.drive.mounting.holes
     ahead, back = _neighbour(choice, 1), _neighbour(choice, -1)
     named: list[tuple[str, Position | int | None]] = [
         (say("others.ahead", step=_step(target, ahead, say)), ahead),
         (say("others.back", step=_step(target, back, say)), back),
+        (say("seat.worst"), choice.ranked[-1]),
     ]
-    if not choice.turn:
-        named.append((say("others.not_worth"), choice.chosen))
-    if choice.drive.mounting.holes:  # at a free angle it lies beside the best
-        named.append((say("others.second"), next((p for p in ranked if p not in (target, choice.chosen)), None)))
-    named += [(say("seat.worst"), ranked[-1]), (say("seat.now"), choice.current)]
+    if holes:  # at a free angle it lies beside the best
+        named.insert(2, (say("others.best"), next((p for p in choice.ranked if p != target), None)))
     merged: dict[Position | int, list[str]] = {}
     for words, position in named:
-        alone = words == say("seat.now") and position not in merged  # it has a table of its own
-        if position is not None and position != target and not alone:
+        if position is not None and position != target:
             merged.setdefault(position, []).append(words)
+    rows: list[tuple[str, ...]] = []
     for position, words_of in merged.items():
-        yield "; ".join([*words_of, *([say("others.not_allowed")] if isinstance(position, int) else [])]), position
+        if isinstance(position, int):
+            rows.append(("; ".join([*words_of, say("others.not_allowed")]), f"{position}", NO_VALUE, NO_VALUE))
+            continue
+        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
+        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, target))
+        rows.append(("; ".join(words_of), where, *changes))
+    names = ("position", "hole" if holes else "turn", "against_now", "lost")
+    heads = tuple(say(f"others.{name}") for name in names)
+    return Table(say("others.title"), heads, tuple(rows), notes=(say("others.counted"),))
 
 
 def _neighbour(choice: Choice, side: int) -> Position | int | None:
@@ -247,8 +228,6 @@ def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
         yield say("chance.leave", count=facts.open_, gain=say.percent(gain.value))
     if facts.good is not None:
         yield say("chance.good", good=say.percent(facts.good))
-    if facts.weights:
-        yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
     kinds = counted(choice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 

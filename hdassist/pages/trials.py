@@ -253,7 +253,6 @@ def trials_card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
         advice.choice,
         cam_deg=advice.facing[0],
         good=advice.losses.chosen[1],
-        weights=advice.losses.weights,
         warnings=tuple(trials_warnings(advice, say)),
         tried=Tried(advice.prior.M_g, advice.trials),
     )
