@@ -58,6 +58,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     ] = 128
     seed: Annotated[int, o.advanced_option(metavar="N", min=0, max=2**32 - 1, help="Seed of these drives.")] = 0
     jobs: o.Jobs = 0
+    details: o.Details = False
 
     def run(self) -> int:
         """Find the values; returns the exit code."""
@@ -66,7 +67,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.calibration.targets import read_targets
         from hdassist.errors import UsageError
         from hdassist.loading.write import with_found_values
-        from hdassist.pages.calibrate import calibrate_answer
+        from hdassist.pages.calibrate import calibrate_report
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
         from hdassist.run.kept import open_kept
@@ -74,7 +75,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.run.stops import at_stop
         from hdassist.terminal.files import take_output, write_text
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.runs import answer_of, give, run_each
         from hdassist.textfile import read_bytes
 
         o.stdin_once(self.preset, str(self.targets))
@@ -111,7 +112,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
                 ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
                 model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
                 changed = with_found_values(given, name, best, ref, others, model)
-            return calibrate_answer(result)
+            return answer_of(calibrate_report(result), details=self.details)
 
         code = give("calibrate", run_each("calibrate", [self.preset], one, self, keep_failures=False), self, out)
         if self.write is not None:

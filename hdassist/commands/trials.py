@@ -47,6 +47,7 @@ class TrialsCommand(
     verify: Annotated[
         str | None, o.trials_option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None
+    plot: o.Plot = True
     details: o.Details = False
     draws: Annotated[
         int,
@@ -60,10 +61,11 @@ class TrialsCommand(
         from hdassist.errors import UsageError
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
-        from hdassist.pages.trials import trials_answer, trials_card_facts
+        from hdassist.pages.trials import trials_card_facts, trials_report
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
         from hdassist.terminal.output import note
+        from hdassist.terminal.runs import answer_of
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
         from hdassist.trials.record import RecordReading, read_trial_or_record
@@ -97,5 +99,6 @@ class TrialsCommand(
         if self.verbose:
             note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
         facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
-        answer = trials_answer(advice, details=self.details, carded=card is not None)
+        report = trials_report(advice, carded=card is not None)
+        answer = answer_of(report, plots=self.plot, details=self.details)
         return give_with_card("trials", answer, card, facts, self, out)

@@ -20,7 +20,7 @@ from hdassist.mounting.advice import Advice
 from hdassist.pages import card_render
 from hdassist.pages.card import card_of
 from hdassist.pages.mount import mount_card_facts, mount_report
-from hdassist.pages.trials import trials_card_facts, trials_json
+from hdassist.pages.trials import trials_card_facts, trials_report
 from hdassist.terminal.answers import json_text, report_object
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
@@ -62,8 +62,8 @@ class Exporting(Asking):
         of_mount = isinstance(advice, Advice)
 
         def text() -> str:
-            found = report_object(mount_report(advice, SEED)) if isinstance(advice, Advice) else trials_json(advice)
-            return json_text(found)
+            report = mount_report(advice, SEED) if isinstance(advice, Advice) else trials_report(advice)
+            return json_text(report_object(report))
 
         fields = [("file", self.named("-mount.json" if of_mount else "-trials.json"))]
         self.fill_in("JSON", fields, f"as {self.session.command()} --json", lambda values: self.write(values[0], text))

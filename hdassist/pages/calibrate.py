@@ -1,160 +1,147 @@
-"""A calibration as tables, and as JSON."""
+"""A calibration as a report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from math import isfinite
 
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
-
 from hdassist.calibration.calibrate import Calibration, Fit
-from hdassist.calibration.targets import CalibrationTarget
+from hdassist.calibration.targets import CalibrationTarget, SoughtField
 from hdassist.json_parts import Json
 from hdassist.model.unknown import unknown_notes
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.console import Style, table
-from hdassist.terminal.runs import Answer
+from hdassist.report.blocks import Facts, Table
+from hdassist.report.quantities import NO_VALUE, Quantity, as_object
+from hdassist.report.report import Report
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 MOVED = {"F_ior", "F_ior_max", "F_ior_min", "revolution_range", "trace"}  # by deviations
-NOTE = (
-    "Interval: half-widths as the tolerances are; the bounds count as knowledge. Fitted targets are no evidence for "
-    "the model: what was not fitted is."
+NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
+
+
+@dataclass(frozen=True)
+class FoundValue:
+    """A value of the best set; start, half width of its interval and the bound where it is held in its unit."""
+
+    unknown: SoughtField
+    start: float
+    found: float
+    half_width: float
+    determined: float
+    held_at: float | None
+
+
+FOUND_VALUES: tuple[Quantity[FoundValue], ...] = (
+    Quantity("path", "field", "", "", lambda v: v.unknown.path),
+    Quantity("unit", "unit", "", "", lambda v: v.unknown.unit),
+    Quantity("start", "start", "", "g", lambda v: v.start),
+    Quantity("found", "found", "", "g", lambda v: v.found),
+    Quantity("half_width", "±", "", ".2g", lambda v: v.half_width),
+    Quantity("low", "least", "", "g", lambda v: v.unknown.low),
+    Quantity("high", "most", "", "g", lambda v: v.unknown.high),
+    Quantity("determined", "determined", "", ".0%", lambda v: v.determined),
+    Quantity("held_at", "held at bound", "", "g", lambda v: v.held_at),
 )
 
 
-def calibrate_answer(result: Calibration) -> Answer:
-    """A calibration as a page, as JSON and in a line."""
-    return Answer(
-        to_json=lambda: _to_json(result),
-        page=lambda style: _render(result, style),
-        # the values, in the form of --set
-        summary_line=lambda: "\n".join(f"{path}={value!r}" for path, value in _best(result).items()),
-        about=result.drive.name,
-        warnings=_warnings(result),
+def calibrate_report(result: Calibration) -> Report:
+    """A calibration."""
+    wanted, best = result.targets, result.best
+    columns = (wanted.unknowns, result.start, best.values, result.half_width, result.determined, result.held)
+    values = [FoundValue(*row) for row in zip(*columns, strict=True)]
+    name = f" ({wanted.name})" * bool(wanted.name)
+    write = "the same command with --write FILE writes a preset with these values"
+    return Report(
+        command="calibrate",
+        drive=result.drive,
+        head=f"{result.drive.name}, calibration{name}",
+        verdict=f"{sum(best.met)} of {len(best.met)} targets met",
+        why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
+        blocks=(
+            Table.by_row("values, half width of their interval, bounds", FOUND_VALUES[:-1], values, words=(0, 1)),
+            _targets(result),
+            Facts((("note", NOTE), ("next", write))),
+        ),
+        details=(_sets(result),),
         proof=f"{result.evaluations} drives computed",
+        values={
+            "targets_file": {"name": wanted.name, "sha256": wanted.sha256},
+            "targets": [
+                {
+                    "quantity": t.quantity,
+                    "unit": t.unit,
+                    "asked": dict(t.asked),
+                    "value": t.value,
+                    "low": t.low if isfinite(t.low) else None,
+                    "high": t.high if isfinite(t.high) else None,
+                    "tolerance": t.tolerance,
+                }
+                for t in wanted.targets
+            ],
+            "unknowns": [as_object(FOUND_VALUES, value) for value in values],
+            "correlation": result.correlation.tolist(),
+            "best": _set_object(result, best),
+            "alternatives": [_set_object(result, fit) for fit in result.fits[1:]],
+            "evaluations": result.evaluations,
+            "seed": result.seed,
+        },
+        # in the form of --set
+        line="\n".join(f"{path}={value!r}" for path, value in wanted.by_path(best.values).items()),
+        warnings=tuple(_warnings(result)),
     )
 
 
-def _best(result: Calibration) -> dict[str, float]:
-    return result.targets.by_path(result.best.values)
-
-
-def _warnings(result: Calibration) -> tuple[str, ...]:
+def _warnings(result: Calibration) -> Iterator[str]:
     wanted = result.targets
-    words = [*result.drive.origin.warnings]
+    yield from result.drive.origin.warnings
     if any(target.quantity in MOVED for target in wanted.targets):
-        words += unknown_notes(result.drive)
+        yield from unknown_notes(result.drive)
     if result.shortfall:
-        words.append(f"targets are missed: {result.shortfall}; the values are the nearest that were found")
-    shares = wanted.by_path(result.determined)
-    if unseen := [path for path, share in shares.items() if share < UNDETERMINED]:
-        words.append(f"the targets say nothing about {', '.join(unseen)}")
-    words += [f"the targets cannot tell {a} and {b} apart (correlation {r:+.2f})" for a, b, r in result.indistinct]
-    return tuple(words)
-
-
-def _render(result: Calibration, style: Style) -> RenderableType:
-    """Targets met or missed, values found with their intervals, and the sets that do as well."""
-    heading = f"{result.drive.name}: {len(result.targets.unknowns)} values from {len(result.targets.targets)} targets"
-    parts: list[RenderableType] = [
-        Text(style.text(f"{heading} ({result.targets.name})" if result.targets.name else heading), style="bold"),
-        _targets(result, style),
-        _values(result, style),
-        _sets(result, style),
-        Text(style.text(NOTE)),
-    ]
-    return Group(*(line for part in parts for line in (part, Text(""))))
-
-
-def _table(style: Style, title: str, first: str, columns: Iterable[str]) -> Table:
-    grid = table(style, title)
-    grid.add_column(first, overflow="fold")
-    for words in columns:
-        grid.add_column(words, justify="right")
-    return grid
+        yield f"targets are missed: {result.shortfall}; the values are the nearest that were found"
+    open_ = [path for path, share in wanted.by_path(result.determined).items() if share < UNDETERMINED]
+    if open_:
+        yield f"the targets do not determine {', '.join(open_)}"
+    for a, b, r in result.indistinct:
+        yield f"the targets cannot tell {a} and {b} apart (correlation {r:+.2f})"
 
 
 def _wanted(target: CalibrationTarget) -> str:
     if target.value is not None:
-        return f"{target.value:g} +- {target.tolerance:.3g}"
+        return f"{target.value:g} ± {target.tolerance:.3g}"
     low, high = (f"{x:g}" if isfinite(x) else "" for x in (target.low, target.high))
     return f"{low} to {high}" if low and high else f"{low} or more" if low else f"{high} or less"
 
 
-def _targets(result: Calibration, style: Style) -> Table:
-    grid, best = _table(style, "targets", "target", ("unit", "wanted", "found", "off, tolerances", "")), result.best
+def _targets(result: Calibration) -> Table:
+    best = result.best
     columns = (result.targets.targets, best.predictions, best.deviations, best.met)
-    for target, found, off, met in zip(*columns, strict=True):
-        words = "met" if met else "MISSED"
-        row = (target.words, target.unit, _wanted(target), f"{found:.4g}", f"{off:+.2f}", words)
-        grid.add_row(*map(style.text, row))
-    return grid
+    rows = tuple(
+        (t.words, t.unit, _wanted(t), f"{found:.4g}", f"{off:+.2f}", "met" if met else "MISSED")
+        for t, found, off, met in zip(*columns, strict=True)
+    )
+    return Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), rows)
 
 
-def _values(result: Calibration, style: Style) -> Table:
-    grid = _table(style, "values", "field", ("unit", "start", "found", "+-", "bounds", "determined"))
-    columns = (result.targets.unknowns, result.start, result.best.values, result.half_width, result.determined)
-    for u, start, value, half, share in zip(*columns, strict=True):
-        bounds = f"{u.low:g} to {u.high:g}"
-        row = (u.path, u.unit, f"{start:g}", f"{value:g}", f"{half:.2g}", bounds, f"{share:.0%}")
-        grid.add_row(*map(style.text, row))
-    return grid
-
-
-def _sets(result: Calibration, style: Style) -> Table:
-    title = "sets that were kept, and the mounting phase each finds best, deg"
-    grid = _table(style, title, "field", ["best", *(f"other {k}" for k in range(1, len(result.fits)))])
-    for row, unknown in enumerate(result.targets.unknowns):
-        grid.add_row(unknown.path, *(f"{fit.values[row]:g}" for fit in result.fits))
+def _sets(result: Calibration) -> Table:
+    rows = [
+        (unknown.path, *(f"{fit.values[row]:g}" for fit in result.fits))
+        for row, unknown in enumerate(result.targets.unknowns)
+    ]
     for row, M_g in enumerate(result.drive.operation.M_g):
         phases = (fit.best_deg[row] for fit in result.fits)
-        words = style.text(f"best phase at {M_g:g} N·m")
-        grid.add_row(words, *("-" if deg is None else f"{deg:.0f}" for deg in phases))
+        rows.append((f"best phase at {M_g:g} N·m", *(NO_VALUE if deg is None else f"{deg:.0f}" for deg in phases)))
     furthest = (max(map(abs, fit.deviations)) for fit in result.fits)
-    grid.add_row("furthest target, tolerances", *(f"{off:.2f}" for off in furthest))
-    return grid
+    rows.append(("furthest target, tolerances", *(f"{off:.2f}" for off in furthest)))
+    heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
+    return Table("sets of values that were kept, and the best mounting phase of each, deg", heads, tuple(rows))
 
 
-def _to_json(result: Calibration) -> Json:
-    targets = result.targets
-
-    def one(fit: Fit) -> Json:
-        return {
-            "values": targets.by_path(fit.values),
-            "off_tolerances": list(fit.deviations),
-            "found": list(fit.predictions),
-            "best_phase_deg": list(fit.best_deg),
-            "targets_met": list(fit.met),
-            "met": fit.all_met,
-        }
-
-    names = ("start", "found", "half_width", "determined", "held_at")
-    columns = (result.start, result.best.values, result.half_width, result.determined, result.held)
+def _set_object(result: Calibration, fit: Fit) -> Json:
     return {
-        **envelope("calibrate", result.drive, 0, _warnings(result)),
-        "targets_file": {"name": targets.name, "sha256": targets.sha256},
-        "targets": [
-            {
-                "quantity": t.quantity,
-                "unit": t.unit,
-                "asked": dict(t.asked),
-                "value": t.value,
-                "low": t.low if isfinite(t.low) else None,
-                "high": t.high if isfinite(t.high) else None,
-                "tolerance": t.tolerance,
-            }
-            for t in targets.targets
-        ],
-        "unknowns": [
-            {"path": u.path, "unit": u.unit, "low": u.low, "high": u.high, **dict(zip(names, row, strict=True))}
-            for u, *row in zip(targets.unknowns, *columns, strict=True)
-        ],
-        "correlation": result.correlation.tolist(),
-        "best": one(result.best),
-        "alternatives": [one(fit) for fit in result.fits[1:]],
-        "evaluations": result.evaluations,
-        "seed": result.seed,
+        "values": result.targets.by_path(fit.values),
+        "off_tolerances": list(fit.deviations),
+        "found": list(fit.predictions),
+        "best_phase_deg": list(fit.best_deg),
+        "targets_met": list(fit.met),
+        "met": fit.all_met,
     }

@@ -15,7 +15,8 @@ from hdassist.pages.seat import instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
-from hdassist.report.blocks import Seat, SeatMark
+from hdassist.report.blocks import Seat, SeatMark, Table
+from hdassist.report.quantities import NO_VALUE
 from hdassist.terminal.texts import HOME, Texts
 from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
@@ -35,8 +36,8 @@ class CardFacts:
     choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
     percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
     than the present one, None where nothing was drawn; good: probability that the position is good after trials; open_:
-    number of values that were drawn; weights of the torques; warnings, in the reader's language; tried, where the
-    advice comes of trials: then the wheel lies in the last of them, and turns count from before the first.
+    number of values that were drawn; warnings, in the reader's language; tried, where the advice comes of trials: then
+    the wheel lies in the last of them, and turns count from before the first.
     """
 
     choice: Choice
@@ -46,7 +47,6 @@ class CardFacts:
     gain_probability: Probability | None = None
     good: float | None = None
     open_: int = 0
-    weights: tuple[float, ...] | None = None
     warnings: tuple[str, ...] = ()
     tried: Tried | None = None
 
@@ -57,16 +57,6 @@ class Lines:
 
     title: str
     lines: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class CardTable:
-    """Title, heads of the columns, rows (an empty cell is one to write in), and a line below."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,8 +73,8 @@ class Card:
     instruction: str
     seat: Seat
     directions: tuple[str, ...]
-    torques: CardTable
-    others: CardTable
+    torques: Table
+    others: Table
     chance: Lines
     checks: Lines
     warnings: Lines
@@ -133,7 +123,6 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, s
     yield say("card.serial"), serial
     yield say("card.teeth"), say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m))
     yield say("card.fixed"), fixed
-    yield say("card.torques"), ", ".join(map(say.torque, drive.operation.M_g[:MOST_TORQUES]))
     yield say("card.seat"), seat
     yield say("card.mark"), mark
     yield say("card.sense"), say("card.sense_is")
@@ -167,7 +156,7 @@ def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
         yield SeatMark("cam", facts.cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
 
 
-def _torques(choice: Choice, say: Texts) -> CardTable:
+def _torques(choice: Choice, say: Texts) -> Table:
     """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
     names = ("torque", "now", *(("after", "change") if choice.turn else ()), "measured")
     rows = []
@@ -176,54 +165,36 @@ def _torques(choice: Choice, say: Texts) -> CardTable:
         after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if choice.turn else ()
         rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
     more = len(choice.torques) - MOST_TORQUES
-    note = say("torques.more", count=more) if more > 0 else ""
-    return CardTable(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), note)
+    notes = (say("torques.more", count=more),) if more > 0 else ()
+    return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), notes=notes)
 
 
-def _other_positions(choice: Choice, say: Texts) -> CardTable:
-    """What the positions to both sides, the second best and the worst one would cost against the target."""
-    beside, holes = len(choice.torques) <= TORQUES_SIDE_BY_SIDE, choice.drive.mounting.holes
-    torques = say("unit.torque", torque=" / ".join(map(say.number, choice.torques)))
-    head = [
-        say("others.position"),
-        say("others.hole" if holes else "others.turn"),
-        *([say("others.values", torques=torques)] if beside else []),
-        say("others.against_now"),
-        say("others.lost"),
-    ]
-    rows = []
-    for words, position in _others(choice, say):
-        if isinstance(position, int):
-            rows.append((words, f"{position}", *["-"] * (len(head) - 2)))
-            continue
-        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
-        values = [" / ".join(say.number(v, ".2f") for v in position.F_ior_arcsec)] if beside else []
-        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, choice.target))
-        rows.append((words, where, *values, *changes))
-    note = say("others.counted") + ("" if beside else " " + say("others.more"))
-    return CardTable(say("others.title"), tuple(head), tuple(rows), note if rows else "")
-
-
-def _others(choice: Choice, say: Texts) -> Iterator[tuple[str, Position | int]]:
-    """Each other position once, with all that it is in words; a number for a hole that is not allowed."""
-    target, ranked = choice.target, choice.ranked
+def _other_positions(choice: Choice, say: Texts) -> Table:
+    """Cost of the positions to both sides, of the best of the others and of the worst one, each once."""
+    target, holes = choice.target, choice.drive.mounting.holes
     ahead, back = _neighbour(choice, 1), _neighbour(choice, -1)
     named: list[tuple[str, Position | int | None]] = [
         (say("others.ahead", step=_step(target, ahead, say)), ahead),
         (say("others.back", step=_step(target, back, say)), back),
+        (say("seat.worst"), choice.ranked[-1]),
     ]
-    if not choice.turn:
-        named.append((say("others.not_worth"), choice.chosen))
-    if choice.drive.mounting.holes:  # at a free angle it lies beside the best
-        named.append((say("others.second"), next((p for p in ranked if p not in (target, choice.chosen)), None)))
-    named += [(say("seat.worst"), ranked[-1]), (say("seat.now"), choice.current)]
+    if holes:  # at a free angle it lies beside the best
+        named.insert(2, (say("others.best"), next((p for p in choice.ranked if p != target), None)))
     merged: dict[Position | int, list[str]] = {}
     for words, position in named:
-        alone = words == say("seat.now") and position not in merged  # it has a table of its own
-        if position is not None and position != target and not alone:
+        if position is not None and position != target:
             merged.setdefault(position, []).append(words)
+    rows: list[tuple[str, ...]] = []
     for position, words_of in merged.items():
-        yield "; ".join([*words_of, *([say("others.not_allowed")] if isinstance(position, int) else [])]), position
+        if isinstance(position, int):
+            rows.append(("; ".join([*words_of, say("others.not_allowed")]), f"{position}", NO_VALUE, NO_VALUE))
+            continue
+        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
+        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, target))
+        rows.append(("; ".join(words_of), where, *changes))
+    names = ("position", "hole" if holes else "turn", "against_now", "lost")
+    heads = tuple(say(f"others.{name}") for name in names)
+    return Table(say("others.title"), heads, tuple(rows), notes=(say("others.counted"),))
 
 
 def _neighbour(choice: Choice, side: int) -> Position | int | None:
@@ -257,8 +228,6 @@ def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
         yield say("chance.leave", count=facts.open_, gain=say.percent(gain.value))
     if facts.good is not None:
         yield say("chance.good", good=say.percent(facts.good))
-    if facts.weights:
-        yield say("chance.weights", weights=" / ".join(map(say.number, facts.weights)))
     kinds = origin_counts(choice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 

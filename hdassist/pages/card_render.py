@@ -10,11 +10,12 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from rich.text import Text
 
-from hdassist.pages.card import Card, CardTable
+from hdassist.pages.card import Card
 from hdassist.pages.card_svg import seat_geometry
-from hdassist.terminal.console import PLAIN_CHARACTERS, Style, console, table
+from hdassist.report.blocks import Table
+from hdassist.terminal.console import PLAIN_CHARACTERS, Style, console
+from hdassist.terminal.page import tables
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
@@ -38,7 +39,12 @@ def markdown(card: Card) -> str:
 
 def plain_text(card: Card, *, ascii: bool = False) -> str:
     """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
-    page = environment(finalize=_visible, wrapped=_wrapped, drawn=lambda content, blank: _drawn(content, blank, ascii))
+    plain = _seven_bits if ascii else str
+    page = environment(
+        finalize=_visible,
+        wrapped=lambda text, first="", further="": _wrapped(plain(text), first, further),
+        drawn=lambda content, blank: _drawn(content, blank, plain),
+    )
     label_width = max(len(label) for label, _ in card.subject) + 2
     text = page.get_template("card.txt").render(
         card=card, drawing=seat_in_characters(card.seat), columns=CARD_COLUMNS, blank=BLANK, label_width=label_width
@@ -102,22 +108,17 @@ def _wrapped(text: str, first: str = "", further: str = "") -> str:
     )
 
 
-def _drawn(content: CardTable, blank: str, ascii: bool) -> str:
-    """A table in characters; blank stands in its empty cells."""
-    style = Style(ascii=ascii, codes=False, width=CARD_COLUMNS)
-    grid = table(Style(ascii=False, codes=False, width=CARD_COLUMNS), content.title)
-    grid.box, grid.show_edge = table(style).box, style.ascii
-    for k, words in enumerate(content.head):
-        cells = " / ".join([words.replace(" ", " / "), *(row[k] for row in content.rows), blank])
-        longest = max(map(len, cells.split(" / " if k else None)))  # numbers stay whole
-        grid.add_column(Text(words), justify="right" if k else "left", min_width=longest)
-    for row in content.rows:
-        grid.add_row(*(Text(cell or blank) for cell in row))
-    page = io.StringIO()
-    console(page, style).print(grid)
+def _drawn(content: Table, blank: str, plain: Callable[[str], str]) -> str:
+    """A table in characters; blank stands in its empty cells; plain, what makes a text one that can be shown."""
+    style, page = Style(ascii=False, codes=False, width=CARD_COLUMNS), io.StringIO()
+    rows = tuple(tuple(plain(cell or blank) for cell in row) for row in content.rows)
+    heads, notes = tuple(map(plain, content.heads)), tuple(map(plain, content.notes))
+    console(page, style).print(*tables(Table(plain(content.title), heads, rows, notes=notes), style))
     return page.getvalue().rstrip()
 
 
 def _seven_bits(text: str) -> str:
     """The text in 7-bit characters; Cyrillic letters stay."""
-    return "".join(c if c.isascii() or ord(c) in CYRILLIC else "?" for c in text.translate(PLAIN_CHARACTERS))
+    return "".join(
+        c if c.isascii() or ord(c) in CYRILLIC else "?" for c in text.replace(" ″", "″").translate(PLAIN_CHARACTERS)
+    )

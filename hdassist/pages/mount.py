@@ -354,6 +354,5 @@ def mount_card_facts(advice: Advice, say: Texts) -> CardFacts:
         gain_range=advice.gain_range if advice.positions else None,
         gain_probability=advice.gain_probability,
         open_=len(advice.open_) if advice.positions else 0,
-        weights=advice.curve.weights,
         warnings=mount_warnings(advice, say),
     )

@@ -17,7 +17,7 @@ from hdassist.tolerance.sensitivity import Sensitivities, Tightened
 
 BAR = 10  # columns of the longest bar
 LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
-_TIGHTER = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
+STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class FieldEffect:
     bar: str
 
 
-CSV: tuple[Quantity[FieldEffect], ...] = (
+EFFECT_CSV: tuple[Quantity[FieldEffect], ...] = (
     Quantity("M_g_Nm", "torque", "N·m", "g", lambda e: e.M_g),
     Quantity("field", "field", "", "", lambda e: e.path),
     Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", lambda e: e.share),
     Quantity("now_arcsec", "95th percentile", "", ".2f", lambda e: e.tightened and e.tightened.now),
-    Quantity("tighter_arcsec", _TIGHTER, "", ".2f", lambda e: e.tightened and e.tightened.then),
+    Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", lambda e: e.tightened and e.tightened.then),
 )
-_ON_PAGE: tuple[Quantity[FieldEffect], ...] = (
-    *CSV[1:3],
+EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
+    *EFFECT_CSV[1:3],
     Quantity(
         "gain",
         "takes off, arcsec",
@@ -92,8 +92,8 @@ def sensitivity_report(found: Sensitivities) -> Report:
             "certificate": {"states": found.states, "max_residual": found.max_residual},
         },
         csv=(
-            ["preset", *(q.key for q in CSV)],
-            [[law.drive.name, *(q.value(each) for q in CSV)] for at_torque in effects for each in at_torque],
+            ["preset", *(q.key for q in EFFECT_CSV)],
+            [[law.drive.name, *(q.value(each) for q in EFFECT_CSV)] for at_torque in effects for each in at_torque],
         ),
         line=f"tighten first: {verdict}; {reason}",
         warnings=law_warnings(law),
@@ -106,8 +106,8 @@ def _answer(found: Sensitivities) -> tuple[str, str]:
     percentile = f"the 95th percentile of F'_ior, {first.now:.2f} arcsec"
     if found.is_worth_tightening:
         gain = f"{first.gain:.2f} arcsec ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
-        return named(first.path), f"{_TIGHTER} it takes {gain} off {percentile}"
-    reason = f"a tolerance {_TIGHTER} takes at most {max(first.gain, 0):.2f} arcsec off {percentile}"
+        return named(first.path), f"made {STEP_WORDS} it takes {gain} off {percentile}"
+    reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f} arcsec off {percentile}"
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"{100 * largest.share:.0f} % of the variance of ln F'_ior"
         return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
@@ -128,5 +128,5 @@ def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Tabl
     """So many fields with a tolerance, the greatest gain first, and so many others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
-    title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {_TIGHTER}"
-    return Table.by_row(title, _ON_PAGE, [*tight[:tolerances], *rest[:others]], words=(0, 3))
+    title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {STEP_WORDS}"
+    return Table.by_row(title, EFFECT_COLUMNS, [*tight[:tolerances], *rest[:others]], words=(0, 3))

@@ -66,11 +66,11 @@ def _yield_cell(found: YieldBelief) -> str:
 
 
 PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
-DRIVES: tuple[Quantity[MountedDrives], ...] = (
+MOUNTING_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     Quantity("M_g_Nm", "torque, N·m", "", "g", lambda d: d.point.M_g),
     Quantity("wheel", "wheel", "", "", lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
 )
-_F_IOR: tuple[Quantity[MountedDrives], ...] = (
+F_IOR_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     *(
         Quantity(f"{name}_arcsec", words, "", ".2f", lambda d, share=share: d.percentile(share).value)  # type: ignore[misc]
         for name, words, share in PERCENTILES
@@ -78,14 +78,14 @@ _F_IOR: tuple[Quantity[MountedDrives], ...] = (
     Quantity("worst_arcsec", "worst", "", ".2f", lambda d: max(d.F_ior)),
     Quantity("mean_arcsec", "mean", "", ".2f", lambda d: float(np.average(d.F_ior, weights=d.summary.weights))),
 )
-INTERVALS: tuple[Quantity[MountedDrives], ...] = tuple(
+INTERVAL_COLUMNS: tuple[Quantity[MountedDrives], ...] = tuple(
     Quantity(
         f"{name}_interval_arcsec", words, "", lambda ends: f"{ends[0]:.2f} to {ends[1]:.2f}",
         lambda d, share=share: [*asdict(d.percentile(share)).values()][1:],  # type: ignore[misc]
     )
     for name, words, share in PERCENTILES
 )  # fmt: skip
-HELD: tuple[Quantity[MountedDrives], ...] = (
+YIELD_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     Quantity("limit", "limit", "", "g", lambda d: d.point.limit),
     Quantity("yield", "yield, %", "", _yield_cell, lambda d: d.yield_belief),
 )
@@ -103,18 +103,18 @@ def tolerance_report(
     measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
     F_ior_table = Table.by_row(
         "F'_ior, arcsec: percentiles over the drives",
-        (*DRIVES, *_F_IOR[:3], *HELD[: 2 * summary.has_limit]),
+        (*MOUNTING_COLUMNS, *F_IOR_COLUMNS[:3], *YIELD_COLUMNS[: 2 * summary.has_limit]),
         drives,
         words=(1,),
     )
     more = Table.by_row(
         "Monte Carlo intervals of these percentiles, arcsec (5 to 95 %)",
-        (*DRIVES, *INTERVALS, *_F_IOR[3:]),
+        (*MOUNTING_COLUMNS, *INTERVAL_COLUMNS, *F_IOR_COLUMNS[3:]),
         drives,
         words=(1,),
     )
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
-    columns = (*DRIVES, *_F_IOR)
+    columns = (*MOUNTING_COLUMNS, *F_IOR_COLUMNS)
     return Report(
         command="tolerance",
         drive=drive,
@@ -245,7 +245,7 @@ def _point_object(point: AtTorque, summary: Summary) -> Json:
         "limit_arcsec": point.limit,
         "self_error_arcsec": point.self_error,
         **{
-            name: as_object((*_F_IOR, *INTERVALS), MountedDrives(summary, point, best))
+            name: as_object((*F_IOR_COLUMNS, *INTERVAL_COLUMNS), MountedDrives(summary, point, best))
             for name, best in (("as_built", False), ("best_position", True))
         },
         "gain": dict(zip(("low", "median", "high"), gains, strict=True)),

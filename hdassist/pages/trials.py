@@ -1,4 +1,4 @@
-"""What trials teach: on a short page or in tables, as JSON, and as CSV."""
+"""The advice after trials as a report."""
 
 from __future__ import annotations
 
@@ -6,33 +6,30 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
-from hdassist.json_parts import Json, certificate_object, unknown_objects
+from hdassist.json_parts import Json, unknown_objects
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.mounting.losses import GOOD
 from hdassist.mounting.positions import bare, hole_of
 from hdassist.mounting.trial import Trial, Tried
 from hdassist.pages.card import CardFacts, after_trials, warnings_of
 from hdassist.pages.losses import SHARES, kept_line, losses_object, losses_table
-from hdassist.pages.seat import TRADE, wheel
+from hdassist.pages.mount import ORDER_WORDS
+from hdassist.pages.seat import wheel
+from hdassist.report.blocks import Curve, CurveMark, Facts
 from hdassist.report.quantities import Quantity, as_object
-from hdassist.terminal.answers import envelope
-from hdassist.terminal.brief import facts, proof
-from hdassist.terminal.console import Style
-from hdassist.terminal.page import block_on_page
-from hdassist.terminal.runs import Answer, CsvTable
+from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.texts import Texts, texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import Prediction
 from hdassist.verdict import Verdict
 
-LISTED_HOLES = {False: 3, True: 6}  # positions that are listed, best first, without details and with them
+LISTED_HOLES = 3  # positions on the first screen, best first
+TURNS = "turns counter-clockwise from the cam side"
 APART = 3.0  # standard deviations by which values of one position may differ without a remark
 MANY_TRIALS = 4  # trials without a repeat, from which on one is asked for
 
-LEARNT: tuple[Quantity[TrialAdvice], ...] = (
+POSTERIOR: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: a.offset[0]),
     Quantity("offset.size_sd_um", "standard deviation", "um", ".0f", lambda a: a.offset[1]),
     Quantity("offset.direction_deg", "towards", "deg", ".0f", lambda a: a.facing[0]),
@@ -44,22 +41,34 @@ LEARNT: tuple[Quantity[TrialAdvice], ...] = (
 )
 
 
-def trials_answer(advice: TrialAdvice, *, details: bool = False, carded: bool = False) -> Answer:
-    """What there is to say of an advice; details, whether all tables are shown; carded, whether a card is asked for."""
-    return Answer(
-        to_json=lambda: trials_json(advice),
-        page=lambda style: trials_page(advice, style, details=details, carded=carded),
-        summary_line=lambda: trials_summary(advice),
-        figures=lambda: trials_figures(advice),
+def trials_report(advice: TrialAdvice, *, carded: bool = False) -> Report:
+    """An advice after trials; carded, whether a card is written."""
+    drive, losses, setup = advice.drive, advice.losses, advice.prior.rig
+    count, holes, torques = len(advice.trials), drive.mounting.holes, drive.operation.M_g
+    title = f"positions, least loss first, {TURNS}" + "; by the trials without the outcome" * (not advice.explained)
+    back = Verdict.FAIL if advice.back_to else Verdict.INCONCLUSIVE
+    listed = [losses_table(losses, holes, torques, title, most) for most in (LISTED_HOLES, len(losses.ranked))]
+    return Report(
+        command="trials",
+        drive=drive,
+        head=f"{drive.name}, {count} trial{'s' * (count > 1)} at {setup.M_g:g} N·m",
+        verdict=_verdict(advice),
+        why=(trials_instruction(advice),),
+        blocks=(listed[0], Facts.of(_facts(advice, carded=carded)), _curve(advice)),
+        details=(listed[1], Facts.of(_more_facts(advice))),
+        certificate=advice.prior.certificate,
+        values=_values(advice),
+        csv=_csv(advice),
+        line=bare(advice.stay[0], holes) if advice.outcome or advice.settled else "unknown",
         warnings=tuple(trials_warnings(advice, texts())),
-        proof=advice.prior.certificate,
-        exit_code=trials_exit_code(advice),
+        exit_code=(Verdict.PASS if advice.settled and not advice.back_to else back).exit_code,
     )
 
 
-def trials_exit_code(advice: TrialAdvice) -> int:
-    """3 where an outcome says to go back, 6 where the position to be in is not known to be good."""
-    return (Verdict.FAIL if advice.back_to else Verdict.PASS if advice.settled else Verdict.INCONCLUSIVE).exit_code
+def _verdict(advice: TrialAdvice) -> str:
+    if advice.outcome:
+        return "GO BACK" if advice.back_to else "KEEP"
+    return ORDER_WORDS[("turn" if advice.choice.turn else "leave") if advice.settled else "none"]
 
 
 def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
@@ -67,17 +76,16 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     yield from warnings_of(advice.drive, say)
     outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
     if advice.suspected:
-        yield f"{_measured(advice, advice.suspected)} is probably misread ({_suspicion(advice)}): measure it again"
+        share = f"{100 * advice.draws.misread.max():.0f} %"
+        yield f"{_measured(advice, advice.suspected)} is probably misread ({share}): measure it again"
     elif (hinge := advice.hinges_on) and advice.stay[1] >= advice.needed:
         least = f"{100 * min(advice.without):.0f} %"
         yield f"the choice hinges on {_measured(advice, hinge)}: {least} without it, 60 % are wanted: measure it again"
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
-    if not advice.settled and not advice.to_repeat and not advice.back_to and advice.explained:
-        best_bet = f"{advice.where(best)} may be better ({good:.0%})"
-        again = "measure it once more" if best == advice.stay[0] else best_bet
-        first = f"the trials do not settle it: {_chance(advice)}; measure {advice.where(advice.next[0])}"
-        yield f"{_chance(advice)}; {again}" if outcome else first
+    if outcome and advice.explained and not (advice.settled or advice.to_repeat or advice.back_to):
+        best_bet = f"{advice.where(best)} may be better ({100 * good:.0f} %)"
+        yield f"{_chance(advice)}; {'measure it once more' if best == advice.stay[0] else best_bet}"
     for a, b in advice.repeats:
         noise = np.linalg.norm(advice.prior.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec]), (a, b)))
         if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
@@ -94,10 +102,6 @@ def _measured(advice: TrialAdvice, trial: Trial) -> str:
     return f"{trial.F_ior_arcsec:g} arcsec at {advice.where(trial.rotation_deg)}"
 
 
-def _suspicion(advice: TrialAdvice) -> str:
-    return f"{100 * float(advice.draws.misread.max()):.0f} %"
-
-
 def _repeat(advice: TrialAdvice) -> str:
     if not (trial := advice.to_repeat):
         return ""
@@ -106,10 +110,10 @@ def _repeat(advice: TrialAdvice) -> str:
 
 def _chance(advice: TrialAdvice) -> str:
     here, good = advice.stay
-    sure, needed = f"{good:.0%}", f"{advice.needed:.0%}"
+    sure, needed = f"{100 * good:.0f}", f"{100 * advice.needed:.0f}"
     if sure == needed and not advice.settled:
-        sure, needed = f"{np.floor(1000 * good) / 10:.1f}%", f"{np.ceil(1000 * advice.needed) / 10:.1f}%"
-    return f"{advice.where(here)} is good (loses below {GOOD:.0%}) with {sure}, and {needed} are wanted"
+        sure, needed = f"{np.floor(1000 * good) / 10:.1f}", f"{np.ceil(1000 * advice.needed) / 10:.1f}"
+    return f"{advice.where(here)} loses less than {100 * GOOD:.0f} % with {sure} % probability, {needed} % are needed"
 
 
 def _outcome(advice: TrialAdvice, of: Prediction) -> str:
@@ -124,67 +128,70 @@ def trials_instruction(advice: TrialAdvice) -> str:
     if advice.outcome:
         return f"{there if back else 'Keep it'}: {_outcome(advice, advice.outcome)}."
     if advice.settled:
-        return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)} (--sure)."
+        return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)}."
     if advice.to_repeat and advice.unlike_told:
         return f"No order yet: the values came out unlike those of a drive as the preset has it{_repeat(advice)}."
     if advice.to_repeat:
         again = advice.where(advice.to_repeat.rotation_deg)
         return f"No order yet: {_chance(advice)}. Before a new position measure {again} again: none was measured twice."
+    hinge = advice.hinges_on if advice.stay[1] >= advice.needed else None
+    without = f", but not without {_measured(advice, hinge)}" if hinge else ""
     return (
-        f"No order yet: {_chance(advice)}. To decide, measure {advice.where(advice.next[0])} next. "
-        f"{advice.next[1]:.0%} are expected after it. Five or six trials are normal."
+        f"No order yet: {_chance(advice)}{without}. To decide, measure {advice.where(advice.next[0])} next: "
+        f"{100 * advice.next[1]:.0f} % are expected then. Five or six trials are normal."
     )
 
 
-def trials_page(advice: TrialAdvice, style: Style, *, details: bool = False, carded: bool = False) -> RenderableType:
-    """The instruction, the best positions, and what to know of them; with details more positions and tables."""
-    trials = f"{len(advice.trials)} trial{'s' * (len(advice.trials) > 1)} at {advice.prior.M_g:g} N·m"
-    holes, torques = advice.drive.mounting.holes, advice.drive.operation.M_g
-    turns = f"turns of the {TRADE[advice.drive.mounting.fixed]} counter-clockwise seen from the cam side"
-    turns += "; by the trials without the outcome" * (not advice.explained)
-    parts: list[RenderableType] = [
-        Text(style.text(f"{advice.drive.name}: the cam offset from {trials}"), style="bold"),
-        Text(style.text(trials_instruction(advice))),
-        *block_on_page(
-            losses_table(advice.losses, holes, torques, f"positions, least loss first, {turns}", LISTED_HOLES[details]),
-            style,
-        ),
-        facts(style, _lines(advice, details=details, carded=carded)),
-    ]
-    return Group(*(line for part in parts for line in (part, Text(""))))
-
-
-def _lines(advice: TrialAdvice, *, details: bool, carded: bool) -> Iterator[tuple[str, str]]:
-    """What is to be known beside the positions, a label and a text each."""
-    rig = advice.prior.rig
-    if details:
-        for one in advice.predictions:
-            yield "trial", _outcome(advice, one)
-        yield "noise", f"told {rig.noise_arcsec:g}, found {advice.noise_arcsec:.2f} arcsec; seat {rig.reseat_um:g} um"
-        yield "learnt", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in LEARNT)
-    yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, advice.drive.operation.M_g)
-    yield "unknown", unknown_names(unknowns(advice.drive))
+def _facts(advice: TrialAdvice, *, carded: bool) -> Iterator[tuple[str, str]]:
+    """Limits, how to go on, and the next command, a label and a text each."""
+    torques = advice.drive.operation.M_g
+    yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, torques)
     if len(advice.trials) >= MANY_TRIALS and not advice.repeats and not advice.outcome:
         again = advice.where((advice.to_repeat or advice.trials[0]).rotation_deg)
         yield "repeat", f"{again}, the wheel taken out and put back, to learn the noise: none was measured twice"
         turn = f"turn the {wheel(advice.drive)} by a hole as you counted: its mark must go"
-        yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior tells how holes were counted"
-    then = advice.where(advice.to_measure_next[0])
-    more = "--card card.html" if advice.settled else f"the value of {then} as one more trial"
-    many = not advice.settled and len(advice.drive.operation.M_g) > 1
-    more += f"; with --torque {rig.M_g:g} alone it decides for that torque only" * many
-    yield "next", "" if advice.outcome or (carded and advice.settled) else f"the same command with {more}"
-    yield "proof", proof(advice.prior.certificate)
-    yield "more", "" if details else "--details"
+        yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior shows how holes were counted"
+    if not (advice.outcome or (carded and advice.settled)):
+        value = f"the value of {advice.where(advice.to_measure_next[0])} as one more trial"
+        if len(torques) > 1:
+            value += f"; with --torque {advice.prior.rig.M_g:g} alone it decides for that torque only"
+        yield "next", f"the same command with {'--card card.html' if advice.settled else value}"
 
 
-def trials_json(advice: TrialAdvice) -> Json:
-    """What the trials teach as a JSON object: one shape, whatever was given."""
+def _more_facts(advice: TrialAdvice) -> Iterator[tuple[str, str]]:
+    """Predicted and measured values, noise, and results of the fit, a label and a text each."""
+    setup = advice.prior.rig
+    for one in advice.predictions:
+        yield "trial", _outcome(advice, one)
+    found = f"found {advice.noise_arcsec:.2f} arcsec"
+    yield "noise", f"given {setup.noise_arcsec:g}, {found}; seat {setup.reseat_um:g} um"
+    yield "found", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in POSTERIOR)
+    yield "unknown", unknown_names(unknowns(advice.drive))
+
+
+def _curve(advice: TrialAdvice) -> Curve:
+    """F'_ior over the positions at the torque of the trials, if it decides, with measured values."""
+    losses, holes, torques = advice.losses, advice.drive.mounting.holes, advice.drive.operation.M_g
+    M_g = advice.prior.rig.M_g if advice.prior.rig.M_g in torques else torques[0]
+    per, k = 360 / holes if holes else 1.0, torques.index(M_g)
+    places = range(len(losses.rotations_deg))
+    low, median, high = ([losses.quantile(share, place)[k] for place in places] for share in (0.05, 0.5, 0.95))
+    turned = np.array(losses.rotations_deg) / per
+    measured = advice.trials if M_g == advice.prior.rig.M_g else ()
+    return Curve(
+        turned, np.array(median), "turned by, holes" if holes else "turned by, deg",
+        f"F'_ior at {M_g:g} N·m, arcsec: median, 5 to 95 %; M measured",
+        whiskers=tuple(zip(turned.tolist(), low, high, strict=True)), from_zero=True, rows=6,
+        marks=tuple(CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in measured),
+    )  # fmt: skip
+
+
+def _values(advice: TrialAdvice) -> Json:
+    """One shape, whatever was given."""
     drive, rig, (best, good) = advice.drive, advice.prior.rig, advice.losses.chosen
     then, after = advice.to_measure_next
     found = losses_object(advice.losses, drive, advice.offset[2])
     return {
-        **envelope("trials", drive, trials_exit_code(advice), tuple(trials_warnings(advice, texts()))),
         "complete": True,
         "instruction": trials_instruction(advice),
         "turn": advice.settled and advice.choice.turn,
@@ -208,7 +215,7 @@ def trials_json(advice: TrialAdvice) -> Json:
         },
         "prediction_errors": [_prediction(advice, one) for one in advice.predictions],
         "unlike_told": advice.unlike_told,
-        **as_object(LEARNT, advice),
+        **as_object(POSTERIOR, advice),
         "verification": advice.outcome
         and {
             **_prediction(advice, advice.outcome),
@@ -217,7 +224,6 @@ def trials_json(advice: TrialAdvice) -> Json:
             "probability_good": advice.stay[1] if advice.explained else None,
             "best": _place(advice, best, probability_good=good),
         },
-        "certificate": certificate_object(advice.prior.certificate),
         "seed": advice.prior.seed,
     }
 
@@ -230,7 +236,7 @@ def _prediction(advice: TrialAdvice, one: Prediction) -> Json:
     return _place(advice, **asdict(one), as_predicted=one.as_predicted)
 
 
-def trials_figures(advice: TrialAdvice) -> CsvTable:
+def _csv(advice: TrialAdvice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
     losses = advice.losses
     rows = [
@@ -241,20 +247,12 @@ def trials_figures(advice: TrialAdvice) -> CsvTable:
     return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", *SHARES], rows
 
 
-def trials_summary(advice: TrialAdvice) -> str:
-    """The answer alone: the hole (or angle in degrees) to mount the wheel in, after an outcome the one to stay in."""
-    if not advice.outcome and not advice.settled:
-        return "unknown"
-    return bare(advice.stay[0], advice.drive.mounting.holes)
-
-
 def trials_card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
     return CardFacts(
         advice.choice,
         cam_deg=advice.facing[0],
         good=advice.losses.chosen[1],
-        weights=advice.losses.weights,
         warnings=tuple(trials_warnings(advice, say)),
         tried=Tried(advice.prior.M_g, advice.trials),
     )

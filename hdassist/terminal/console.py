@@ -34,6 +34,8 @@ PLAIN_CHARACTERS = str.maketrans(
         "≤": "<=",
         "≥": ">=",
         "█": "#",
+        "─": "-",
+        "″": " arcsec",
     }
 )
 

@@ -15,11 +15,11 @@ from hdassist.calibration.targets import read_targets
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import DataError, UntrustedError, UsageError
-from hdassist.pages.calibrate import calibrate_answer
+from hdassist.pages.calibrate import calibrate_report
 from hdassist.pages.trace import trace_csv
 from hdassist.run.kept import RecordKind, open_kept
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.terminal.answers import csv_text
+from hdassist.terminal.answers import csv_text, report_object
 from tests.process import SMALL
 
 ONE = 1  # start: least squares from the best point alone, where sets that lie far from it are not the point
@@ -115,11 +115,11 @@ def test_what_stood_in_the_way_is_named_with_its_number(cheap):
     soft = targets_of(drive_of(), [f"quantity: K_1, value: {found / 1e5}, tolerance: 5 %"], head)
     result = calibrate(drive_of(), soft, Evaluations(drive_of(), soft), points=8, starts=ONE)
     assert result.held == (7e-5,)
-    (warning,) = [text for text in calibrate_answer(result).warnings if "missed" in text]
+    (warning,) = [text for text in calibrate_report(result).warnings if "missed" in text]
     over = result.best.predictions[0] / (found / 1e5) - 1
     assert f"is still {100 * over:.2g} % above its target" in warning
     assert "contact.c_t stands at its bound 7e-5; the values" in warning
-    assert calibrate_answer(result).to_json()["unknowns"][0]["held_at"] == 7e-5
+    assert report_object(calibrate_report(result))["unknowns"][0]["held_at"] == 7e-5
     # what is missed with no bound in the way, and nothing at all
     torn = targets_of(drive_of(), ["quantity: K_1, value: 100, tolerance: 1", "quantity: K_1, low: 6000"])
     words = shortfall(torn, Fit((), (), (100, 5400), (True, False)), (None, None))

@@ -50,8 +50,10 @@ def test_values_are_found_written_and_used(folder):
     again = run(*args, "--state", "state.jsonl", cwd=folder)
     assert "going on from state.jsonl" in again.stderr
     assert max(map(len, again.stdout.splitlines())) <= 80
-    for words in ("targets", "lost_motion, M_g 4 N·m".replace("·", "*"), "met", "gears.j_n", "best phase"):
+    for words in ("targets", "lost_motion, M_g 4 N·m".replace("·", "*"), "met", "gears.j_n", "--details"):
         assert words in again.stdout
+    assert again.stdout.startswith("small, calibration (rig 3): 1 of 1 targets met\n")
+    assert "best phase at 4 N*m" in run(*args, "--state", "state.jsonl", "--details", "--ascii", cwd=folder).stdout
     quiet = run(*args, "--state", "state.jsonl", "-q", cwd=folder)
     assert quiet.stdout == f"gears.j_n={found.gears.j_n!r}\n"
 

@@ -1,0 +1,147 @@
+"""Samples before the trials: what is drawn of a drive, and how it turns with its wheel."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.belief.evidence import stiffness_figures
+from hdassist.error.error_map import ErrorMap
+from hdassist.error.table import Mesh
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.mounting.positions import rotated, usable_positions
+from hdassist.mounting.trial import Trial
+from hdassist.preset.fields import Drive
+from hdassist.trials.posterior import (
+    drawn,
+    learnt,
+)
+from hdassist.trials.prior import Prior, Rig, TrialEffort, open_prior, trial_prior
+from tests.process import ASSUMED, SMALL
+from tests.support import changed
+from tests.trials.drives import COARSE, FEW, M_G, POSITIONS, RIG, direction_of, measured, told, trials
+
+
+def require_turned(prior: Prior, drive: Drive, sample: int, direction: int, rotation: float) -> None:
+    """F'_ior of a sample of one system with the wheel turned is about that of its drive so turned, by search."""
+    place = np.array([sample * prior.weight.shape[1] + direction])
+    values = {path: float(of[sample, direction]) for path, of in prior.values.items()}
+    assert direction_of(prior)[place][0] == pytest.approx(values["phases.phi_hb"])
+    turned = rotated(drive.with_values(values), rotation)
+    exact = ErrorMap(turned, M_G).extremes(turned).first
+    assert prior.at([rotation], place)[0, 0] == pytest.approx(exact, rel=max(5 * prior.read_error[M_G], 0.05))
+
+
+def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
+    """F'_ior of samples in other positions, taken from other directions of theirs, against the wheel turned."""
+    drive = load_preset(SMALL, ["tolerances.e_hh=0"])
+    prior = trial_prior(drive, (), RIG, effort=FEW)
+    for sample, direction, rotation in ((3, 0, 30.0), (40, 7, 120.0), (77, 11, 330.0)):
+        require_turned(prior, drive, sample, direction, rotation)
+    some = np.arange(0, prior.weight.size, 97)
+    assert prior.at([15.0], some) == pytest.approx(prior.at([0.0, 30.0], some).mean(axis=1, keepdims=True))
+
+
+def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evidence() -> None:
+    """A clearance that is assumed moves F'_ior; a catalogue's stiffness that no drive has leaves none."""
+    drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
+    effort = TrialEffort(3, 3, 3, 12, 8, Mesh((9, 5, 9, 9), 12))
+    prior = trial_prior(drive, (), RIG, effort=effort)
+    assert len(prior.weight) == 3 * 8
+    assert prior.systems == pytest.approx(3)
+    figures, _ = stiffness_figures(drive)
+    agreeing = changed(drive, catalogue__K_2=figures["K_2"])
+    assert 0 < trial_prior(agreeing, (), RIG, effort=effort).systems <= 12
+    with pytest.raises(UntrustedError, match="of 12 draws are effective, 3 are needed: the catalogue's values"):
+        trial_prior(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), RIG, effort=effort)
+
+
+def test_what_the_preset_knows_of_the_offset_counts() -> None:
+    """A direction that is known needs no trial to tell it; nor does a size."""
+    facing = told("phases.phi_hb=20", "tolerances.e_hb=50", **{"phases.phi_hb": 10.0, "tolerances.e_hb": 4.0})
+    known = trial_prior(facing, (), RIG, effort=replace(COARSE, deviations=16))
+    assert not known.weight[:, 1:].any()
+    draws = drawn(known, [], [0.0])
+    off = (direction_of(known)[draws.places] - 20 + 180) % 360 - 180
+    assert abs(off.mean()) < 1
+    assert off.std() == pytest.approx(5, rel=0.15)
+    assert known.offset(draws.places)[0].std() == pytest.approx(2, rel=0.15)
+
+
+def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> None:
+    oval = trial_prior(told("harmonics.a_s2=3", "harmonics.xi_s2=20"), (), RIG, effort=COARSE)
+    assert not oval.weight[:, 1:].any()
+    assert np.ptp(direction_of(oval).reshape(oval.weight.shape)[:, 0]) > 300
+    with_flexspline = told("harmonics.a_s2=3", "mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0")
+    assert trial_prior(with_flexspline, (), RIG, effort=COARSE).weight[:, 1:].all()
+
+
+def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
+    drive = told("mounting.fixed=flexspline", "tolerances.e_hb=0", "tolerances.e_hg=30")
+    truth = drive.with_values({"tolerances.e_hg": 45.0, "phases.phi_hg": 130.0})
+    search = ErrorMap(truth, M_G)
+    tried = [Trial(r, search.extremes(rotated(truth, r)).first) for r in POSITIONS[::2]]
+    found = trial_prior(drive, (), RIG, effort=FEW)
+    off = (direction_of(found)[drawn(found, tried, [0.0]).places] - 130 + 180) % 360 - 180
+    assert abs(off.mean()) < 2 * off.std() < 60
+
+
+def test_an_error_of_the_seat_is_noise_that_grows_with_the_value() -> None:
+    """Against drives whose wheel is really displaced, its teeth along the radius as well."""
+    reseat = 1.0
+    drive = load_preset(SMALL, ["tolerances.e_hh=0"])
+    seated = trial_prior(drive, (), Rig(M_G, 1e-3, reseat), effort=FEW)
+    search, turn = ErrorMap(drive, M_G), (0, 90, 180, 270)
+    for low, high in ((12, 16), (20, 40)):
+        some = np.argwhere((seated.F_ior_arcsec > low) & (seated.F_ior_arcsec < high))[:60:12]
+        found, assumed = [], []
+        for sample, direction in some:
+            values = {path: float(of[sample, direction]) for path, of in seated.values.items()}
+            # each component of the centre by reseat
+            off = [{"tolerances.e_b": float(np.sqrt(2) * reseat), "phases.phi_eb": float(a)} for a in turn]
+            found.append(np.var([search.extremes(drive.with_values({**values, **one})).first for one in off]))
+            assumed.append(seated.noise(seated.F_ior_arcsec[sample, direction]) ** 2)
+        assert 0.5 < np.sqrt(np.median(assumed) / np.median(found)) < 2
+    firm, loose = (
+        drawn(replace(seated, rig=replace(RIG, reseat_um=u)), trials(measured(50.0, 20.0)), [0.0]) for u in (0.0, 5.0)
+    )
+    assert loose.noise_arcsec.mean() > 1.5 * firm.noise_arcsec.mean()
+
+
+def test_a_free_angle_and_many_holes() -> None:
+    for holes, directions, count in ((0, 36, 72), (3, 9, 3), (100, 36, 100)):
+        drive = told(f"mounting.holes={holes}")
+        found = trial_prior(drive, (), RIG, effort=replace(COARSE, deviations=32))
+        positions = usable_positions(holes, "all")
+        assert found.weight.shape[1] == directions
+        _, losses = learnt(found, [Trial(positions[-1], 20.0)], positions)
+        assert len(losses.probability_good) == count
+
+
+def test_an_error_of_the_seat_at_a_free_angle() -> None:
+    free = trial_prior(told("mounting.holes=0"), (), Rig(M_G, 1.0, 1.0), effort=COARSE)
+    assert np.all(free.seat[1] > 0)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["bearing.ball_motion=rolling", "bearing.d_ball=2"], "locked balls"),
+        (["tolerances.e_hb=0"], "unknown size of the cam offset"),
+    ],
+)
+def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        trial_prior(load_preset(SMALL, overrides), (), RIG, effort=FEW)
+
+
+def test_what_a_preset_does_not_give_is_open_in_trials_too() -> None:
+    paths = ["tolerances.e_hb", "tolerances.e_hh", "phases.phi_hb", "harmonics.a_s2"]
+    drive = load_preset(SMALL, [f"{path}=unknown" for path in paths])
+    found = {each.path: (each.low, each.high) for each in open_prior(drive).fields}
+    assert {*paths, "harmonics.xi_s2"} == set(found)
+    for path, high in (("tolerances.e_hb", 0.5 * 30), ("harmonics.xi_s2", 180)):
+        assert found[path] == (0, pytest.approx(high))
+    known = {each.path: (each.low, each.high) for each in open_prior(load_preset(SMALL)).fields}
+    assert known["tolerances.e_hb"] == (0, 60)

@@ -1,0 +1,64 @@
+"""Trials as they are written."""
+
+import pytest
+
+from hdassist.errors import UsageError
+from hdassist.mounting.positions import usable_positions
+from hdassist.mounting.trial import Trial, read_trial
+from hdassist.trials.prior import Rig
+
+
+@pytest.mark.parametrize("holes", [12, 14, 25, 49])
+def test_holes_of_trials_are_the_positions_of_the_seat(holes: int) -> None:
+    for hole, rotation in enumerate(usable_positions(holes, "all")):
+        assert read_trial(f"h{hole}:17", holes).rotation_deg == rotation
+        assert read_trial(f"{rotation!r}:17", holes).rotation_deg == rotation
+
+
+def test_an_outcome_in_a_hole_that_is_not_allowed_is_none() -> None:
+    assert read_trial("h4:17", 12, [3, 4]) == Trial(120.0, 17.0)
+    with pytest.raises(UsageError, match=r"hole 5 is not one of mounting\.allowed"):
+        read_trial("h5:17", 12, [3, 4])
+
+
+def test_reading_trials() -> None:
+    assert read_trial("120:17.3", 12) == Trial(120.0, 17.3)
+    assert read_trial("h4:17.3", 12) == read_trial("H4:17.3", 12) == Trial(120.0, 17.3)
+    assert read_trial("4:17.3", 0) == Trial(4.0, 17.3)
+    assert read_trial("-30:17.3", 12) == Trial(330.0, 17.3)
+
+
+NO_TRIALS = [
+    "",
+    "120",
+    "120:",
+    ":17",
+    "h:17",
+    "h12:17",
+    "h-1:17",
+    "h1.5:17",
+    "x:17",
+    "30:0",
+    "30:-3",
+    "30:nan",
+    "inf:3",
+    "4:17",
+    "h4:run.csv",
+]
+
+
+@pytest.mark.parametrize("text", NO_TRIALS)
+def test_what_is_no_trial(text: str) -> None:
+    with pytest.raises(UsageError, match=r"trial|holes|no hole"):
+        read_trial(text, 12)
+
+
+def test_holes_of_a_seat_without_holes() -> None:
+    with pytest.raises(UsageError, match="has none"):
+        read_trial("h1:17", 0)
+
+
+@pytest.mark.parametrize("rig", [(0.0,), (4.0, 0.0), (4.0, -1.0), (4.0, 1.0, -1.0), (float("nan"),)])
+def test_rigs_that_are_none(rig: tuple[float, ...]) -> None:
+    with pytest.raises(UsageError):
+        Rig(*rig)
