@@ -18,9 +18,9 @@ SOURCES = (
     "test_catalogue_stiffness",
     "test_temperature",
     "test_cam_support",
-    "test_real_trace",
     "test_prior_predictive",
     "test_harmonics_bound",
+    "test_robot_joint",
     "test_cam_torque",
     "test_bearing_theory",
     "test_ring_closed_forms",
@@ -30,41 +30,39 @@ HEAD = """\
 # Validation
 
 What the model is compared with, what comes out, and what that is worth. Made by `python -m tests.validation` from the
-cases that the tests run; CI fails when the two differ. Words stand below their tables; *note* gives the reason of a
-tolerance, and of a miss; a source that is not given is that of the row above. In brackets: 5 to 95 % over parameter
-sets. A test fails where a row that is said to miss ceases to miss.
+cases that the tests run; CI fails when the two differ, and where a row that is said to miss ceases to. *note*: reason
+of a tolerance, and of a miss. An empty source is that of the row above. In brackets: 5 to 95 % over parameter sets.
 
-| worth | meaning |
+|worth|meaning|
 |---|---|
-| fitted | the value was used to find others: agreement proves nothing |
-| bound of the fit | it kept the fit within a range: evidence only as far as it lies inside it |
-| predicted | nothing was tuned towards it: this is what the model can be judged by |
-| prior check | what is assumed must not be surprised by it: a miss refutes, an agreement proves nothing |
-| reading | what a record says, before any model |
-| closed form, convergence | the equations were written down and solved right |
-| model result | nobody has measured it: what the model says |
+|fitted|used to find others: agreement proves nothing|
+|bound|kept the fit within a range|
+|predicted|held back, nothing was tuned towards it: by this the model can be judged|
+|prior|what is assumed must not be surprised by it: a miss refutes, an agreement proves nothing|
+|reading|what a record says, before any model|
+|exact, convergence|the equations were written down and solved right|
+|model|nobody has measured it|
 
 No measurement of F'_ior hole by hole is known to us ([experiment.md](experiment.md)). What turning a wheel brings
 depends on the cam's support, otherwise it is robust across parameter sets of this model; it has not been measured.
-Absolute values hinge on single micrometres of clearance and need one measurement of the real drive. The equations are
-held by reference numbers of two implementations (`tests/validation/test_model_reference.py`) and by identities
-(`tests/property`).
+Absolute values hinge on single micrometres and need one measurement. The equations are held by reference numbers of two
+implementations (`tests/validation/test_model_reference.py`) and by identities (`tests/property`).
 """
 
 
 def expected(case: Case) -> str:
     """The expected range in words."""
     if case.centre is not None:
-        return f"{case.centre:.5g} ± {case.high - case.centre:.2g}"
+        return f"{case.centre:.5g}±{case.high - case.centre:.2g}"
     low, high = format(case.low, ".4g"), format(case.high, ".4g")
-    return f"{low} or more" if isinf(case.high) else f"{low} to {high}"
+    return f"≥{low}" if isinf(case.high) else f"{low}–{high}"
 
 
 def row(case: Case, above: str, notes: list[str]) -> str:
     """One line of a table below one of some source, with the numbers of its notes; notes not there yet are added."""
     unit = f" {case.unit}" if case.unit else ""
     spread = f" ({case.spread()})" if case.spread else ""
-    got, verdict = format(case.got, case.digits) + spread + unit, "yes" if case.agrees else "**no**"
+    got, verdict = format(case.got, case.digits) + spread, "yes" if case.agrees else "**no**"
     numbers = []
     for note in filter(None, (case.why, case.miss and f"**missed**: {case.miss}")):
         notes += [note] * (note not in notes)

@@ -14,13 +14,13 @@ class Kind(StrEnum):
     """What an agreement is worth."""
 
     PREDICTED = "predicted"
-    CHECK = "prior check"
+    CHECK = "prior"
     READING = "reading"
     FITTED = "fitted"
-    BOUND = "bound of the fit"
-    CLOSED_FORM = "closed form"
+    BOUND = "bound"
+    CLOSED_FORM = "exact"
     CONVERGENCE = "convergence"
-    MODEL = "model result"
+    MODEL = "model"
 
 
 @dataclass(frozen=True)

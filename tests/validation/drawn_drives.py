@@ -42,4 +42,4 @@ def F_ior_drawn(size: int, count: int, harmonics: float = 1.0, wheels: float = 1
 def percentiles(values: Array) -> str:
     """5th, 50th and 95th percentile of values, in words."""
     low, middle, high = np.percentile(values, [5, 50, 95])
-    return f"{low:.3g}, {middle:.3g}, {high:.3g}"
+    return f"{low:.3g}/{middle:.3g}/{high:.3g}"

@@ -41,7 +41,7 @@ def by_phase(drive: Drive) -> Array:
 def span(values: Array, digits: str = ".3g") -> str:
     """5 to 95 % of values over the sets, in words."""
     low, high = np.percentile(values, [5, 95])
-    return f"{low:{digits}} to {high:{digits}}"
+    return f"{low:{digits}}–{high:{digits}}"
 
 
 def scatter(values: Array) -> float:

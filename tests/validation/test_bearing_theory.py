@@ -17,9 +17,8 @@ from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Rolling bearings"
 ABOUT = (
-    "Hertz contact of a ball between two grooves (the law that ISO/TS 16281 uses), and how a load spreads over "
-    "the balls of a bearing with rigid rings and linear springs (Stribeck), solved by the programme and engine of the "
-    "drive."
+    "A ball between two grooves (the law of ISO/TS 16281), and the load over the balls of a rigid bearing, solved by "
+    "the drive's programme and engine."
 )
 GROOVE = (0.515, 0.53)  # groove radius over ball diameter: usual for deep-groove bearings; assumed
 
@@ -74,20 +73,20 @@ def stribeck() -> tuple[float, float]:
 
 CASES = [
     Case(
-        "sphere on a plane, approach over Q^(2/3) Σρ^(1/3)", "1e-4 mm/N^(2/3)", "Hertz; 2.79e-4 for steel in textbooks",
+        "sphere on a plane, approach over Q^(2/3) Σρ^(1/3)", "10⁻⁴mm/N^(2/3)", "Hertz",
         **about(2.79, 0.02), why="E of the textbook's steel",
         kind=Kind.CLOSED_FORM,
         value=lambda: approach(1e3, (0.1, 0.1, 0.0, 0.0), 2.075e5, 0.3) / (1e2 * 0.2 ** (1 / 3)) * 1e4,
     ),
     Case(
-        "contact.c_ball of vzp160", "1e-5 mm/N",
-        "Hertz, tangent between two raceways at 1000 and 100 N, ball 14.3 mm, groove 0.515 to 0.53 d",
+        "contact.c_ball of vzp160", "10⁻⁵mm/N",
+        "Hertz, tangent at 1000 and 100 N",
         low=tangent(1000, GROOVE[0]) * 1e5, high=tangent(100, GROOVE[1]) * 1e5,
-        why="the load of a ball varies, its law is not linear; conformity assumed",
+        why="ball of 14.3 mm, groove of 0.515 to 0.53 d assumed",
         kind=Kind.BOUND, value=lambda: load_preset("vzp160").contact.c_ball * 1e5,
     ),
     Case(
-        "greatest ball load over 4 F/N, linear springs, no clearance", "", "Stribeck",
+        "greatest ball load over 4 F/N", "", "Stribeck",
         **about(1, 1e-9), why="exact for N divisible by 4",
         kind=Kind.CLOSED_FORM, value=lambda: stribeck()[0], digits=".6f",
     ),

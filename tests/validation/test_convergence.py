@@ -31,7 +31,7 @@ def F_ior(M_g: float, *fields: str) -> float:
 
 def finer(words: str, M_g: float, *fields: str) -> Case:
     return Case(
-        f"F'_ior at {M_g:g} N·m, {words}", "arcsec", "default resolution", **about(0, 0.2),
+        f"F'_ior, {M_g:g} N·m, {words}", "arcsec", "default resolution", **about(0, 0.2),
         why=CERTAIN, kind=Kind.CONVERGENCE, value=lambda: F_ior(M_g, *fields) - F_ior(M_g), digits="+z.3f",
     )  # fmt: skip
 
@@ -81,12 +81,12 @@ CASES = [
         for words, fields in (
             ("n_max 80 for 40", ["numerics__n_max"]),
             ("n_2 200 for 100", ["numerics__n_2"]),
-            ("a flank window of 60° for 30°", ["numerics__window"]),
+            ("window 60° for 30°", ["numerics__window"]),
             ("all of these", FINER),
         )
     ),
     Case(
-        "F'_ior at 800 N·m, all of these, the greatest over the mounting phase", "arcsec",
+        "F'_ior, 800 N·m, all of these, greatest over the phase", "arcsec",
         "default resolution", **about(0, 0.2), why=CERTAIN, kind=Kind.CONVERGENCE, value=lambda: worst_change(800.0),
         digits="+z.3f", slow=True,
     ),
@@ -100,8 +100,8 @@ CASES = [
         slow=True,
     ),
     Case(
-        "share of F'_ior seen by every 101st state", "", "why no state may be left out", 0.2, 0.8,
-        why="a stride meets two cam angles, and misses a fifth or more",
+        "share of F'_ior, every 101st state", "", "why no state is left out", 0.2, 0.8,
+        why="a stride meets two cam angles",
         kind=Kind.CONVERGENCE,
         value=strided, digits=".2f",
     ),

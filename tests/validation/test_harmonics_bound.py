@@ -18,19 +18,16 @@ IN_ANGLE = 3.25 * 32.4 / 39.95  # factor on size 65 that makes F_p of class 7 as
 TITLE = "The bounds of the harmonics and the catalogues' accuracy"
 ABOUT = (
     f"Harmonics that a preset leaves open go up to {100 * SECOND_ORDER:g} % (order 2) and "
-    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of F'_i. They decide the level of every "
-    "catalogue preset, and no source prints them. Every drive sold "
-    "keeps its catalogue's accuracy (p. 49, read as text; it names no load): with these bounds size 20 just does, "
-    "with twice as much it does not. With half as much the record above would be one drive in a hundred. So they "
-    "stay. F'_ior is that at a tenth of the rated torque, the design that of the preset.\n\n"
-    "The accuracy is one angle for the sizes 20 to 65, and so is half of it, sold on request; the presets fall as "
-    "the diameter rises. That is not the model, which gives a drive twice as large in all lengths the same angle. "
-    "It is the class of the teeth: F_p of class 7 (ISO 1328-1) is 32 µm at size 20 and 40 µm at size 65, on 3.25 "
-    "times the diameter. As large in angle it would be 105 µm, between classes 9 and 10, and keep the limit too "
-    "(last row); the paper's drive of 160 mm has 75 µm. A limit does not say how far below it drives lie: the "
-    "presets may be too good by a factor of up to 1.7 at size 40 and 2.3 at size 65, and nothing measured says."
+    f"{100 * HIGHER_ORDERS:g} % (3 and 4) of half of "
+    "F'_i: they set the level of every catalogue preset, and no source prints them. Every drive sold keeps its "
+    "catalogue's accuracy (it names no load; here a tenth of the rated torque): with twice as much size 20 does not, "
+    "with half as much the record above would be one drive in a hundred. So they stay.\n\n"
+    "The accuracy is one angle for sizes 20 to 65; the presets fall with the diameter. That is the class of the teeth, "
+    "not the model: F_p of class 7 (ISO 1328-1) is 32 µm at size 20, 40 µm at 65, on 3.25 times the diameter. As large "
+    "in angle (class 9 to 10) size 65 keeps the limit too (last row). A limit does not say how far below it drives "
+    "lie: the presets may be too good by up to 1.7 (size 40) and 2.3 (65)."
 )
-SOURCE = "Harmonic Drive CSF/CSG catalogue, table 40 (ratio 50 and more)"
+SOURCE = "Harmonic Drive CSF/CSG catalogue, table 40"
 
 
 def limit(size: int) -> float:
@@ -52,44 +49,42 @@ def moved(size: int, harmonics: float, share: float) -> float:
 def table() -> str:
     """F'_ior of drawn drives of each size beside the catalogue's accuracy, and by the bounds of the harmonics."""
     lines = [
-        "| size | accuracy | drawn: 5, 50, 95 % | keep it | keep what is sold on request |",
+        "|size|accuracy|drawn: 5/50/95 %|keep it|keep what is sold on request|",
         "|---|---|---|---|---|",
     ]
     for size in SIZES:
         F_ior, special = F_ior_drawn(size, COUNT), ON_REQUEST.get(size, 30)
         share = 100 * np.mean(F_ior <= special)
-        lines.append(
-            f"| {size} | {limit(size):g}″ | {percentiles(F_ior)}″ | {kept(size):.0f} % | {special}″: {share:.0f} % |"
-        )
+        lines.append(f"|{size}|{limit(size):g}″|{percentiles(F_ior)}″|{kept(size):.0f}%|{special}″: {share:.0f}%|")
     lines += [
         "",
-        "| harmonics | size | drawn: 5, 50, 95 % | keep the accuracy | median | 95 % |",
+        "|harmonics|size|drawn: 5/50/95 %|keep the accuracy|median|95 %|",
         "|---|---|---|---|---|---|",
     ]
     for factor in (0.5, 2.0):
         for size in (17, 20, 65):
             cells = (
-                f"x {factor:g}", f"{size}", f"{percentiles(F_ior_drawn(size, COUNT, factor))}″",
-                f"{kept(size, factor):.0f} %", *(f"x {moved(size, factor, share):.2f}" for share in (0.5, 0.95)),
+                f"×{factor:g}", f"{size}", f"{percentiles(F_ior_drawn(size, COUNT, factor))}″",
+                f"{kept(size, factor):.0f}%", *(f"×{moved(size, factor, share):.2f}" for share in (0.5, 0.95)),
             )  # fmt: skip
-            lines.append(f"| {' | '.join(cells)} |")
+            lines.append(f"|{'|'.join(cells)}|")
     return "\n".join(lines)
 
 
 CASES = [
     Case(
-        "share of drawn drives within the accuracy, least of all sizes", "%", SOURCE, 90, 100,
-        why="95 % of every size, less what 64 drives leave open", kind=Kind.CHECK, digits=".0f",
+        "within the accuracy, least of all sizes", "%", SOURCE, 90, 100,
+        why="95 %, less what 64 drives leave open", kind=Kind.CHECK, digits=".0f",
         value=lambda: min(kept(size) for size in SIZES), slow=True,
     ),
     Case(
-        "the same of size 20, harmonics x 2", "%", SOURCE, 0, 50,
-        why="twice is refuted: most of what is sold would not keep it",
+        "size 20, harmonics×2", "%", SOURCE, 0, 50,
+        why="most of what is sold would not keep it",
         kind=Kind.CHECK, digits=".0f", value=lambda: kept(20, 2.0), slow=True,
     ),
     Case(
-        "F'_ior of size 65, deviations as large in angle as those of size 20, 95 %", "arcsec", SOURCE, 30, 60,
-        why="between what is sold on request and what every drive keeps", kind=Kind.CHECK, digits=".0f",
+        "size 65, teeth as in size 20 by angle, 95 %", "arcsec", SOURCE, 30, 60,
+        why="from what is sold on request to what all keep", kind=Kind.CHECK, digits=".0f",
         value=lambda: float(np.percentile(F_ior_drawn(65, COUNT, IN_ANGLE, IN_ANGLE), 95)), slow=True,
     ),
 ]  # fmt: skip

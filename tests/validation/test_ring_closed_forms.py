@@ -35,12 +35,12 @@ def tube() -> float:
 
 CASES = [
     Case(
-        "diameter along two opposite forces on a ring", "P r³/(E I)", "pi/4 - 2/pi, any textbook",
-        **about(np.pi / 4 - 2 / np.pi, 1e-5), why="40 modes; the rest falls with n⁻⁴",
+        "diameter along the forces", "P·r³/(E·I)", "textbooks: pi/4-2/pi",
+        **about(np.pi / 4 - 2 / np.pi, 1e-5), why="40 modes",
         kind=Kind.CLOSED_FORM, value=lambda: diameter(0), digits=".5f",
     ),
     Case(
-        "diameter across them, its reduction", "P r³/(E I)", "2/pi - 1/2, any textbook",
+        "diameter across them, its reduction", "P·r³/(E·I)", "2/pi-1/2",
         **about(2 / np.pi - 0.5, 1e-5), why="40 modes",
         kind=Kind.CLOSED_FORM, value=lambda: -diameter(np.pi / 2), digits=".5f",
     ),

@@ -7,17 +7,15 @@ from tests.validation.whole_flanks import F_ior
 
 TITLE = "Temperature"
 ABOUT = (
-    "F'_ior of `vzp160` with whole flanks, flexspline and cam warmer than the rigid wheel by `operation.dT`. Nobody "
-    "has measured it. The second implementation shifts each gap by (6c) of [theory.md](theory.md), this one draws the "
-    "flanks anew on the grown radii; that is the same to 0.06 arcsec here. What is left of the difference is there at "
-    "0 K as well."
+    "`vzp160` with whole flanks, flexspline and cam warmer than the rigid wheel by `operation.dT`. Nobody has measured "
+    "it. The second implementation shifts gaps by (6c) of [theory.md](theory.md), this one draws the flanks anew."
 )
 FOUND = {80.0: {-20: 26.9, 0: 28.9, 10: 23.5, 20: 15.9}, 800.0: {-20: 6.2, 0: 8.6, 10: 10.8, 20: 13.1}}
 CASES = [
     Case(
-        f"F'_ior at {M_g:g} N·m, {dT:+d} K" if dT else f"F'_ior at {M_g:g} N·m, as warm as each other", "arcsec",
+        f"F'_ior, {M_g:g} N·m, {dT} K", "arcsec",
         "second implementation", **about(value, 0.03 * value), digits=".1f", kind=Kind.MODEL,
-        why="3 %: printed with two or three digits, and not of exactly the same drive",
+        why="two or three digits, not exactly the same drive",
         value=lambda M_g=M_g, dT=dT: F_ior(M_g, operation__dT=float(dT)),
     )
     for M_g, values in FOUND.items() for dT, value in values.items()
