@@ -11,7 +11,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parents[1] / "docs/pictures"
 LONGEST = 300.0  # s that a scene may compute
-TRIALS = "h0:31.7 h4:14.9 h8:27.9 h5:16.2 h4:15.3"
+TRIALS = "h0=31.7 h4=14.9 h8=27.9 h5=16.2 h4=15.3"
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
     "--samples": "--draws N",
     **dict.fromkeys(
-        ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0:28.1 h4:17.3"
+        ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0=28.1 h4=17.3"
     ),
 }
 

@@ -31,12 +31,14 @@ class Tried:
 
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
-    """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
-    where, _, value = text.lower().partition(":")
-    hint = "like 120:17.3 (degrees) or h4:17.3 (holes), then the measured F'_ior in arcsec, with a point"
+    """Read 120=17.3 (degrees) or h4=17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
+    where, equals, value = text.lower().partition("=")
+    hint = "like 120=17.3 (degrees) or h4=17.3 (holes), then the measured F'_ior in arcsec, with a point"
+    if not equals and ":" in text:  # as it was written before
+        hint = text.replace(":", "=", 1)
     rotation, F_ior = number_of(where.removeprefix("h")), number_of(value)
     if not (0 < F_ior <= LARGEST_ERROR and abs(rotation) <= FARTHEST):
-        raise UsageError(f"{shown(text)!r} is no trial", hint)
+        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", hint)
     if where.startswith("h"):
         if not holes:
             raise UsageError(f"{text!r} names a hole of a seat that has none", "mounting.holes says how many")
@@ -46,7 +48,7 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     elif holes and hole_of(rotation, holes) is None:
         raise UsageError(
             f"{text!r}: {rotation:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
-            f"was hole {round(rotation) % holes} meant? h{round(rotation) % holes}:{value}",
+            f"was hole {round(rotation) % holes} meant? h{round(rotation) % holes}={value}",
         )
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:

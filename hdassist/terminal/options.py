@@ -293,7 +293,7 @@ class ChoiceOptions(OptionGroup):
     """How positions are chosen."""
 
     weights: Annotated[str | None, typer.Option(metavar="W,W", help="Weights of the torques, in their order.")] = None
-    criterion: Annotated[str, typer.Option(metavar="NAME", help="What decides: expected, worst, or quantile:0.9.")] = (
+    criterion: Annotated[str, typer.Option(metavar="NAME", help="What decides: expected, worst, or quantile=0.9.")] = (
         "expected"
     )
 
