@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from inspect import unwrap
 from math import nextafter, sqrt
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -86,12 +87,13 @@ def declared(command: str) -> list[Declared]:
 
 @cache
 def commands() -> dict[str, Any]:
-    """Functions of all commands, by the words that call them."""
+    """Classes of all commands, by the words that call them."""
     found = {}
     for name in COMMANDS:
         command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
         inner = getattr(command, "commands", None)
-        found |= {f"{name} {each}": c.callback for each, c in inner.items()} if inner else {name: command.callback}
+        leaves = {f"{name} {each}": c for each, c in inner.items()} if inner else {name: command}
+        found |= {words: unwrap(leaf.callback) for words, leaf in leaves.items()}
     return found | {"help": typer.main.get_command(app).commands["help"].callback}  # type: ignore[attr-defined]
 
 

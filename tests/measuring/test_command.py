@@ -148,7 +148,7 @@ def test_csv_of_the_curve(rig):
         (["run.csv", "--orders", "a"], 2, "no orders: a"),
         (["run.csv", "--orders", "1-100"], 5, "too long for order 100"),
         (["run.csv", "--drift", "cubic"], 2, "--drift must be"),
-        (["run.csv", "--angle-of", "motor"], 2, "cam or output"),
+        (["run.csv", "--angle-of", "motor"], 2, "'cam', 'output'"),
         (["run.csv", "--angle-unit", "mm"], 2, "no unit of angle"),
         (["run.csv", "--wrap", "-1"], 2, "--wrap must be"),
         (["run.csv", "--budget", "luck=1"], 2, "not understood"),
