@@ -7,8 +7,12 @@ from hdassist.errors import DataError, UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
+    from hdassist.belief.samples import Samples
     from hdassist.preset.fields import Drive
+    from hdassist.run.cluster import Pool
+    from hdassist.terminal.output import Output
     from hdassist.tolerance.law import ProductionLaw, SizeLaw
+    from hdassist.tolerance.production import Production, RandomDrive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +51,30 @@ class DrawOptions(o.LimitedDriveOptions):
         if not any(each.path == each.group and each.path in deviations(drive) for each in found.own):
             raise UsageError("no field scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
         return found
+
+
+@dataclass(frozen=True)
+class ProductionRun:
+    """Where drives of a production are computed: workers, progress shown under the name of the drive."""
+
+    name: str
+    pool: "Pool"
+    out: "Output"
+
+    def with_designs(self, production: "Production", count: int) -> "tuple[Production, Samples | None]":
+        """A production with the designs of so many drives, and the samples that they are of, if they differ."""
+        from hdassist.run.run import Run
+
+        states = production.design_states(count)
+        with self.pool() as (executor, _), self.out.progress("designs", states) as progress:
+            return production.with_designs(count, run=Run(executor, progress))
+
+    def records(self, production: "Production", count: int) -> "list[RandomDrive]":
+        """Records of so many drives of a production."""
+        from hdassist.run.stream import collected
+
+        with self.out.progress(self.name, count) as progress:
+            return collected(production.records, count, self.pool, progress)
 
 
 def require_limits(drive: "Drive") -> list[float]:
