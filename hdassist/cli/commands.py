@@ -1,4 +1,4 @@
-"""The commands of hdassist: where each is, what it is for; each is loaded when it is called."""
+"""The commands of hdassist: module and summary of each, loaded when it is called."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of commands that draw random drives: what they are drawn from, and the limits they are held against."""
+"""Options of commands that draw random drives, and the work that these commands share."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -39,7 +39,7 @@ class DrawOptions(o.LimitedDriveOptions):
     seed: o.SeedOption = 0
 
     def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
-        """What random drives are drawn from; chosen, whether sizes that are assumed are tolerances to choose too.
+        """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.
 
         Raises UsageError and DataError for invalid options.
         """
